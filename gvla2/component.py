@@ -1,0 +1,49 @@
+"""What a plugin offers: a named, configured, lazily built component."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+T_co = TypeVar("T_co", covariant=True)
+
+
+@dataclass(kw_only=True)
+class ComponentConfig:
+    """Base of a component's configuration: each further field is one Hydra option, typed and checked.
+
+    Fields hold what OmegaConf can: numbers, strings, booleans, enums, lists, dicts, nested dataclasses.
+    ``name`` is the name that the component was chosen by; the bridge to Hydra fills it in.
+    """
+
+    name: str = ""
+
+
+class Component(Generic[T_co]):
+    """One entry of a catalog: choose it by ``name``, configure it by ``config``, make it by ``build``.
+
+    ``build`` gets an instance of ``config`` and, by keyword, one built component for each kind in
+    ``needs`` (for example ``needs=("retriever", "embedder")``). It runs only when the component is
+    used, so it is the place to import heavy libraries. ``summary`` is one line for ``gvla2 plugins``;
+    without it the first line of ``build``'s docstring serves.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        config: type[ComponentConfig],
+        build: Callable[..., T_co],
+        *,
+        summary: str = "",
+        needs: Iterable[str] = (),
+    ) -> None:
+        self.name = name
+        self.config = config
+        self.build: Callable[..., Any] = build
+        self.summary = summary or (inspect.getdoc(build) or "").partition("\n")[0]
+        self.needs = tuple(needs)
+
+    def __repr__(self) -> str:
+        return f"Component({self.name!r}, {self.config.__name__})"

@@ -1,0 +1,62 @@
+"""Errors: one root, and messages that say what was asked, what exists and what to do."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class Gvla2Error(Exception):
+    """Root of every error that gvla2 raises on purpose; the command line prints it without a traceback."""
+
+
+class ConfigurationError(Gvla2Error):
+    """The configuration asks for something that cannot be."""
+
+
+class UnknownComponentError(ConfigurationError):
+    """A component was asked for by a name that no plugin offers."""
+
+    def __init__(self, kind: str, asked: str, available: Iterable[str], note: str = "") -> None:
+        names = sorted(available)
+        close = get_close_matches(asked, names, n=1)
+        hint = f" Did you mean '{close[0]}'?" if close else ""
+        listing = ", ".join(names) if names else "none at all"
+        super().__init__(
+            f"No {kind} named '{asked}'.{hint} Available: {listing}.{' ' + note if note else ''}"
+        )
+        self.asked = asked
+
+
+class PluginError(Gvla2Error):
+    """A plugin broke a rule of its hook: a wrong type, a missing name, an error of its own."""
+
+
+class MissingDependencyError(Gvla2Error):
+    """An optional package, system library or weight file is needed and absent."""
+
+    def __init__(self, what: str, needed_for: str, install: str, licence: str = "") -> None:
+        text = f"{needed_for} needs {what}, which is not installed. Install it with: {install}"
+        super().__init__(f"{text} (licence: {licence})" if licence else text)
+
+
+class GeometryError(Gvla2Error, ValueError):
+    """Geometric data is malformed: a wrong shape, a mirrored camera, a singular K, not-a-number."""
+
+
+class PerceptionError(Gvla2Error):
+    """The observation cannot be perceived: no valid depth, no view, no supporting plane."""
+
+
+class PlanningError(Gvla2Error):
+    """A planner returned something that is not a plan."""
+
+
+class RobotError(Gvla2Error):
+    """A robot backend could not carry out what it was asked to do."""
+
+
+class MemoryStoreError(Gvla2Error):
+    """The memory's database is locked, corrupt, of a newer schema or not writable."""
+
+
+class OutputError(Gvla2Error):
+    """A result could not be written."""

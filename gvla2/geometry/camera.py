@@ -1,0 +1,100 @@
+"""A calibrated pinhole camera: projection, back-projection, rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera in the OpenCV convention (x right, y down, z forward).
+
+    ``K`` (3, 3) in pixels, principal point measured from the image's upper left corner (the first pixel's
+    centre is (0.5, 0.5)); ``world_from_camera`` (4, 4), metres; ``width`` and ``height`` in pixels.
+    Raises :class:`GeometryError` for a singular K, a non-finite entry, or a pose that is not a rigid motion
+    (a mirrored camera, determinant -1, is named as such).
+    """
+
+    K: FloatArray
+    world_from_camera: FloatArray
+    width: int
+    height: int
+    name: str = "camera"
+
+    def __post_init__(self) -> None:
+        K = np.asarray(self.K, dtype=np.float64)
+        if K.shape != (3, 3) or not np.isfinite(K).all():
+            raise GeometryError(f"Camera '{self.name}': K must be a finite 3x3 matrix, got shape {K.shape}.")
+        if abs(np.linalg.det(K)) < 1e-9 or K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise GeometryError(f"Camera '{self.name}': K is singular or has a focal length <= 0:\n{K}")
+        if self.width <= 0 or self.height <= 0:
+            raise GeometryError(f"Camera '{self.name}': image size {self.width}x{self.height} is empty.")
+        pose = check_rigid(self.world_from_camera, what=f"Camera '{self.name}': world_from_camera")
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "world_from_camera", pose)
+
+    @classmethod
+    def from_fov(
+        cls, fov_y: float, world_from_camera: FloatArray, width: int, height: int, name: str = "camera"
+    ) -> Camera:
+        """Camera with square pixels, a centred principal point and a vertical field of view in radians."""
+        focal = 0.5 * height / np.tan(0.5 * fov_y)
+        K = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
+        return cls(K, world_from_camera, width, height, name)
+
+    @property
+    def camera_from_world(self) -> FloatArray:
+        """(4, 4) extrinsic matrix T of the paper."""
+        return invert_rigid(self.world_from_camera)
+
+    @property
+    def position(self) -> FloatArray:
+        """(3,) optical centre in the world, metres."""
+        return self.world_from_camera[:3, 3]
+
+    def project(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Project world points (..., 3) to pixels (..., 2) and depths (...); equation pi_i(p) of the paper.
+
+        Points on or behind the camera plane get NaN pixels; their depth is returned as it is.
+        """
+        local = transform_points(self.camera_from_world, points)
+        depth = local[..., 2]
+        image = local @ self.K.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            uv = np.where(depth[..., None] > 0, image[..., :2] / image[..., 2:3], np.nan)
+        return uv, depth
+
+    def inside(self, uv: FloatArray) -> np.ndarray:
+        """(...,) bool: which pixels (..., 2) fall inside the image; NaN is outside."""
+        u, v = uv[..., 0], uv[..., 1]
+        return np.asarray((u >= 0) & (u < self.width) & (v >= 0) & (v < self.height))
+
+    def pixel_centres(self) -> FloatArray:
+        """(height, width, 2) pixel centres as (u, v)."""
+        u, v = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
+        return np.stack([u, v], axis=-1)
+
+    def rays(self) -> tuple[FloatArray, FloatArray]:
+        """World rays of all pixel centres: origin (3,) and directions (height, width, 3) with camera z = 1.
+
+        A direction times a depth, added to the origin, is the back-projected point.
+        """
+        pixels = self.pixel_centres()
+        homogeneous = np.concatenate([pixels, np.ones_like(pixels[..., :1])], axis=-1)
+        local = homogeneous @ np.linalg.inv(self.K).T
+        return self.position, local @ self.world_from_camera[:3, :3].T
+
+    def backproject(self, depth: FloatArray) -> FloatArray:
+        """World points (height, width, 3) of a depth map (height, width); NaN depth gives NaN points."""
+        depth = np.asarray(depth, dtype=np.float64)
+        if depth.shape != (self.height, self.width):
+            raise GeometryError(
+                f"Camera '{self.name}' is {self.width}x{self.height}, but the depth map has shape {depth.shape}."
+            )
+        origin, directions = self.rays()
+        return origin + directions * depth[..., None]

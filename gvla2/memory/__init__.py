@@ -1,0 +1,1 @@
+"""The governed KnowledgeBank: experience that can be trusted."""

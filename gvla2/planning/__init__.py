@@ -1,0 +1,1 @@
+"""From a labelled 3D scene and an instruction to checked waypoints."""

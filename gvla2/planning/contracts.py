@@ -1,0 +1,98 @@
+"""What perceivers and planners implement, and what passes between them and the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation
+from gvla2.planning.arm import Arm
+from gvla2.planning.effects import Effect
+from gvla2.planning.scene import Box, Scene
+from gvla2.planning.trajectory import Trajectory
+
+
+class Perceiver(Protocol):
+    """Turns RGB-D views into a labelled 3D scene."""
+
+    def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
+        """The scene X_t inside ``workspace``; raises :class:`~gvla2.errors.PerceptionError` when nothing is seen."""
+        ...
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What memory has to say to a planner: a bounded text block and typed effects; both may be empty."""
+
+    text: str = ""
+    effects: tuple[Effect, ...] = ()
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """Everything a planner may use. ``start`` (4, 4) is the tool's pose, ``joints`` (dof,) its joints, radians.
+
+    ``observation`` is what the scene was perceived from, for planners that look at images.
+    ``rejections`` are sentences from the checks about this planner's last answer, on a second try.
+    """
+
+    instruction: str
+    scene: Scene
+    arm: Arm
+    start: FloatArray
+    joints: FloatArray
+    observation: Observation
+    advice: Advice = Advice()
+    rejections: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Abstention:
+    """A planner's typed refusal: nothing is moved.
+
+    ``kind`` is one of ``unknown_skill``, ``nothing_matches``, ``ambiguous``, ``no_goal``, ``unreachable``,
+    ``too_wide``, ``other``.
+    """
+
+    kind: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One way to do it that a planner weighed: what, how good, and why it was dropped ("" when it was not)."""
+
+    description: str
+    score: float
+    rejected: str = ""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A planner's answer: a trajectory, or an abstention with its reason.
+
+    ``skill`` is a word such as "pick"; ``roles`` maps theme, goal, part to scene object ids;
+    ``parameters`` are the numbers theta that shaped the motion, SI units; ``notes`` are plain sentences.
+    ``fallback`` names the planner that stepped in, "" when none did. ``transcript`` holds prompts and answers
+    of a language model, where one was asked.
+    """
+
+    trajectory: Trajectory | None
+    skill: str = ""
+    roles: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    candidates: tuple[Candidate, ...] = ()
+    abstention: Abstention | None = None
+    notes: tuple[str, ...] = ()
+    fallback: str = ""
+    transcript: tuple[Mapping[str, Any], ...] = ()
+
+
+class Planner(Protocol):
+    """Plans waypoints from an instruction, a scene and advice."""
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan, or an abstention; never an exception for an instruction that cannot be followed."""
+        ...

@@ -1,0 +1,113 @@
+"""The scene X_t = {(s_i, P_i)}: labelled objects with several 3D points each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.geometry.transform import FloatArray, transform_points
+
+Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "region", "other"]
+"""Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """An axis-aligned box in the world frame: ``low`` (3,) and ``high`` (3,), metres."""
+
+    low: FloatArray
+    high: FloatArray
+
+    def contains(self, points: FloatArray, margin: float = 0.0) -> NDArray[np.bool_]:
+        """(...,) bool for points (..., 3); ``margin`` in metres shrinks the box."""
+        inside = (points >= self.low + margin) & (points <= self.high - margin)
+        return np.asarray(inside.all(axis=-1))
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """One labelled thing, as seen.
+
+    ``world_from_object`` (4, 4) is the frame of its oriented box, origin at the box's centre, z up for things
+    that stand on the table; ``extents`` (3,) full side lengths along that frame's axes, metres.
+    ``points`` (N, 3) seen surface points in the world, metres; ``rgb`` (3,) mean colour in [0, 1].
+    ``label`` is what a person would call it ("red cube"), ``colour`` a colour word or "" where unsure.
+    ``parent`` is the id of the object that this is a part of (a button of a lamp), or "".
+    ``confidence`` in [0, 1].
+    """
+
+    id: str
+    label: str
+    shape: Shape
+    colour: str
+    world_from_object: FloatArray
+    extents: FloatArray
+    points: FloatArray = field(repr=False)
+    rgb: FloatArray = field(default_factory=lambda: np.zeros(3))
+    parent: str = ""
+    confidence: float = 1.0
+
+    @property
+    def centre(self) -> FloatArray:
+        """(3,) centre of the oriented box, metres."""
+        return self.world_from_object[:3, 3]
+
+    @property
+    def top(self) -> float:
+        """Height of the highest corner of the oriented box, world z in metres."""
+        return float(self.corners()[:, 2].max())
+
+    @property
+    def bottom(self) -> float:
+        """Height of the lowest corner of the oriented box, world z in metres."""
+        return float(self.corners()[:, 2].min())
+
+    def corners(self) -> FloatArray:
+        """(8, 3) corners of the oriented box in the world, metres."""
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+        return transform_points(self.world_from_object, 0.5 * signs * self.extents)
+
+    def keypoints(self) -> dict[str, FloatArray]:
+        """Named 3D points (3,) that carry extent and pose to a planner: the P_i of the paper."""
+        centre, axes, half = self.centre, self.world_from_object[:3, :3], 0.5 * self.extents
+        long_axis = int(np.argmax(self.extents[:2]))
+        reach = axes[:, long_axis] * half[long_axis]
+        return {
+            "centre": centre,
+            "top": centre + np.array([0.0, 0.0, self.top - centre[2]]),
+            "bottom": centre + np.array([0.0, 0.0, self.bottom - centre[2]]),
+            "end_a": centre - reach,
+            "end_b": centre + reach,
+        }
+
+
+@dataclass(frozen=True)
+class Scene:
+    """X_t: what was perceived at one moment.
+
+    ``table_height`` is world z in metres; ``table`` bounds what was seen of its top. ``workspace`` is where the
+    hand may go. ``perceiver`` names who made it ("oracle" results are marked by it).
+    """
+
+    objects: tuple[SceneObject, ...]
+    table_height: float
+    workspace: Box
+    perceiver: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, object_id: str) -> SceneObject:
+        for candidate in self.objects:
+            if candidate.id == object_id:
+                return candidate
+        raise KeyError(f"No object '{object_id}' in the scene; it has {[o.id for o in self.objects]}.")
+
+    def with_object(self, changed: SceneObject) -> Scene:
+        """The scene with the object of the same id replaced (refined geometry)."""
+        return replace(self, objects=tuple(changed if o.id == changed.id else o for o in self.objects))
+
+    def obstacles(self, ignore: frozenset[str] = frozenset()) -> tuple[SceneObject, ...]:
+        """Objects that can be bumped into: all but painted regions and the ids in ``ignore``."""
+        return tuple(o for o in self.objects if o.shape != "region" and o.id not in ignore)

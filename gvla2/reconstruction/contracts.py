@@ -1,0 +1,74 @@
+"""What the reconstruction branch's plugins implement: reconstructor, geometry prior, fusion strategy, renderer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """An object's geometry in the world frame, metres: Gaussians, a mesh, or both.
+
+    ``status`` is ``"ok"`` or a typed reason why less was done than asked, for the run's page.
+    """
+
+    gaussians: Gaussians | None
+    mesh: Mesh | None
+    status: str = "ok"
+
+
+@dataclass(frozen=True)
+class GeometryEstimate:
+    """A prior's answer for S views, in a frame and scale of its own.
+
+    ``depth`` (S, H, W) float32 along each camera's z, NaN where unknown; ``confidence`` (S, H, W) >= 0;
+    ``world_from_camera`` (S, 4, 4) in the prior's frame, or None when the depth is already metric and calibrated.
+    """
+
+    depth: NDArray[np.float32]
+    confidence: NDArray[np.float32]
+    world_from_camera: FloatArray | None = None
+
+
+class Reconstructor(Protocol):
+    """Makes the first object G0 of the branch from masked views."""
+
+    def reconstruct(self, views: Views) -> Reconstruction | None:
+        """The object seen in the views' masks; None when this reconstructor does nothing (``none``)."""
+        ...
+
+
+class GeometryPrior(Protocol):
+    """Predicts depth for the views from outside knowledge; the branch verifies it before use."""
+
+    def predict(self, views: Views) -> GeometryEstimate | None:
+        """One depth map a view; None when there is no prior (``none``)."""
+        ...
+
+
+class FusionStrategy(Protocol):
+    """Fuses the geometry of source A with that of source B; everything but xyz stays A's."""
+
+    def fuse(self, a: FloatArray, b: FloatArray, support_a: FloatArray, support_b: FloatArray) -> FloatArray:
+        """Fused centres (N, 3) from centres (N, 3) of both sources and their mask support (N,) in [0, 1]."""
+        ...
+
+
+class Renderer(Protocol):
+    """Renders Gaussians into a camera."""
+
+    def render(
+        self, gaussians: Gaussians, camera: Camera, background: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Image (H, W, 3) and alpha (H, W), both float32 in [0, 1]."""
+        ...

@@ -1,0 +1,1 @@
+"""The robot wing: the backend contract, tasks, motion, execution reports, safety."""

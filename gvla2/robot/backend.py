@@ -1,0 +1,77 @@
+"""The contract of a robot, simulated or real."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.geometry.views import Observation
+from gvla2.planning.arm import Arm
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory
+from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.robot.task import Task, TaskInstance
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A referee's word on an episode, from true state: known in simulation only."""
+
+    eased: bool
+    strict: bool
+
+
+@dataclass(frozen=True)
+class ExecutionListener:
+    """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 some times a second,
+    ``waypoint`` after each waypoint. Raising from either stops the motion.
+    """
+
+    frame: Callable[[NDArray[np.uint8]], None] = lambda image: None
+    waypoint: Callable[[WaypointReport], None] = lambda report: None
+
+
+class RobotBackend(Protocol):
+    """One robot with its cameras.
+
+    The loop calls ``reset``, ``observe``, ``execute``, ``observe``, ``judge``, and ``close`` at the end, also
+    after an error. Everything past ``observe`` sees the perceived scene only.
+    """
+
+    @property
+    def arm(self) -> Arm:
+        """Kinematics and collision model, usable before and after ``reset``."""
+        ...
+
+    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
+        """Bring the arm home; a simulator also lays out the task's episode for the seed.
+
+        Returns the sampled episode, None on a real robot.
+        """
+        ...
+
+    def observe(self) -> Observation:
+        """RGB-D views of all cameras and the measured hand."""
+        ...
+
+    def execute(
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = ExecutionListener()
+    ) -> ExecutionReport:
+        """Move through the waypoints, planning around the perceived scene; stops at the first that fails.
+
+        Keyboard interrupts are passed on after the arm is brought to a stop; what was done up to then is told
+        to the listener.
+        """
+        ...
+
+    def judge(self) -> Judgement | None:
+        """Whether the episode's goal is reached now, by true state; None when the robot cannot know."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the simulator or the arm; safe to call twice."""
+        ...

@@ -1,0 +1,136 @@
+"""Tasks: what is put on the table, what is asked, and when it counts as done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+
+
+def _identity() -> FloatArray:
+    return np.eye(4)
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One solid of a body. ``size``: box (x, y, z) full lengths; cylinder (diameter, diameter, height) about z;
+    sphere (diameter,) * 3; metres. ``body_from_shape`` (4, 4); ``rgb`` in [0, 1]; ``collides`` False for paint.
+    """
+
+    kind: Literal["box", "cylinder", "sphere"]
+    size: tuple[float, float, float]
+    rgb: tuple[float, float, float]
+    body_from_shape: FloatArray = field(default_factory=_identity)
+    collides: bool = True
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body. ``world_from_body`` (4, 4) at reset; ``mass`` in kg (of all its solids); ``fixed`` to the world."""
+
+    name: str
+    solids: tuple[Primitive, ...]
+    world_from_body: FloatArray
+    mass: float = 0.1
+    fixed: bool = False
+    friction: float = 0.8
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A sprung joint between two bodies, both given at their pose of zero travel.
+
+    ``axis`` (3,) unit, world frame at reset; ``origin`` (3,) a point on it, world; ``limits`` and ``rest`` in
+    radians or metres; ``stiffness`` N/m or Nm/rad to ``rest``; ``damping``, ``friction`` likewise.
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    parent: str
+    child: str
+    axis: FloatArray
+    origin: FloatArray
+    limits: tuple[float, float]
+    rest: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
+
+
+@dataclass(frozen=True)
+class Layout:
+    """All bodies and joints of one episode, beside the table and the robot."""
+
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...] = ()
+
+
+class WorldState(Protocol):
+    """What a referee may read: true poses. Nothing between ``observe`` and ``learn`` ever sees it."""
+
+    def pose(self, body: str) -> FloatArray:
+        """world_from_body (4, 4) now."""
+        ...
+
+    def joint(self, name: str) -> float:
+        """Travel of a joint now, radians or metres."""
+        ...
+
+    def peak(self, name: str) -> float:
+        """Largest travel of a joint since the reset, radians or metres."""
+        ...
+
+    def held(self, body: str) -> bool:
+        """Whether both fingers press on the body now."""
+        ...
+
+
+Profile = Literal["eased", "strict"]
+
+
+@dataclass(frozen=True)
+class TaskInstance:
+    """One sampled episode: the layout, the sentence, and a predicate a success profile.
+
+    ``goal`` says in words what the referee looks for, for the run's page.
+    """
+
+    layout: Layout
+    instruction: str
+    succeeded: Mapping[Profile, Callable[[WorldState], bool]]
+    goal: str = ""
+
+
+@dataclass(frozen=True)
+class TaskSite:
+    """Where a task may be laid out, metres, world frame.
+
+    Rectangle of ``size`` (x, y) about ``centre`` (x, y) on a table top at ``table_height``; ``reachable`` tells
+    whether the hand, pointing down, gets to a world point (3,).
+    """
+
+    centre: tuple[float, float]
+    size: tuple[float, float]
+    table_height: float
+    reachable: Callable[[FloatArray], bool]
+
+
+class Task(Protocol):
+    """A task is a recipe for episodes; a plugin offers it under a name."""
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """At least four paraphrases; ``{colour}`` stands for the sampled colour word, where there is one."""
+        ...
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode. With ``instruction`` the layout stays that of the seed, the sentence is the given one, and
+        the referee judges what that sentence names where it can tell (a colour that is on the table).
+        """
+        ...
