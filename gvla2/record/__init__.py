@@ -1,0 +1,1 @@
+"""What a run leaves behind: result, trajectory, pictures, animation and one page to look at."""

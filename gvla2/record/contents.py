@@ -1,0 +1,81 @@
+"""The record of one episode, filled stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from gvla2.geometry.views import Observation
+from gvla2.memory.contracts import Learned, MemoryContext, Verdict
+from gvla2.planning.contracts import Plan
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Scene
+from gvla2.robot.backend import Judgement
+from gvla2.robot.report import ExecutionReport
+
+Stage = Literal[
+    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn"
+]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why an episode went no further: ``stage``, a stable word ``kind`` and a sentence."""
+
+    stage: Stage
+    kind: str
+    message: str
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """Everything one episode saw, thought and did; None for stages that it did not reach.
+
+    ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is what the referee looks
+    for, in words. ``timings`` are wall seconds a stage. ``notes`` are fallbacks and warnings, each a sentence that
+    the run's page shows. ``judgement`` comes from the simulator's referee and reaches the result alone.
+    """
+
+    episode_id: str
+    instruction: str
+    task: str
+    seed: int
+    choices: Mapping[str, str]
+    goal: str = ""
+    observation: Observation | None = None
+    scene: Scene | None = None
+    refinement: str = ""
+    recalled: MemoryContext | None = None
+    plan: Plan | None = None
+    checks: CheckReport | None = None
+    report: ExecutionReport | None = None
+    after: Observation | None = None
+    after_scene: Scene | None = None
+    verdict: Verdict | None = None
+    learned: Learned | None = None
+    judgement: Judgement | None = None
+    failure: Failure | None = None
+    timings: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def result(self, command: str) -> dict[str, Any]:
+        """``result.json``: the outcome and who produced it. ``success`` is the eased profile, None if unknown."""
+        return {
+            "command": command,
+            "episode": self.episode_id,
+            "success": self.judgement.eased if self.judgement else None,
+            "success_strict": self.judgement.strict if self.judgement else None,
+            "verdict": self.verdict.outcome if self.verdict else None,
+            "quality": self.verdict.quality if self.verdict else None,
+            "task": self.task,
+            "seed": self.seed,
+            "instruction": self.instruction,
+            **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
+            "choices": dict(self.choices),
+            "skill": self.plan.skill if self.plan else None,
+            "parameters": dict(self.plan.parameters) if self.plan else None,
+            "failure": asdict(self.failure) if self.failure else None,
+            "timings": dict(self.timings),
+            "notes": list(self.notes),
+        }
