@@ -15,7 +15,7 @@ from gvla2.robot.backend import Judgement
 from gvla2.robot.report import ExecutionReport
 
 Stage = Literal[
-    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn"
+    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn", "judge"
 ]
 
 
@@ -34,7 +34,7 @@ class EpisodeRecord:
 
     ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is what the referee looks
     for, in words. ``timings`` are wall seconds a stage. ``notes`` are fallbacks and warnings, each a sentence that
-    the run's page shows. ``judgement`` comes from the simulator's referee and reaches the result alone.
+    the run's page shows. ``judgement`` is the simulator's referee's; it is filled last, so nothing can learn from it.
     """
 
     episode_id: str

@@ -110,13 +110,15 @@ class TaskSite:
     """Where a task may be laid out, metres, world frame.
 
     Rectangle of ``size`` (x, y) about ``centre`` (x, y) on a table top at ``table_height``; ``reachable`` tells
-    whether the hand, pointing down, gets to a world point (3,).
+    whether the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so
+    that nothing is painted like it; None where it is not known.
     """
 
     centre: tuple[float, float]
     size: tuple[float, float]
     table_height: float
     reachable: Callable[[FloatArray], bool]
+    table_rgb: tuple[float, float, float] | None = None
 
 
 class Task(Protocol):

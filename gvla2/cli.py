@@ -1,0 +1,79 @@
+"""The command line: ``gvla2 <command> [overrides]``. It only dispatches, so that it answers at once."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+from importlib import import_module
+from types import MappingProxyType
+
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "run": "run one episode, or many: observe, plan, execute, verify, learn",
+        "plugins": "list robots, planners, memories and all else that can be chosen, with options",
+        "doctor": "check this installation and say what to do about what is missing",
+    }
+)
+"""Sub-commands and what they do; each is a module of :mod:`gvla2.commands` with ``main(argv) -> status``."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a sub-command; returns the exit status (0 well, 1 an error, 2 wrong usage, 130 interrupted)."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(usage(), file=sys.stdout if arguments else sys.stderr)
+        return 0 if arguments else 2
+    command, rest = arguments[0], arguments[1:]
+    if command in ("-V", "--version"):
+        from gvla2 import __version__
+
+        print(f"gvla2 {__version__}")
+        return 0
+    if command in ("--shell-completion", "-sc"):
+        from gvla2.commands.completion import main as complete
+
+        return complete(rest)
+    if command not in COMMANDS:
+        close = get_close_matches(command, COMMANDS, n=1)
+        hint = f" Did you mean '{close[0]}'?" if close else ""
+        print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
+        return 2
+    try:
+        status = import_module(f"gvla2.commands.{command}").main(rest)
+    except KeyboardInterrupt:
+        print("gvla2: interrupted.", file=sys.stderr)
+        return 130
+    except BrokenPipeError:  # the reader of our output left: `gvla2 plugins | head`
+        sys.stderr.close()
+        return 141
+    return int(status)
+
+
+def usage() -> str:
+    """The text of ``gvla2 --help``."""
+    width = max(len(name) for name in COMMANDS)
+    commands = "\n".join(f"  {name:<{width}}  {what}" for name, what in COMMANDS.items())
+    return f"""\
+gvla2: geometry-aware, memory-guided robot planning, every part a plugin.
+
+Usage: gvla2 <command> [key=value ...]
+
+Commands:
+{commands}
+
+Options:
+  -h, --help             this text; `gvla2 <command> --help` explains a command
+  -V, --version          the version
+  --shell-completion install=bash|zsh|fish
+                         print a script for your shell: eval "$(gvla2 --shell-completion install=bash)"
+
+Examples:
+  gvla2 run task=push_block seed=3
+  gvla2 run -m memory=none,governed seed=0,1,2
+  gvla2 plugins planner
+"""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,258 @@
+"""What `gvla2 doctor` looks at. Each check says what it found and, if that is not well, what to do."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Literal
+
+import hydra
+from hydra.errors import HydraException, MissingConfigException
+from omegaconf import DictConfig, OmegaConf
+
+from gvla2.catalog import Registry
+from gvla2.commands.completion import hydra_application
+from gvla2.commands.config_errors import explain
+from gvla2.commands.primary import PRIMARY
+from gvla2.kinds import HOOKS, KINDS
+
+PROBE_SECONDS = 90
+PACKAGES = ("gvla2", "hydra-core", "omegaconf", "numpy", "scipy", "numba", "trimesh", "sqlmodel")
+CV2_OWNERS = (
+    "opencv-python",
+    "opencv-python-headless",
+    "opencv-contrib-python",
+    "opencv-contrib-python-headless",
+)
+SYSTEM_PACKAGES = {
+    "libX11": "libx11-6",
+    "libGL": "libgl1",
+    "libEGL": "libegl1",
+    "libgomp": "libgomp1",
+    "libvulkan": "libvulkan1",
+}
+"""Debian and Ubuntu packages of shared libraries that Python wheels expect of the system."""
+
+
+@dataclass(frozen=True)
+class Needed:
+    """A module that the default run imports, its distribution and how to get it."""
+
+    module: str
+    distribution: str
+    purpose: str
+    install: str
+
+
+NEEDED = (
+    Needed("embreex", "embreex", "cameras by ray casting", "pip install gvla2"),
+    Needed("sapien", "sapien", "the simulated Panda", "pip install 'gvla2[sim]'"),
+    Needed("pinocchio", "pin", "kinematics and collision checks", "pip install 'gvla2[sim]'"),
+    Needed("ompl", "ompl", "motion planning", "pip install 'gvla2[sim]'"),
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One finding. A ``fail`` breaks the default run, a ``warn`` something else."""
+
+    name: str
+    status: Literal["ok", "warn", "fail"]
+    found: str
+    advice: str = ""
+
+
+def examine(registry: Registry) -> list[Check]:
+    """All checks, in the order of the table. Slow probes run side by side in processes of their own."""
+    with ThreadPoolExecutor(max_workers=4) as pool:
+        imports = pool.submit(probe, "imports", *(n.module for n in NEEDED))
+        vulkan = pool.submit(probe, "vulkan")
+        torch = pool.submit(probe, "torch") if installed("torch") else None
+        built = {name: pool.submit(probe, "components", name) for name in PRIMARY}
+        composed, blamed, checks = configurations(registry)
+        return [
+            Check("versions", "ok", versions()),
+            *checks,
+            *plugins(registry, blamed),
+            *needed_modules(imports.result()),
+            *(c for name in composed for c in components(name, built[name].result())),
+            *weights(composed),
+            *output_folders(composed),
+            opencv(),
+            rendering(vulkan.result()),
+            torch_device(torch.result() if torch else None),
+        ]
+
+
+def probe(*arguments: str) -> Any:
+    """The answer of a probe, or ``{"crash": why}``."""
+    environment = {**os.environ, "PYTHONWARNINGS": "ignore"}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "gvla2.commands.probe", *arguments],
+            capture_output=True,
+            text=True,
+            timeout=PROBE_SECONDS,
+            env=environment,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return {"crash": f"no answer within {PROBE_SECONDS} s"}
+    lines = done.stdout.strip().splitlines()
+    if done.returncode == 0 and lines:
+        return json.loads(lines[-1])
+    words = done.stderr.strip().splitlines()
+    return {"crash": f"exit status {done.returncode}{': ' + words[-1] if words else ''}"}
+
+
+def versions() -> str:
+    """Python, the platform and the packages that matter, in one line."""
+    packages = ", ".join(f"{name} {installed(name) or 'absent'}" for name in PACKAGES)
+    return f"Python {platform.python_version()} on {platform.system()} {platform.machine()}, {packages}"
+
+
+def installed(distribution: str) -> str:
+    """The installed version, or ""."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""
+
+
+def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str], list[Check]]:
+    """Compose every primary configuration: those that compose, the kinds that lack a component, the checks."""
+    composed: dict[str, DictConfig] = {}
+    blamed: set[str] = set()
+    checks = []
+    with hydra_application(registry):
+        for name in PRIMARY:
+            try:
+                config = hydra.compose(config_name=name, return_hydra_config=True)
+            except HydraException as error:
+                if isinstance(error, MissingConfigException):
+                    blamed.add((error.missing_cfg_file or "").partition("/")[0])
+                advice = "Repair or reinstall the plugin that offers it; see the plugins below."
+                checks.append(Check(f"configuration {name}", "fail", explain(error, registry), advice))
+            else:
+                composed[name] = config
+                chosen = ", ".join(f"{k}={config[k].name}" for k in KINDS if k in config)
+                checks.append(Check(f"configuration {name}", "ok", chosen))
+    return composed, blamed, checks
+
+
+def plugins(registry: Registry, blamed: set[str]) -> Iterator[Check]:
+    """Broken plugins; ``blamed`` are the kinds of which the default run misses a component."""
+    count = sum(len(registry.components(kind)) for kind in KINDS)
+    yield Check("plugins", "ok", f"{len(registry.plugins)} plugins offer {count} components")
+    for problem in registry.problems:
+        kinds = {HOOKS[problem.hook].name} if problem.hook in HOOKS else blamed
+        where = f"{problem.hook}: " if problem.hook else ""
+        yield Check(
+            f"plugin {problem.plugin}",
+            "fail" if kinds & blamed else "warn",
+            f"{where}{problem.message}",
+            f"Repair it, uninstall it, or skip it with GVLA2_DISABLE_PLUGINS={problem.plugin}.",
+        )
+
+
+def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
+    """The modules of the default run, with the system's package where a shared library is absent."""
+    for needed in NEEDED:
+        fault = answer.get("crash") or answer.get(needed.module, "")
+        label = f"{needed.distribution} ({needed.purpose})"
+        if not fault:
+            yield Check(label, "ok", installed(needed.distribution) or "importable")
+            continue
+        library = re.search(r"(lib\w+)[\w.+-]*\.so", fault)
+        advice = needed.install
+        if library and "cannot open shared object" in fault:
+            package = SYSTEM_PACKAGES.get(library.group(1), f"the package that has {library.group(1)}")
+            advice = f"Install the system's {library.group(1)}: apt install {package}"
+        yield Check(label, "fail", fault, advice)
+
+
+def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
+    """Whether what the configuration chooses can be built; for the memory this opens its database."""
+    if "crash" in answer:
+        yield Check(f"components of {name}", "fail", str(answer["crash"]), "Run it alone: gvla2 run")
+        return
+    for kind, built in answer.items():
+        label = f"{kind} {built['name']}"
+        if built["error"]:
+            yield Check(label, "fail", built["error"], f"`gvla2 plugins {kind}` lists what else there is.")
+        else:
+            yield Check(label, "ok", f"built in {built['seconds']} s")
+
+
+def weights(composed: dict[str, DictConfig]) -> Iterator[Check]:
+    """Whether files of weights that the defaults name exist."""
+    named = []
+    for name, config in composed.items():
+        for kind in (k for k in KINDS if k in config):
+            options = OmegaConf.to_container(config[kind], resolve=False)
+            assert isinstance(options, dict)
+            for option, value in ((str(o), v) for o, v in options.items()):
+                if re.search(r"(weights|checkpoint)$", option) and isinstance(value, str) and value:
+                    named.append((name, f"{kind}.{option}", value))
+    for name, option, value in named:
+        exists = Path(value).expanduser().exists()
+        advice = "" if exists else f"Download the file and set {option}=FILE."
+        yield Check(f"weights of {name}", "ok" if exists else "fail", f"{option}={value}", advice)
+    if not named:
+        yield Check("weights", "ok", "the defaults ask for none")
+
+
+def output_folders(composed: dict[str, DictConfig]) -> Iterator[Check]:
+    """Whether runs can write their folders."""
+    for name, config in composed.items():
+        top = Path(str(config.hydra.run.dir).split("/${", 1)[0]).absolute()
+        folder = next(p for p in (top, *top.parents) if p.exists())
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                yield Check(f"outputs of {name}", "ok", f"{folder} is writable")
+        except OSError as error:
+            advice = "Change to another directory, or set hydra.run.dir=FOLDER."
+            yield Check(f"outputs of {name}", "fail", f"{folder}: {error.strerror or error}", advice)
+
+
+def opencv() -> Check:
+    """Who owns the module cv2: two distributions write the same files."""
+    owners = [f"{name} {installed(name)}" for name in CV2_OWNERS if installed(name)]
+    if len(owners) < 2:
+        return Check("cv2", "ok", f"owned by {owners[0]}" if owners else "not installed, not needed")
+    advice = (
+        f"Keep one: pip uninstall {' '.join(n for n in CV2_OWNERS if installed(n))}, then install one again."
+    )
+    return Check("cv2", "warn", f"{' and '.join(owners)} write the same files", advice)
+
+
+def rendering(answer: dict[str, str]) -> Check:
+    """Vulkan is an option: cameras are ray cast without it."""
+    if answer.get("device"):
+        return Check("Vulkan", "ok", "a device renders (optional)")
+    reason = answer.get("crash") or answer.get("error", "")
+    return Check("Vulkan", "ok", f"none, cameras are ray cast on the CPU ({reason})")
+
+
+def torch_device(answer: dict[str, str] | None) -> Check:
+    """Torch is an option: learned perception and priors use it."""
+    if answer is None:
+        return Check("torch", "ok", "not installed, not needed; pip install 'gvla2[perception]' brings it")
+    if "crash" in answer:
+        return Check("torch", "warn", answer["crash"], "Reinstall it: pip install 'gvla2[perception]'")
+    return Check("torch", "ok", f"{answer['version']} on {answer['device']}")
+
+
+def healthy(checks: Sequence[Check]) -> bool:
+    """Whether nothing that the default run needs is broken."""
+    return all(check.status != "fail" for check in checks)

@@ -1,0 +1,61 @@
+"""Hydra's errors in gvla2's words: what was asked, what exists, what to do."""
+
+from __future__ import annotations
+
+from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import (
+    ConfigAttributeError,
+    ConfigKeyError,
+    MissingMandatoryValue,
+    OmegaConfBaseException,
+)
+
+from gvla2.catalog import Registry
+from gvla2.discovery import closest, describe
+from gvla2.errors import Gvla2Error, UnknownComponentError
+from gvla2.kinds import KINDS
+
+
+def explain(error: BaseException, registry: Registry | None = None) -> str:
+    """One message for a person; ``registry`` lets it name broken plugins."""
+    match error:
+        case Gvla2Error():
+            return str(error)
+        case MissingConfigException():
+            return _missing_choice(error, registry)
+        case MissingMandatoryValue():
+            return f"The option '{error.full_key}' has no default. Give it on the command line: {error.full_key}=..."
+        case ConfigCompositionException() if isinstance(error.__cause__, OmegaConfBaseException):
+            return _wrong_option(str(error), error.__cause__)
+        case HydraException():
+            return str(error)
+        case _ if isinstance(error.__cause__, OmegaConfBaseException):
+            return _wrong_option(str(error), error.__cause__)
+    return describe(error)
+
+
+def _missing_choice(error: MissingConfigException, registry: Registry | None) -> str:
+    group, _, name = (error.missing_cfg_file or "").rpartition("/")
+    if not group:
+        return str(error)
+    note = registry.broken_note(group) if registry is not None and group in KINDS else ""
+    return str(UnknownComponentError(group, name.removesuffix(".yaml"), error.options or (), note))
+
+
+def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:
+    """For an unknown option its neighbours; for a wrong type OmegaConf's own words."""
+    key = str(cause.full_key or cause.key or "")
+    if isinstance(cause, ConfigKeyError | ConfigAttributeError):
+        parent = cause.parent_node
+        known = [str(k) for k in parent] if isinstance(parent, DictConfig) else []
+        place, _, option = key.rpartition(".")
+        of = f" of '{place}'" if place else ""
+        chosen = (
+            OmegaConf.select(parent, "name") if isinstance(parent, DictConfig) and "name" in known else None
+        )
+        of += f" ({chosen})" if chosen else ""
+        listing = ", ".join(k for k in known if k not in ("name", "hydra")) or "none"
+        return f"No option '{option}'{of}.{closest(option, known)} Options: {listing}."
+    reason = str(cause).partition("\n")[0]
+    return f"The option '{key}' is wrong: {reason}" if key else f"{headline} {reason}".strip()

@@ -1,0 +1,50 @@
+"""``gvla2 doctor``: is this installation fit for the default run, and if not, what to do."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+from collections.abc import Sequence
+
+from gvla2.catalog import load_plugins
+from gvla2.commands.tables import console, row, table
+
+USAGE = """\
+Usage: gvla2 doctor [--json]
+
+Checks plugins, configurations, libraries, the components of the default run, the memory's database and the
+output folder. The exit status is 1 when something that the default run needs is broken.
+"""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print the checks; 1 when one fails, 2 for wrong usage."""
+    if any(word in ("-h", "--help") for word in argv):
+        print(USAGE)
+        return 0
+    unknown = [word for word in argv if word != "--json"]
+    if unknown:
+        print(f"gvla2: `gvla2 doctor` does not take '{unknown[0]}'.\n{USAGE}", file=sys.stderr)
+        return 2
+    from gvla2.commands.checkup import examine, healthy
+
+    checks = examine(load_plugins())
+    well = healthy(checks)
+    if "--json" in argv:
+        print(json.dumps({"healthy": well, "checks": [dataclasses.asdict(c) for c in checks]}, indent=2))
+        return 0 if well else 1
+    out = console()
+    listing = table("check", "status", "found")
+    for check in checks:
+        row(listing, check.name, check.status, check.found)
+        if check.advice:
+            row(listing, "", "", f"-> {check.advice}")
+    out.print(listing)
+    out.print("The default run can go." if well else "Something that the default run needs is broken.")
+    return 0 if well else 1
+
+
+def complete(words: Sequence[str]) -> list[str]:
+    """What may stand in place of the last word."""
+    return ["--json"]

@@ -1,0 +1,128 @@
+"""Running a sub-command as a Hydra job: composing, sweeping, and errors in plain words."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+
+from gvla2.catalog import Registry, load_plugins
+from gvla2.commands.config_errors import explain
+from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
+from gvla2.errors import Gvla2Error
+from gvla2.hydra_bridge import register, register_resolvers
+
+JobFunction = Callable[[Any, Registry], object]
+"""Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
+
+log = logging.getLogger(__name__)
+
+
+class Job:
+    """A job function as Hydra calls it. It travels to worker processes by the function's name.
+
+    There it loads the plugins afresh, and an error travels back as its message alone: exceptions with
+    constructors of their own do not survive pickling.
+    """
+
+    def __init__(self, function: JobFunction, registry: Registry | None = None) -> None:
+        self.function = function
+        self.registry = registry
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"function": self.function}
+
+    def __setstate__(self, state: dict[str, JobFunction]) -> None:
+        self.function, self.registry = state["function"], None
+        register_resolvers()
+
+    def __call__(self, config: DictConfig) -> object:
+        """Run the job; of an error the run's log gets the traceback, the terminal one line."""
+        if self.registry is None:
+            self.registry = load_plugins()
+        registry = self.registry
+        try:
+            return self.function(OmegaConf.to_object(config), registry)
+        except Exception as error:
+            log.info("The job failed.", exc_info=True)
+            if HydraConfig.get().mode != RunMode.MULTIRUN:
+                raise JobFailedError(error) from error
+            message = explain(error, registry)
+            print(f"gvla2: job {HydraConfig.get().job.num}: {message}", file=sys.stderr)
+            raise Gvla2Error(message) from error
+
+
+class JobFailedError(BaseException):
+    """Carries a job's error past Hydra, which would print a report of its own for an Exception."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(str(error))
+        self.error = error
+
+
+def output_folder() -> Path:
+    """The folder of the job that runs now; Hydra has made it."""
+    return Path(HydraConfig.get().runtime.output_dir)
+
+
+def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
+    """Run ``function`` as the Hydra application ``gvla2 <config_name>`` with overrides and Hydra's own flags.
+
+    Returns the exit status: 0; 1 after an error, told on stderr without a traceback if it is a
+    :class:`Gvla2Error` or a wrong override; 2 for wrong usage; 130 when interrupted.
+    ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
+    """
+    registry = load_plugins()
+    register(registry, PRIMARY)
+    main = hydra.main(
+        config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
+    )
+    try:
+        with _command_line(config_name, argv):
+            main(Job(function, registry))()
+    except JobFailedError as failed:
+        return report(failed.error, registry)
+    except SystemExit as leaving:  # --help, --cfg, and argparse's complaints
+        return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+    except KeyboardInterrupt:
+        print("gvla2: interrupted.", file=sys.stderr)
+        return 130
+    except Exception as error:
+        return report(error, registry)
+    return 0
+
+
+def report(error: Exception, registry: Registry | None = None) -> int:
+    """Tell an error on stderr: in words if it was foreseen, with its traceback if not. Returns the exit status."""
+    debug = any(os.environ.get(name, "0") not in ("", "0") for name in ("GVLA2_DEBUG", "HYDRA_FULL_ERROR"))
+    if debug or not isinstance(error, Gvla2Error | HydraException):
+        traceback.print_exception(error)
+    print(f"gvla2: {explain(error, registry)}", file=sys.stderr)
+    return 1
+
+
+@contextmanager
+def _command_line(config_name: str, argv: Sequence[str]) -> Iterator[None]:
+    """Hydra reads sys.argv, and tells errors itself unless asked for the full one: both for a while only."""
+    arguments, full_error = sys.argv, os.environ.get("HYDRA_FULL_ERROR")
+    sys.argv = [f"gvla2 {config_name}", *argv]
+    os.environ["HYDRA_FULL_ERROR"] = "1"
+    try:
+        yield
+    finally:
+        sys.argv = arguments
+        if full_error is None:
+            del os.environ["HYDRA_FULL_ERROR"]
+        else:
+            os.environ["HYDRA_FULL_ERROR"] = full_error

@@ -1,0 +1,195 @@
+"""``gvla2 plugins``: what can be chosen, with which options, from where, and what is broken."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import json
+import sys
+import typing
+from collections.abc import Sequence
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from gvla2.catalog import Offer, Registry, load_plugins, structured
+from gvla2.commands.tables import console, row, table
+from gvla2.discovery import closest
+from gvla2.errors import ConfigurationError
+from gvla2.kinds import KINDS, kind_of
+
+USAGE = f"""\
+Usage: gvla2 plugins [KIND [NAME]] [--json]
+
+  gvla2 plugins                 everything that can be chosen
+  gvla2 plugins planner         the planners with their options (also: kind=planner)
+  gvla2 plugins planner skill   one of them (also: kind=planner name=skill)
+  --json                        the same for programs
+
+Kinds: {", ".join(KINDS)}.
+GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
+"""
+
+
+@dataclasses.dataclass(frozen=True)
+class Option:
+    """One option of a component: its dotted name, type and default as a person writes them."""
+
+    name: str
+    type: str
+    default: str
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print the catalog. Broken plugins are told and do not change the exit status, 0."""
+    if any(word in ("-h", "--help") for word in argv):
+        print(USAGE)
+        return 0
+    words = [word for word in argv if word != "--json"]
+    try:
+        kind, name = _selection(words)
+        registry = load_plugins()
+        if kind and name:
+            registry.get(kind, name)
+    except ConfigurationError as error:
+        print(f"gvla2: {error}", file=sys.stderr)
+        return 2
+    if "--json" in argv:
+        print(json.dumps(as_json(registry, kind, name), indent=2))
+    else:
+        _print(registry, kind, name)
+    return 0
+
+
+def complete(words: Sequence[str]) -> list[str]:
+    """What may stand in place of the last word: a kind, then a name of that kind, then ``--json``."""
+    if len(words) == 1:
+        return [*KINDS, "--json"]
+    if len(words) == 2 and words[0] in KINDS:
+        return [*load_plugins().components(words[0]), "--json"]
+    return ["--json"]
+
+
+def options(config: type) -> list[Option]:
+    """The options of a component's dataclass, nested ones by dotted names; ``name`` is no option."""
+    return [option for option in _options(config, OmegaConf.structured(config)) if option.name != "name"]
+
+
+def _options(config: type, node: Any) -> list[Option]:
+    try:
+        hints = typing.get_type_hints(config)
+    except NameError:  # a type imported for type checkers only
+        hints = {}
+    defaults = OmegaConf.to_container(node, resolve=False, enum_to_str=True)
+    assert isinstance(defaults, dict)
+    found = []
+    for field in dataclasses.fields(config):
+        hint = hints.get(field.name, field.type)
+        if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+            nested = _options(hint, node[field.name])
+            found += [Option(f"{field.name}.{o.name}", o.type, o.default) for o in nested]
+        else:
+            default = defaults[field.name]
+            shown = "required" if default == "???" else json.dumps(default, ensure_ascii=False)
+            found.append(Option(field.name, _type_name(hint), shown))
+    return found
+
+
+def as_json(registry: Registry, kind: str = "", name: str = "") -> dict[str, Any]:
+    """The catalog as a JSON object, narrowed to a kind and a name."""
+    return {
+        "components": {
+            k: [_offer_json(o) for n, o in registry.offers(k).items() if name in ("", n)]
+            for k in ([kind] if kind else KINDS)
+        },
+        "plugins": [dataclasses.asdict(plugin) for plugin in registry.plugins],
+        "problems": [dataclasses.asdict(problem) for problem in registry.problems],
+    }
+
+
+def _offer_json(offer: Offer) -> dict[str, Any]:
+    component = offer.component
+    defaults = OmegaConf.to_container(structured(component), resolve=False, enum_to_str=True)
+    return {
+        "name": component.name,
+        "summary": component.summary,
+        "plugin": dataclasses.asdict(offer.plugin),
+        "needs": list(component.needs),
+        "options": [dataclasses.asdict(option) for option in options(component.config)],
+        "defaults": defaults,
+    }
+
+
+def _print(registry: Registry, kind: str, name: str) -> None:
+    out = console()
+    listing = table("kind", "choice", "what it is", "from")
+    for k in [kind] if kind else KINDS:
+        offers = {n: o for n, o in registry.offers(k).items() if name in ("", n)}
+        for n, offer in offers.items():
+            row(listing, k, n, offer.component.summary, _origin(offer))
+        if not offers:
+            row(listing, k, "-", "nothing is offered", "")
+        listing.add_section()
+    out.print(listing)
+    if kind:
+        for n, offer in registry.offers(kind).items():
+            if name in ("", n):
+                _print_options(out, kind, n, offer)
+    else:
+        out.print(
+            "`gvla2 plugins KIND` shows the options; `gvla2 run KIND=CHOICE KIND.OPTION=VALUE` sets them."
+        )
+    if registry.problems:
+        out.print()
+        troubles = table("broken plugin", "hook", "problem", style="red")
+        for problem in registry.problems:
+            row(troubles, problem.plugin, problem.hook or "-", problem.message)
+        out.print(troubles)
+
+
+def _print_options(out: Any, kind: str, name: str, offer: Offer) -> None:
+    rows = options(offer.component.config)
+    needs = ", ".join(offer.component.needs)
+    out.print(f"\n[bold]{kind}={name}[/bold]{'  needs ' + needs if needs else ''}")
+    described = inspect.getdoc(offer.component.config) or ""
+    if described and not described.startswith(f"{offer.component.config.__name__}("):  # dataclass's own words
+        out.print(described, style="dim", markup=False)
+    if not rows:
+        out.print("no options", style="dim")
+        return
+    listing = table("option", "type", "default")
+    for option in rows:
+        row(listing, f"{kind}.{option.name}", option.type, option.default)
+    out.print(listing)
+
+
+def _origin(offer: Offer) -> str:
+    plugin = offer.plugin
+    return f"{plugin.name} ({plugin.origin})" if plugin.origin else plugin.name
+
+
+def _selection(words: Sequence[str]) -> tuple[str, str]:
+    """Kind and name from ``KIND NAME`` or ``kind=KIND name=NAME``; "" where not given."""
+    chosen = {"kind": "", "name": ""}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals:
+            key, value = ("name" if chosen["kind"] else "kind"), word
+        if word.startswith("-") or key not in chosen or chosen[key]:
+            raise ConfigurationError(
+                f"`gvla2 plugins` does not take '{word}'.{closest(key, chosen)} See `gvla2 plugins --help`."
+            )
+        chosen[key] = value
+    if chosen["name"] and not chosen["kind"]:
+        raise ConfigurationError("Say which kind the name is of: gvla2 plugins KIND NAME.")
+    if chosen["kind"]:
+        kind_of(chosen["kind"])
+    return chosen["kind"], chosen["name"]
+
+
+def _type_name(hint: Any) -> str:
+    return (
+        hint.__name__
+        if isinstance(hint, type) and not typing.get_args(hint)
+        else str(hint).replace("typing.", "")
+    )

@@ -1,0 +1,12 @@
+"""The primary configurations: one dataclass and one YAML file of ``gvla2.conf`` for each Hydra command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from gvla2.commands.run_config import RunConfig
+
+PRIMARY: Mapping[str, type] = MappingProxyType({"run": RunConfig})
+CONFIG_MODULE = "gvla2.conf"
+VERSION_BASE = "1.3"

@@ -1,0 +1,129 @@
+"""``gvla2 run``: one episode, or several, from an instruction to a page that explains what happened."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import ExitStack, closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from omegaconf import OmegaConf
+
+from gvla2.errors import Gvla2Error
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gvla2.commands.run_config import RunConfig
+    from gvla2.episode import Parts
+    from gvla2.plugins import Registry
+    from gvla2.record.contents import EpisodeRecord, Stage
+    from gvla2.record.progress import Progress
+    from gvla2.record.recorder import RunRecorder
+
+log = logging.getLogger(__name__)
+
+CHOICES = (
+    "robot", "task", "perceiver", "reconstructor", "prior", "fusion",
+    "memory", "retriever", "embedder", "planner", "verifier",
+)  # fmt: skip
+"""The Hydra groups of a run; what was chosen for each is part of its result."""
+
+
+@dataclass
+class _Listener:
+    """Passes an episode's news to its recorder and to the terminal; keeps the latest record."""
+
+    recorder: RunRecorder
+    progress: Progress
+    latest: EpisodeRecord | None = None
+
+    def begin(self, stage: Stage) -> None:
+        self.progress.begin(stage)
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        self.latest = record
+        if record.failure is not None:
+            log.info("%s: %s (%s)", stage, record.failure.message, record.failure.kind)
+        else:
+            log.info("%s: %.2f s", stage, record.timings.get(stage, 0.0))
+        self.recorder.stage(record, stage)
+        self.progress.stage(record, stage)
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        self.recorder.frame(image)
+
+
+def job(config: RunConfig, registry: Registry) -> float:
+    """Run the configured episodes into Hydra's output folder; the share that succeeded, for sweepers.
+
+    Raises :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an
+    episode that was carried out and failed is a result.
+    """
+    from gvla2.commands.hydra_job import output_folder
+
+    return run_episodes(config, registry, output_folder())
+
+
+def run_episodes(config: RunConfig, registry: Registry, folder: Path) -> float:
+    """As :func:`job`, into ``folder``: the episode itself for one, ``episode_NNN`` and an overview for several."""
+    from gvla2.episode import ABANDONED
+    from gvla2.record.recorder import RunRecorder, write_index
+
+    composed = OmegaConf.to_yaml(OmegaConf.structured(config))
+    records: list[EpisodeRecord] = []
+    with ExitStack() as stack:
+        parts = _build(config, registry, stack)
+        for number in range(config.episodes):
+            target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
+            recorder = RunRecorder(target, composed, command="run")
+            record = _run_one(parts, config, config.seed + number, recorder)
+            records.append(record)
+            if config.episodes > 1:
+                write_index(folder, records)
+            if record.failure is not None and record.failure.kind in ABANDONED:
+                raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage}; see {target})")
+    return sum(bool(r.judgement and r.judgement.eased) for r in records) / len(records)
+
+
+def _build(config: RunConfig, registry: Registry, stack: ExitStack) -> Parts:
+    """All components of the run; robot and memory are closed when ``stack`` unwinds."""
+    from gvla2.episode import Parts
+
+    kinds = ("robot", "task", "perceiver", "reconstructor", "memory", "planner", "verifier")
+    built = registry.build_all(config, kinds)
+    stack.enter_context(closing(built["robot"]))
+    stack.enter_context(closing(built["memory"]))
+    return Parts(**built, choices={kind: getattr(config, kind).name for kind in CHOICES})
+
+
+def _run_one(parts: Parts, config: RunConfig, seed: int, recorder: RunRecorder) -> EpisodeRecord:
+    from gvla2.episode import EpisodeRequest, run_episode
+    from gvla2.record.progress import Progress
+    from gvla2.robot.depth_noise import DepthNoise
+
+    request = EpisodeRequest(
+        seed=seed,
+        instruction=config.instruction,
+        depth_noise=DepthNoise(**asdict(config.depth_noise)),
+        source=f"{recorder.folder.parent.name}/{recorder.folder.name}",
+    )
+    with Progress(quiet=config.quiet) as progress:
+        listener = _Listener(recorder, progress)
+        try:
+            record = run_episode(parts, request, listener)
+        finally:
+            # Also after an interrupt or a crash: the folder is complete up to there.
+            if listener.latest is not None:
+                recorder.finish(listener.latest)
+        progress.finish(record, recorder.folder)
+    return record
+
+
+def main(argv: list[str]) -> int:
+    """Entry of ``gvla2 run [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("run", job, argv)

@@ -1,0 +1,63 @@
+"""The schema of `gvla2 run`: what can be asked on the command line, with types and defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError
+
+DEPTH_NOISE_KINDS = ("none", "gaussian", "l515")
+
+
+@dataclass
+class DepthNoiseConfig:
+    """Noise on simulated depth: standard deviation ``sigma_m + sigma_rel * z`` in metres for depth z.
+
+    ``dropout`` is the share of pixels without a measurement.
+    """
+
+    kind: str = "none"
+    sigma_m: float = 0.0
+    sigma_rel: float = 0.0
+    dropout: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in DEPTH_NOISE_KINDS:
+            raise ConfigurationError(
+                f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(DEPTH_NOISE_KINDS)}."
+            )
+        if self.sigma_m < 0 or self.sigma_rel < 0 or not 0 <= self.dropout < 1:
+            raise ConfigurationError("depth_noise: sigmas must not be negative and dropout lies in [0, 1).")
+
+
+@dataclass
+class RunConfig:
+    """One episode, or many.
+
+    ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
+    ``quiet`` leaves only the result on the terminal.
+    """
+
+    instruction: str | None = None
+    seed: int = 0
+    episodes: int = 1
+    quiet: bool = False
+    robot: ComponentConfig = field(default_factory=ComponentConfig)
+    task: ComponentConfig = field(default_factory=ComponentConfig)
+    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
+    reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    memory: ComponentConfig = field(default_factory=ComponentConfig)
+    retriever: ComponentConfig = field(default_factory=ComponentConfig)
+    embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    planner: ComponentConfig = field(default_factory=ComponentConfig)
+    verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+
+    def __post_init__(self) -> None:
+        if self.episodes < 1:
+            raise ConfigurationError(f"episodes is {self.episodes}; it must be at least 1.")
+        if self.seed < 0:
+            raise ConfigurationError(f"seed is {self.seed}; it must not be negative.")

@@ -1,0 +1,332 @@
+"""One episode, from a sentence to a lesson: the loop that ties the wings.
+
+    observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
+
+Read :func:`run_episode` first; each stage below it is one function from record to record. A simulator's referee
+speaks last, after everything was learnt, so that no stage can see true state.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import Gvla2Error, MemoryStoreError, PerceptionError, PlanningError
+from gvla2.evidence import RobotEvidence
+from gvla2.lessons import memory_episode, memory_task, transcript
+from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
+from gvla2.planning.checks import check_trajectory
+from gvla2.planning.contracts import Advice, Perceiver, Plan, Planner, PlanRequest
+from gvla2.planning.effects import Effect
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.repair import repair
+from gvla2.planning.trajectory import Trajectory
+from gvla2.reconstruction.contracts import Reconstructor
+from gvla2.record.contents import EpisodeRecord, Failure, Stage
+from gvla2.refine import refine_scene
+from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.robot.depth_noise import DepthNoise, apply_noise
+from gvla2.robot.report import ExecutionReport
+from gvla2.robot.task import Task
+
+ABANDONED: tuple[str, ...] = ("error", "crashed", "interrupted")
+"""Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The components of one run, built; ``choices`` are their names by Hydra group."""
+
+    robot: RobotBackend
+    task: Task | None
+    perceiver: Perceiver
+    reconstructor: Reconstructor
+    memory: Memory
+    planner: Planner
+    verifier: Verifier
+    choices: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class EpisodeRequest:
+    """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run."""
+
+    seed: int
+    instruction: str | None = None
+    depth_noise: DepthNoise = DepthNoise()
+    source: str = ""
+
+
+class EpisodeListener(Protocol):
+    """Hears of an episode while it runs (a recorder, a progress line). Exceptions stop the episode."""
+
+    def begin(self, stage: Stage) -> None:
+        """A stage starts."""
+        ...
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """A stage ended, well or not; ``record`` holds all there is up to now."""
+        ...
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """The robot moves: an RGB image (H, W, 3)."""
+        ...
+
+
+def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener) -> EpisodeRecord:
+    """Run one episode and return its record, whose ``failure`` says where and why it ended early, if it did.
+
+    Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as
+    failures of a kind in :data:`ABANDONED` (the listener has then seen the record) and raised again.
+    """
+    record = EpisodeRecord(
+        episode_id=request.source or f"seed-{request.seed}",
+        instruction=request.instruction or "",
+        task=parts.choices.get("task", ""),
+        seed=request.seed,
+        choices=parts.choices,
+    )
+    stages: tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...] = (
+        ("setup", lambda r: _set_up(r, parts, request)),
+        ("observe", lambda r: _observe(r, parts, request)),
+        ("perceive", lambda r: _perceive(r, parts)),
+        ("reconstruct", lambda r: _reconstruct(r, parts)),
+        ("recall", lambda r: _recall(r, parts)),
+        ("plan", lambda r: _plan(r, parts)),
+        ("check", lambda r: _check(r, parts)),
+        ("execute", lambda r: _execute(r, parts, request, listener)),
+        ("verify", lambda r: _verify(r, parts)),
+        ("learn", lambda r: _learn(r, parts)),
+        ("judge", lambda r: _judge(r, parts)),
+    )
+    for stage, function in stages:
+        if record.failure is None or _still_worthwhile(stage, record):
+            record = _run_stage(stage, function, record, listener)
+    return record
+
+
+def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
+    """After a failure: what was planned is still verified and learnt from, what was laid out still judged."""
+    if stage in ("verify", "learn"):
+        return record.plan is not None
+    return stage == "judge" and record.observation is not None
+
+
+def _run_stage(
+    stage: Stage,
+    function: Callable[[EpisodeRecord], EpisodeRecord],
+    record: EpisodeRecord,
+    listener: EpisodeListener,
+) -> EpisodeRecord:
+    """Run one stage: time it, turn what goes wrong into a typed failure, tell the listener."""
+    listener.begin(stage)
+    started = time.perf_counter()
+
+    def ended(record: EpisodeRecord) -> EpisodeRecord:
+        record = replace(record, timings={**record.timings, stage: round(time.perf_counter() - started, 4)})
+        listener.stage(record, stage)
+        return record
+
+    try:
+        return ended(function(record))
+    except PerceptionError as error:
+        return ended(replace(record, failure=Failure(stage, "perception", str(error))))
+    except PlanningError as error:
+        return ended(replace(record, failure=Failure(stage, "invalid_plan", str(error))))
+    except Gvla2Error as error:
+        return ended(replace(record, failure=Failure(stage, "error", str(error))))
+    except KeyboardInterrupt:
+        ended(replace(record, failure=Failure(stage, "interrupted", "Stopped by the user.")))
+        raise
+    except Exception as error:
+        message = f"{type(error).__name__}: {error}"
+        ended(replace(record, failure=Failure(stage, "crashed", message)))
+        raise
+
+
+def _set_up(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
+    instance = parts.robot.reset(parts.task, request.seed, request.instruction)
+    if instance is None:
+        return record
+    return replace(record, instruction=instance.instruction, goal=instance.goal)
+
+
+def _observe(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
+    noise = np.random.default_rng([request.seed, 0])
+    return replace(record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise))
+
+
+def _perceive(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.observation is not None
+    scene = parts.perceiver.perceive(record.observation, record.instruction, parts.robot.arm.workspace)
+    return replace(record, scene=scene)
+
+
+def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.observation is not None
+    assert record.scene is not None
+    scene, sentence = refine_scene(record.scene, record.observation, parts.reconstructor)
+    return replace(record, scene=scene, refinement=sentence)
+
+
+def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    try:
+        context = parts.memory.recall(memory_task(record))
+    except MemoryStoreError as error:
+        context = MemoryContext(degraded=str(error))
+    notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
+    return replace(record, recalled=context, notes=record.notes + notes)
+
+
+def _plan(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    plan = _ask(parts.planner, _plan_request(record, parts))
+    notes = (f"The planner '{plan.fallback}' stepped in.",) if plan.fallback else ()
+    record = replace(record, plan=plan, notes=record.notes + notes)
+    if plan.abstention is not None:
+        return replace(record, failure=Failure("plan", plan.abstention.kind, plan.abstention.message))
+    return record
+
+
+def _ask(planner: Planner, request: PlanRequest) -> Plan:
+    plan = planner.plan(request)
+    if not isinstance(plan, Plan):
+        raise PlanningError(f"The planner returned {type(plan).__name__}, not a Plan.")
+    if plan.abstention is None and not isinstance(plan.trajectory, Trajectory):
+        raise PlanningError("The planner returned neither a trajectory nor an abstention with its reason.")
+    return plan
+
+
+def _plan_request(record: EpisodeRecord, parts: Parts, rejections: tuple[str, ...] = ()) -> PlanRequest:
+    assert record.scene is not None
+    assert record.observation is not None
+    context = record.recalled or MemoryContext()
+    return PlanRequest(
+        instruction=record.instruction,
+        scene=record.scene,
+        arm=parts.robot.arm,
+        start=record.observation.world_from_tcp,
+        joints=record.observation.joints,
+        observation=record.observation,
+        advice=Advice(context.text, _effects(context)),
+        rejections=rejections,
+    )
+
+
+def _effects(context: MemoryContext) -> tuple[Effect, ...]:
+    return tuple(Effect.from_json(item.effect, source=item.id) for item in context.items if item.effect)
+
+
+def _check(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    """Check the plan; on findings repair it once, then ask the planner once more with the reasons."""
+    assert record.plan is not None
+    record, report = _check_plan(record, parts)
+    if not report.passed:
+        rejected = report.reasons
+        plan = _ask(parts.planner, _plan_request(record, parts, rejections=rejected))
+        if plan.abstention is None:
+            record, report = _check_plan(replace(record, plan=plan), parts)
+            note = f"The first plan was rejected ({'; '.join(rejected)}) and the planner asked again."
+            record = replace(record, notes=(*record.notes, note))
+    record = replace(record, checks=report)
+    if not report.passed:
+        return replace(record, failure=Failure("check", "rejected", " ".join(report.reasons)))
+    return record
+
+
+def _check_plan(record: EpisodeRecord, parts: Parts) -> tuple[EpisodeRecord, CheckReport]:
+    """The report on the record's plan, and the record with the plan repaired where that made it pass."""
+    assert record.plan is not None
+    assert record.plan.trajectory is not None
+    assert record.scene is not None
+    assert record.observation is not None
+    scene, start, joints = record.scene, record.observation.world_from_tcp, record.observation.joints
+    effects = _effects(record.recalled or MemoryContext())
+    parameters = record.plan.parameters
+
+    def check(trajectory: Trajectory) -> CheckReport:
+        return check_trajectory(
+            trajectory, scene, parts.robot.arm, start, joints, effects=effects, parameters=parameters
+        )
+
+    report = check(record.plan.trajectory)
+    if report.passed:
+        return record, report
+    repaired, repairs = repair(record.plan.trajectory, report, scene, parts.robot.arm)
+    if not repairs:
+        return record, report
+    second = replace(check(repaired), repairs=repairs)
+    if not second.passed:
+        return record, report
+    return replace(record, plan=replace(record.plan, trajectory=repaired)), second
+
+
+def _execute(
+    record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
+) -> EpisodeRecord:
+    """Move, and observe what came of it."""
+    assert record.plan is not None
+    assert record.plan.trajectory is not None
+    assert record.scene is not None
+    report = parts.robot.execute(record.plan.trajectory, record.scene, ExecutionListener(frame=listener.frame))
+    record = replace(record, report=report)
+    if report.abort is not None:
+        stopped = report.abort
+        message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
+        record = replace(record, failure=Failure("execute", stopped.abort, message))
+    try:
+        noise = np.random.default_rng([request.seed, 1])
+        after = apply_noise(parts.robot.observe(), request.depth_noise, noise)
+        scene = parts.perceiver.perceive(after, record.instruction, parts.robot.arm.workspace)
+        return replace(record, after=after, after_scene=scene)
+    except Gvla2Error as error:
+        return replace(record, notes=(*record.notes, f"Nothing could be perceived at the end: {error}"))
+
+
+def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.plan is not None
+    assert record.scene is not None
+    seen = record.after or record.observation
+    assert seen is not None
+    evidence = RobotEvidence(
+        instruction=record.instruction,
+        transcript=transcript(record),
+        before=record.scene,
+        after=record.after_scene,
+        plan=record.plan,
+        checks=record.checks or CheckReport(),
+        report=record.report or ExecutionReport(),
+        gripper_width=seen.gripper_width,
+    )
+    try:
+        verdict = parts.verifier.verify(evidence)
+    except Gvla2Error as error:
+        verdict = Verdict.unavailable(str(error), parts.choices.get("verifier", ""))
+    record = replace(record, verdict=verdict)
+    if verdict.outcome == "verified_fail" and record.failure is None:
+        return replace(record, failure=Failure("verify", "not_achieved", " ".join(verdict.reasons)))
+    return record
+
+
+def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    assert record.verdict is not None
+    try:
+        learned = parts.memory.learn(memory_episode(record, record.verdict), record.verdict)
+    except MemoryStoreError as error:
+        learned = Learned(degraded=str(error))
+    notes = (f"Nothing was learnt: {learned.degraded}",) if learned.degraded else ()
+    return replace(record, learned=learned, notes=record.notes + notes)
+
+
+def _judge(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+    judgement = parts.robot.judge()
+    record = replace(record, judgement=judgement)
+    if judgement is not None and not judgement.eased and record.failure is None:
+        # The verifier saw nothing wrong, the referee did: say so rather than leave an unexplained failure.
+        message = f"The referee found the goal not reached ({record.goal or 'see the task'})."
+        return replace(record, failure=Failure("judge", "goal_not_reached", message))
+    return record

@@ -1,0 +1,260 @@
+"""Colour, depth and identity images of rigid triangle surfaces, by ray casting on the CPU.
+
+Each surface is put into an Embree tree of its own, in its own frame, once. Posing a surface then moves the rays,
+never the triangles, so that nothing is rebuilt while a robot moves; a surface is only asked about the pixels
+that its bounding box covers, and a shared depth buffer both ends rays early and merges the answers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore import EmbreeDevice
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import ArrayLike, NDArray
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
+
+AMBIENT = 0.55
+"""Share of a colour that is there without light; the rest grows with the light, so hue never changes."""
+HEADLIGHT, SKY = 0.6, 0.4
+"""How the light is shared between the camera's lamp (along its axis) and the sky (world +z)."""
+BACKGROUND = (0.80, 0.84, 0.88)
+
+_CHUNK = 8192  # rays a call: the answer's arrays then stay in the cache
+_NEAR = 1e-3  # metres before a camera where a bounding box is cut off to be projected
+_EDGES = np.array([[a, a | bit] for bit in (1, 2, 4) for a in range(8) if not a & bit])  # of a box's corners
+
+
+@dataclass(frozen=True)
+class Surface:
+    """One rigid triangle surface.
+
+    ``vertices`` (V, 3) in metres, in the surface's own frame; ``faces`` (F, 3) vertex indices; ``rgb`` (3,) or
+    (F, 3) in [0, 1]; ``id`` is what the identity image shows, >= 0, and need not be unique (the links of one
+    robot may share it). F = 0 is allowed and never hit, nor are faces without area.
+    Raises :class:`GeometryError` for wrong shapes, non-finite vertices, or faces that name absent vertices.
+    """
+
+    vertices: FloatArray
+    faces: NDArray[np.int64]
+    rgb: FloatArray
+    id: int
+
+    def __post_init__(self) -> None:
+        vertices = np.asarray(self.vertices, dtype=np.float64)
+        faces = (
+            np.asarray(self.faces, dtype=np.int64).reshape(-1, 3) if np.size(self.faces) == 0 else self.faces
+        )
+        faces = np.asarray(faces, dtype=np.int64)
+        rgb = np.asarray(self.rgb, dtype=np.float64)
+        what = f"Surface {self.id}"
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+            raise GeometryError(
+                f"{what}: vertices must be (V, 3) and faces (F, 3), got {vertices.shape} and {faces.shape}."
+            )
+        if not np.isfinite(vertices).all():
+            raise GeometryError(
+                f"{what}: {int((~np.isfinite(vertices)).any(1).sum())} vertices are not finite."
+            )
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
+            raise GeometryError(f"{what}: a face names a vertex outside 0..{len(vertices) - 1}.")
+        if rgb.shape not in ((3,), (len(faces), 3)) or not ((rgb >= 0) & (rgb <= 1)).all():
+            raise GeometryError(f"{what}: rgb must be (3,) or (F, 3) in [0, 1], got shape {rgb.shape}.")
+        if self.id < 0:
+            raise GeometryError(f"Surface id {self.id}: ids start at 0, -1 stands for the background.")
+        for name, value in (("vertices", vertices), ("faces", faces), ("rgb", rgb)):
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class RayImage:
+    """What one camera sees.
+
+    ``image`` (H, W, 3) uint8 RGB; ``depth`` (H, W) float32, metres along the camera's z, NaN where no surface
+    is; ``ids`` (H, W) int32, the surface's id, -1 for background.
+    """
+
+    image: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    ids: NDArray[np.int32]
+
+
+class RayCaster:
+    """Casts the pixels' rays of pinhole cameras against posed surfaces.
+
+    One colour seen at different slopes differs in brightness by at most 45 %, never in hue or saturation:
+    image = rgb * (0.55 + 0.45 * light), light = 0.6 |n . camera axis| + 0.4 (1 + n_z) / 2, without shadows.
+    Depth is right to about 1e-6 of the distance (float32 rays in the surface's frame).
+    """
+
+    def __init__(
+        self, surfaces: Sequence[Surface], background: tuple[float, float, float] = BACKGROUND
+    ) -> None:
+        self._surfaces = tuple(surfaces)
+        self._background = _as_bytes(np.array(background, dtype=np.float64))
+        self._device = EmbreeDevice()
+        self._trees = [_build_tree(self._device, surface) for surface in self._surfaces]
+        self._offsets = np.cumsum([0] + [len(s.faces) for s in self._surfaces])
+        self._anchors, self._normals = _face_planes(self._surfaces)
+        self._rgb = np.concatenate(
+            [np.broadcast_to(s.rgb, (len(s.faces), 3)) for s in self._surfaces] or [np.zeros((0, 3))]
+        )
+        self._ids = np.repeat([s.id for s in self._surfaces], np.diff(self._offsets)).astype(np.int32)
+        self._corners = [_corners(s.vertices) for s in self._surfaces]
+
+    def cast(self, cameras: Sequence[Camera], world_from_surface: Mapping[int, ArrayLike]) -> list[RayImage]:
+        """One image a camera, with surfaces posed by their index in the sequence given at construction.
+
+        ``world_from_surface`` (4, 4) rigid; a surface without a pose lies at the world's origin.
+        Raises :class:`GeometryError` for a pose that is not rigid or names no surface.
+        """
+        unknown = [index for index in world_from_surface if not 0 <= index < len(self._surfaces)]
+        if unknown:
+            raise GeometryError(
+                f"Poses are given for surfaces {unknown}, but there are {len(self._surfaces)} (0-based)."
+            )
+        poses = [
+            check_rigid(world_from_surface[i], f"Pose of surface {i}")
+            if i in world_from_surface
+            else np.eye(4)
+            for i in range(len(self._surfaces))
+        ]
+        anchors, normals = self._pose_planes(poses)
+        return [self._cast_one(camera, poses, anchors, normals) for camera in cameras]
+
+    def _cast_one(
+        self, camera: Camera, poses: Sequence[FloatArray], anchors: FloatArray, normals: FloatArray
+    ) -> RayImage:
+        size = (camera.height, camera.width)
+        depth = np.full(size, np.inf, dtype=np.float32)
+        hits = np.full(size, len(self._ids), dtype=np.int64)  # one past the last face: background
+        pixel_steps = np.linalg.inv(camera.K)
+        # Near surfaces first, so that what they hide is dropped early.
+        for index in np.argsort([np.linalg.norm(pose[:3, 3] - camera.position) for pose in poses]):
+            if len(self._surfaces[index].faces) == 0:
+                continue
+            surface_from_camera = invert_rigid(poses[index]) @ camera.world_from_camera
+            window = _window(
+                camera, transform_points(invert_rigid(surface_from_camera), self._corners[index])
+            )
+            if window is None:
+                continue
+            directions = _directions(surface_from_camera[:3, :3] @ pixel_steps, window)
+            near, face = _intersect(
+                self._trees[index], surface_from_camera[:3, 3], directions, depth[window].ravel()
+            )
+            shape = depth[window].shape
+            depth[window] = near.reshape(shape)
+            np.copyto(
+                hits[window], (face + self._offsets[index]).reshape(shape), where=(face >= 0).reshape(shape)
+            )
+        colours = np.vstack([self._shade(camera, anchors, normals), self._background])
+        ids = np.append(self._ids, np.int32(-1))
+        depth[np.isinf(depth)] = np.nan
+        return RayImage(np.take(colours, hits, axis=0), depth, np.take(ids, hits))
+
+    def _pose_planes(self, poses: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """A point and the unit normal of each face, both (F, 3) in the world."""
+        anchors, normals = np.empty_like(self._anchors), np.empty_like(self._normals)
+        for pose, start, stop in zip(poses, self._offsets[:-1], self._offsets[1:], strict=True):
+            anchors[start:stop] = transform_points(pose, self._anchors[start:stop])
+            normals[start:stop] = self._normals[start:stop] @ pose[:3, :3].T
+        return anchors, normals
+
+    def _shade(self, camera: Camera, anchors: FloatArray, normals: FloatArray) -> NDArray[np.uint8]:
+        """(F, 3) colours of whole faces; the side that faces the camera counts, however a face is wound."""
+        towards = np.einsum("ij,ij->i", normals, camera.position - anchors)
+        sky = 0.5 + 0.5 * np.copysign(normals[:, 2], normals[:, 2] * towards)
+        headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
+        light = HEADLIGHT * headlight + SKY * sky
+        return _as_bytes(self._rgb * (AMBIENT + (1 - AMBIENT) * light)[:, None])
+
+
+def _as_bytes(rgb: FloatArray) -> NDArray[np.uint8]:
+    return np.clip(np.rint(255 * rgb), 0, 255).astype(np.uint8)
+
+
+def _build_tree(device: EmbreeDevice, surface: Surface) -> EmbreeScene:
+    # Without this, a ray that meets the edge of two triangles may slip between them.
+    tree = EmbreeScene(device, robust=True)
+    if len(surface.faces):
+        TriangleMesh(tree, surface.vertices.astype(np.float32), surface.faces.astype(np.int32))
+    return tree
+
+
+def _corners(vertices: FloatArray) -> FloatArray:
+    """(8, 3) corners of the vertices' bounding box."""
+    if len(vertices) == 0:
+        return np.zeros((8, 3))
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    return np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
+
+
+def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
+    """First vertices and unit normals of all faces, in the surfaces' frames; zero for a face without area."""
+    anchors, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    for surface in surfaces:
+        a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+        cross = np.cross(b - a, c - a)
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        anchors.append(a)
+        normals.append(np.divide(cross, length, out=np.zeros_like(cross), where=length > 0))
+    return np.concatenate(anchors), np.concatenate(normals)
+
+
+def _window(camera: Camera, corners: FloatArray) -> tuple[slice, slice] | None:
+    """Rows and columns that may see a box of corners (8, 3) in the camera's frame; None when no pixel does."""
+    ends = corners[_EDGES]  # (12, 2, 3)
+    depth = ends[..., 2] - _NEAR
+    if (depth <= 0).all():
+        return None
+    # Where an edge passes the camera's plane, its part before the plane ends there.
+    crossing = depth[:, 0] * depth[:, 1] < 0
+    share = depth[crossing, 0] / (depth[crossing, 0] - depth[crossing, 1])
+    cuts = ends[crossing, 0] + share[:, None] * (ends[crossing, 1] - ends[crossing, 0])
+    seen = np.concatenate([ends[depth > 0], cuts]) @ camera.K.T
+    uv = seen[:, :2] / seen[:, 2:]
+    size = (camera.width, camera.height)
+    low = np.clip(np.floor(uv.min(axis=0) - 0.5), 0, size).astype(int)
+    high = np.clip(np.ceil(uv.max(axis=0) + 0.5), 0, size).astype(int)
+    if (low >= high).any():
+        return None
+    return slice(low[1], high[1]), slice(low[0], high[0])
+
+
+def _directions(surface_from_pixel: FloatArray, window: tuple[slice, slice]) -> NDArray[np.float32]:
+    """(N, 3) ray directions in a surface's frame of a window's pixels, row by row.
+
+    They have z = 1 in the camera's frame, so that a ray's length is its depth. A direction is linear in u and
+    v: one addition a pixel, no product.
+    """
+    rows, columns = window
+    across = np.arange(columns.start, columns.stop)[:, None] + 0.5
+    down = np.arange(rows.start, rows.stop)[:, None] + 0.5
+    along_row = (across * surface_from_pixel[:, 0] + surface_from_pixel[:, 2]).astype(np.float32)
+    along_column = (down * surface_from_pixel[:, 1]).astype(np.float32)
+    return (along_column[:, None] + along_row[None]).reshape(-1, 3)
+
+
+def _intersect(
+    tree: EmbreeScene, origin: FloatArray, directions: NDArray[np.float32], limit: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Depth of the nearest hit before ``limit`` (N,), else the limit, and the face hit, else -1; both (N,)."""
+    near = limit.copy()
+    face = np.empty(len(directions), dtype=np.int32)
+    origins = np.tile(origin.astype(np.float32), (min(_CHUNK, len(directions)), 1))
+    for start in range(0, len(directions), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        rays = directions[part]
+        answer = tree.run(origins[: len(rays)], rays, dists=near[part], output=True)
+        face[part] = answer["primID"]
+        near[part] = answer["tfar"]
+    return near, face

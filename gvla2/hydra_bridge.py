@@ -1,0 +1,69 @@
+"""The bridge to Hydra: components become choices of groups, and plugins' presets are found.
+
+Hydra keeps its configurations and plugins in process-wide stores of its own. This module fills them and is the
+only place that does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Mapping
+from typing import ClassVar
+
+from hydra.core.config_search_path import ConfigSearchPath
+from hydra.core.config_store import ConfigStore
+from hydra.core.plugins import Plugins
+from hydra.plugins.search_path_plugin import SearchPathPlugin
+from omegaconf import OmegaConf
+
+from gvla2.catalog import Registry, structured
+from gvla2.kinds import KINDS
+
+PROVIDER = "gvla2"
+LONGEST_FOLDER_NAME = 80
+
+
+class PresetSearchPath(SearchPathPlugin):
+    """Adds the search paths that plugins announced; Hydra makes instances itself, hence the class attribute."""
+
+    paths: ClassVar[tuple[str, ...]] = ()
+
+    def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+        """Called by Hydra before it composes."""
+        for path in self.paths:
+            search_path.append(provider=PROVIDER, path=path)
+
+
+def register(registry: Registry, schemas: Mapping[str, type] | None = None) -> None:
+    """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``.
+
+    ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``. Calling it again with
+    another registry replaces what the former call offered.
+    """
+    store = ConfigStore.instance()
+    for kind in KINDS:
+        group = store.repo.get(kind, {})
+        for stale in [key for key, node in group.items() if getattr(node, "provider", None) == PROVIDER]:
+            del group[stale]
+        for name, component in registry.components(kind).items():
+            store.store(group=kind, name=name, node=structured(component), provider=PROVIDER)
+    for name, schema in (schemas or {}).items():
+        store.store(name=f"{name}_schema", node=schema, provider=PROVIDER)
+    PresetSearchPath.paths = registry.search_paths
+    Plugins.instance().register(PresetSearchPath)
+    register_resolvers()
+
+
+def register_resolvers() -> None:
+    """Make ``${gvla2_short:...}`` known to OmegaConf in this process; a worker process needs it too."""
+    OmegaConf.register_new_resolver("gvla2_short", short_name, replace=True)
+
+
+def short_name(text: str) -> str:
+    """A folder name of at most 80 characters for overrides of any length; a cut one ends in a digest."""
+    clean = re.sub(r"[^\w=,.+-]+", "-", text).strip("-")
+    if len(clean) <= LONGEST_FOLDER_NAME:
+        return clean
+    digest = hashlib.sha256(text.encode()).hexdigest()[:8]
+    return f"{clean[: LONGEST_FOLDER_NAME - 9]}-{digest}"

@@ -1,0 +1,60 @@
+"""The six checks before motion: typed, and all of them reported.
+
+1 schema, 2 workspace, 3 gripper, 4 kinematics, 5 clearance, 6 memory. None of them moves anything, and none stops
+at the first fault: a planner that is asked again should hear everything at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Arm
+from gvla2.planning.check_limits import DEFAULT_LIMITS, CheckLimits
+from gvla2.planning.checks_motion import check_clearance, check_kinematics, resolve_motion
+from gvla2.planning.checks_words import check_gripper, check_memory, check_schema, check_workspace
+from gvla2.planning.effects import Effect
+from gvla2.planning.findings import CheckName, CheckReport, Finding
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory
+
+__all__ = ["CheckLimits", "check_trajectory"]
+
+UNCHECKED = (
+    "{check} could not be checked: the waypoints are malformed; mend what the schema check names first."
+)
+
+
+def check_trajectory(
+    trajectory: Trajectory,
+    scene: Scene,
+    arm: Arm,
+    start_pose: FloatArray,
+    start_joints: FloatArray,
+    effects: Iterable[Effect] = (),
+    parameters: Mapping[str, float] | None = None,
+    limits: CheckLimits = DEFAULT_LIMITS,
+    skill: str = "",
+) -> CheckReport:
+    """What speaks against ``trajectory``, started at ``start_pose`` (4, 4) and ``start_joints`` (dof,), radians.
+
+    Each check gives one passed finding, or one failed finding a problem. ``effects`` of kind ``bound`` must hold
+    for the plan's ``parameters``; those that are limited to a skill count when it is ``skill``. A malformed
+    trajectory (not-a-number, no direction) fails ``kinematics`` and ``clearance`` as ``unchecked``.
+    """
+    schema = check_schema(trajectory, scene)
+    findings = [*schema, *check_workspace(trajectory, scene, arm, start_pose, limits)]
+    findings += check_gripper(trajectory, scene)
+    if any(f.kind in ("not_finite", "bad_orientation", "wrong_frame", "bad_motion") for f in schema):
+        for check in ("kinematics", "clearance"):
+            findings.append(_unchecked(check))
+    else:
+        legs = resolve_motion(trajectory, scene, arm, start_pose, start_joints)
+        findings += check_kinematics(legs, limits)
+        findings += check_clearance(legs, scene, arm, limits)
+    findings += check_memory(effects, parameters or {}, skill)
+    return CheckReport(tuple(findings))
+
+
+def _unchecked(check: CheckName) -> Finding:
+    return Finding(check, False, -1, "unchecked", UNCHECKED.format(check=check.capitalize()))

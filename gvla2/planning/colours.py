@@ -1,0 +1,87 @@
+"""Twenty colour words, and how far apart two colours look whatever light falls on them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gvla2.geometry.transform import FloatArray
+
+COLOURS: dict[str, tuple[float, float, float]] = {
+    "red": (1.0, 0.0, 0.0),
+    "maroon": (0.5, 0.0, 0.0),
+    "lime": (0.0, 1.0, 0.0),
+    "green": (0.0, 0.5, 0.0),
+    "blue": (0.0, 0.0, 1.0),
+    "navy": (0.0, 0.0, 0.5),
+    "yellow": (1.0, 1.0, 0.0),
+    "cyan": (0.0, 1.0, 1.0),
+    "magenta": (1.0, 0.0, 1.0),
+    "silver": (0.75, 0.75, 0.75),
+    "gray": (0.5, 0.5, 0.5),
+    "orange": (1.0, 0.5, 0.0),
+    "olive": (0.5, 0.5, 0.0),
+    "purple": (0.5, 0.0, 0.5),
+    "teal": (0.0, 0.5, 0.5),
+    "azure": (0.0, 0.5, 1.0),
+    "violet": (0.5, 0.0, 1.0),
+    "rose": (1.0, 0.0, 0.5),
+    "black": (0.0, 0.0, 0.0),
+    "white": (1.0, 1.0, 1.0),
+}
+"""Colour words and their sRGB values in [0, 1]; the corners and edges of the colour cube."""
+
+SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
+"""Other words that people use for the same colours."""
+
+TOLD_APART = 30.0
+"""Distance (see :func:`colour_distance`) from which two surfaces are told apart in any light: no two shades of one
+hue, no two greys that touch."""
+
+LIGHTNESS_WEIGHT = 0.5
+"""Lightness counts half: it is what shading changes. Zero would make red and maroon the same."""
+
+_SRGB_TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+_WHITE = _SRGB_TO_XYZ.sum(axis=1)
+
+
+def lab(rgb: ArrayLike) -> FloatArray:
+    """CIELAB (..., 3) under D65 of sRGB (..., 3) in [0, 1]; L in [0, 100]."""
+    values = np.clip(np.asarray(rgb, dtype=np.float64), 0.0, 1.0)
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    xyz = linear @ _SRGB_TO_XYZ.T / _WHITE
+    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + 16.0 / 116.0)
+    x, y, z = f[..., 0], f[..., 1], f[..., 2]
+    return np.stack([116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)], axis=-1)
+
+
+def appearance(rgb: ArrayLike) -> FloatArray:
+    """Coordinates (..., 3) in which Euclidean distance tells how different two surfaces (sRGB (..., 3)) look.
+
+    Dimming a surface scales a*, b* and L* + 16 of CIELAB by the same factor, so 100 a*/(L* + 16) and
+    100 b*/(L* + 16) stay: they tell hue and saturation whatever the shading. Lightness comes third, weighted
+    down. About 10 is a difference that a person sees at a glance, 25 one that shading does not hide.
+    """
+    L, a, b = np.moveaxis(lab(rgb), -1, 0)
+    return np.stack([100.0 * a / (L + 16.0), 100.0 * b / (L + 16.0), LIGHTNESS_WEIGHT * L], axis=-1)
+
+
+def colour_distance(one: ArrayLike, other: ArrayLike) -> FloatArray:
+    """Distances (...,) between the looks of colours (..., 3) in [0, 1]; see :func:`appearance`."""
+    return np.asarray(np.linalg.norm(appearance(one) - appearance(other), axis=-1))
+
+
+def nearest_colours(rgb: ArrayLike, k: int = 3) -> tuple[tuple[str, float], ...]:
+    """The ``k`` colour words nearest to ``rgb`` (3,) in [0, 1], nearest first, each with its distance."""
+    names = list(COLOURS)
+    distances = colour_distance(np.array([COLOURS[name] for name in names]), rgb)
+    order = np.argsort(distances, kind="stable")[:k]
+    return tuple((names[i], float(distances[i])) for i in order)
+
+
+def colours_in(sentence: str) -> tuple[str, ...]:
+    """The colour words of :data:`COLOURS` that a sentence contains, in its order, each once; synonyms resolved."""
+    words = (SYNONYMS.get(word, word) for word in re.findall(r"[a-z]+", sentence.lower()))
+    return tuple(dict.fromkeys(word for word in words if word in COLOURS))

@@ -1,0 +1,26 @@
+"""Plugins, as the rest of gvla2 and scripts of your own see them.
+
+    registry = load_plugins()
+    registry.components("planner")           # what there is, by name
+    registry.problems                        # what is broken, and why
+    planner = registry.build(config, "planner")
+
+:mod:`gvla2.kinds` has the table of kinds, :mod:`gvla2.discovery` loads entry points, :mod:`gvla2.catalog` looks
+up and builds, :mod:`gvla2.hydra_bridge` makes components choices on the command line.
+"""
+
+from gvla2.catalog import Offer, Registry, load_plugins, structured
+from gvla2.discovery import Plugin, Problem
+from gvla2.kinds import KINDS, Kind, kind_of
+
+__all__ = [
+    "KINDS",
+    "Kind",
+    "Offer",
+    "Plugin",
+    "Problem",
+    "Registry",
+    "kind_of",
+    "load_plugins",
+    "structured",
+]

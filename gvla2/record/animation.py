@@ -1,0 +1,116 @@
+"""The moving picture of an execution: frames kept within bounds, then one GIF."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+Frame = NDArray[np.uint8]
+
+FRAME_LIMIT = 80
+SIDE = 320
+MAX_BYTES = 2_000_000
+
+
+class FrameReel:
+    """Collects frames while a robot moves and never holds more than ``limit`` of them, plus the newest.
+
+    When it is full, every second frame goes and from then on half as many are taken, so what is kept is always
+    evenly spread over the whole motion. Frames larger than ``side`` pixels are reduced at once.
+    """
+
+    def __init__(self, limit: int = FRAME_LIMIT, side: int = SIDE) -> None:
+        if limit < 2:
+            raise ValueError(f"A reel needs room for two frames at least, not {limit}.")
+        self.limit, self.side = limit, side
+        self._kept: list[Frame] = []
+        self._newest: Frame | None = None
+        self._stride, self._count = 1, 0
+
+    def add(self, image: NDArray[np.uint8]) -> None:
+        """Take an RGB frame (H, W, 3) uint8; a copy is kept, or nothing."""
+        frame = _reduced(image, self.side)
+        if self._count % self._stride == 0:
+            if len(self._kept) == self.limit:
+                self._kept = self._kept[::2]
+                self._stride *= 2
+            if self._count % self._stride == 0:
+                self._kept.append(frame)
+        self._newest = frame
+        self._count += 1
+
+    @property
+    def frames(self) -> tuple[Frame, ...]:
+        """Evenly spread frames; the last is always the newest one."""
+        newest = self._newest
+        if newest is None or self._kept[-1] is newest:
+            return tuple(self._kept)
+        if len(self._kept) == self.limit:
+            return (*self._kept[:-1], newest)
+        return (*self._kept, newest)
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+
+def gif(frames: Sequence[Frame], fps: float = 12.0, max_bytes: int = MAX_BYTES, rest: float = 1.2) -> bytes:
+    """A looping GIF of RGB frames (H, W, 3) uint8, all of one size; the last frame rests ``rest`` seconds.
+
+    One palette serves all frames. When the file would exceed ``max_bytes`` colours go first, then frames, then
+    size. Raises :class:`ValueError` without frames.
+    """
+    if not frames:
+        raise ValueError("An animation needs at least one frame.")
+    pictures = [Image.fromarray(np.ascontiguousarray(frame)) for frame in frames]
+    data = b""
+    for colours, every, shrink in ((256, 1, 1.0), (96, 1, 1.0), (64, 2, 1.0), (64, 2, 0.7), (32, 4, 0.5)):
+        chosen = pictures[:-1][::every] + pictures[-1:]
+        data = _encode(chosen, colours, shrink, fps / every, rest)
+        if len(data) <= max_bytes:
+            break
+    return data
+
+
+def _encode(pictures: Sequence[Image.Image], colours: int, shrink: float, fps: float, rest: float) -> bytes:
+    size = (max(1, round(pictures[0].width * shrink)), max(1, round(pictures[0].height * shrink)))
+    if shrink < 1:
+        pictures = [picture.resize(size, Image.Resampling.LANCZOS) for picture in pictures]
+    palette = _palette(pictures, colours)
+    # No dithering: still pixels stay the same from frame to frame, and only what moves is stored.
+    indexed = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    step = max(20, round(100 / fps) * 10)  # GIF counts hundredths of a second; browsers slow down below two
+    durations = [step] * (len(indexed) - 1) + [step + round(rest * 100) * 10]
+    stream = io.BytesIO()
+    indexed[0].save(
+        stream,
+        format="GIF",
+        save_all=True,
+        append_images=indexed[1:],
+        duration=durations,
+        loop=0,
+        optimize=True,
+        disposal=1,
+    )
+    return stream.getvalue()
+
+
+def _palette(pictures: Sequence[Image.Image], colours: int) -> Image.Image:
+    """The palette that suits frames from the whole motion."""
+    chosen = [pictures[k] for k in np.unique(np.linspace(0, len(pictures) - 1, 9).round().astype(int))]
+    mosaic = Image.new("RGB", (chosen[0].width, chosen[0].height * len(chosen)))
+    for k, picture in enumerate(chosen):
+        mosaic.paste(picture, (0, k * picture.height))
+    return mosaic.quantize(colors=colours, method=Image.Quantize.MEDIANCUT)
+
+
+def _reduced(image: NDArray[np.uint8], side: int) -> Frame:
+    longest = max(image.shape[:2])
+    if longest <= side:
+        return np.array(image, dtype=np.uint8)
+    factor = side / longest
+    size = (max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor)))
+    return np.asarray(Image.fromarray(np.ascontiguousarray(image)).resize(size, Image.Resampling.BILINEAR))

@@ -1,0 +1,99 @@
+"""Files that are whole or not there: written aside, flushed to disk, then moved into place."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import secrets
+from collections.abc import Mapping
+from collections.abc import Set as AbstractSet
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import OutputError
+
+
+def make_folder(folder: Path) -> Path:
+    """The folder, created with its parents where it was missing.
+
+    Raises :class:`OutputError` when it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _refusal(folder, "make", error) from error
+    return folder
+
+
+def write_bytes(path: Path, data: bytes) -> Path:
+    """Put ``data`` at ``path``; a reader sees the old file or the new one, never a part.
+
+    The folder is made where it is missing. Raises :class:`OutputError` when the folder cannot be written to;
+    the old file is then untouched. Returns ``path``.
+    """
+    make_folder(path.parent)
+    aside = path.parent / f".{path.name}.{secrets.token_hex(4)}.part"
+    try:
+        try:
+            with aside.open("xb") as stream:
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
+            aside.replace(path)
+        finally:
+            # After the move there is nothing left here; after an error or Ctrl-C the half-written part goes.
+            aside.unlink(missing_ok=True)
+    except OSError as error:
+        raise _refusal(path.parent, f"write '{path.name}' in", error) from error
+    return path
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Put ``text`` at ``path`` in UTF-8, as :func:`write_bytes` does.
+
+    Lone surrogates (bytes of a command line that were not UTF-8) become escapes instead of an error.
+    """
+    return write_bytes(path, text.encode("utf-8", errors="backslashreplace"))
+
+
+def write_json(path: Path, value: object) -> Path:
+    """Put ``value`` at ``path`` as strict JSON, as :func:`write_bytes` does; see :func:`plain`."""
+    return write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def plain(value: object) -> Any:
+    """``value`` in the types that JSON has.
+
+    Arrays become lists, numpy scalars numbers, dataclasses and mappings objects with string keys, sets sorted
+    lists, NaN and infinities null, enumerations their values, anything else its text.
+    """
+    if value is None or isinstance(value, bool | int | str) and not isinstance(value, Enum):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, AbstractSet):
+        return sorted((plain(item) for item in value), key=str)
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return str(value)
+
+
+def _refusal(folder: Path, what: str, error: OSError) -> OutputError:
+    reason = error.strerror or str(error)
+    return OutputError(
+        f"Cannot {what} the folder '{folder}': {reason}. Free space or permissions there, or choose another folder "
+        "with hydra.run.dir=FOLDER."
+    )

@@ -1,0 +1,204 @@
+"""What was perceived and what is planned, drawn into the camera's pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from PIL import Image
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import View
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.record.drawing import INK, PAPER, Canvas, Colour, Point, marker_colour
+from gvla2.record.placement import Rect, around
+
+OPEN_COLOUR: Colour = (120, 214, 255)
+CLOSED_COLOUR: Colour = (255, 168, 60)
+
+_FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+_EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
+_SEEN = 0.03  # share of an object's points that must be in sight for its label
+
+
+def perception_overlay(view: View, scene: Scene, width: int = 512) -> Image.Image:
+    """The view with the oriented box of each scene object, numbered in the scene's order.
+
+    Edges on an object's far side are thin. An object that something else hides from this camera (by the view's
+    depth) is dashed and has no label.
+    """
+    canvas = Canvas(view.image, width)
+    order = sorted(enumerate(scene.objects), key=lambda item: -_distance(view.camera, item[1]))
+    for index, thing in order:
+        seen = in_sight(view, thing)
+        if seen > 0:
+            _draw_box(canvas, view.camera, thing, marker_colour(index), hidden=seen < _SEEN)
+    for index, thing in reversed(order):
+        near = _bounds(view.camera, thing)
+        if near is not None and in_sight(view, thing) >= _SEEN:
+            canvas.keep_clear(near)
+            canvas.label(thing.label or thing.id, near, marker_colour(index), badge=str(index + 1))
+    return canvas.picture()
+
+
+def in_sight(view: View, thing: SceneObject) -> float:
+    """Share of the object's points (of its box's corners, where it has none) that this view sees.
+
+    A point is seen when it falls into the image and the view's depth there is not more than 2 cm nearer.
+    """
+    points = thing.points if len(thing.points) else thing.corners()
+    points = points[:: max(1, len(points) // 200)]
+    uv, depth = view.camera.project(points)
+    inside = view.camera.inside(uv)
+    if view.depth is None or not inside.any():
+        return float(inside.mean())
+    columns, rows = np.floor(uv[inside]).astype(int).T
+    behind = depth[inside] > view.depth[rows, columns] + 0.02  # NaN compares as not behind
+    return float((~behind).sum() / len(points))
+
+
+def plan_views(views: Iterable[View], trajectory: Trajectory, count: int = 2) -> list[View]:
+    """The views that show the path best: most waypoints in the picture, a front camera first when equal.
+
+    A camera on the hand moves away from what it saw, so one counts only when there is no other.
+    """
+    points = np.array([w.xyz for w in trajectory], dtype=np.float64).reshape(-1, 3)
+
+    def rank(view: View) -> tuple[bool, bool, int]:
+        shown = int(view.camera.inside(view.camera.project(points)[0]).sum())
+        return "wrist" not in view.name, "front" in view.name and shown > 0, shown
+
+    return sorted(views, key=rank, reverse=True)[:count]
+
+
+def plan_overlay(
+    view: View,
+    trajectory: Trajectory,
+    start: FloatArray | None = None,
+    scene: Scene | None = None,
+    width: int = 768,
+) -> Image.Image:
+    """The waypoint path in the view: numbered dots, stage names, and what the gripper does.
+
+    ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a
+    dashed leg is a free motion, a whole one a straight line. With ``scene`` the path also casts a faint shadow on
+    the table, straight below it, so that height can be read.
+    """
+    canvas = Canvas(view.image, width)
+    camera = view.camera
+    stops = [np.asarray(w.xyz, dtype=np.float64) for w in trajectory]
+    path = ([np.asarray(start, dtype=np.float64)] if start is not None else []) + stops
+    if scene is not None:
+        _draw_shadow(canvas, camera, path, scene.table_height)
+    waypoints = list(trajectory)
+    openings = [1.0, *(w.gripper for w in waypoints)]
+    if start is not None:
+        stops = path[1:]
+    for k, waypoint in enumerate(waypoints):
+        origin = path[k] if start is not None else (path[k - 1] if k else None)
+        if origin is None:
+            continue
+        leg = _project(camera, np.linspace(origin, stops[k], 12))
+        colour = _grip_colour(openings[k])
+        dash = 0.0 if waypoint.motion == "linear" else 7.0
+        canvas.line(leg, colour, width=3.5 if waypoint.carries else 2.5, dash=dash)
+    for first, names in _clusters(camera, waypoints, canvas.scale):
+        at = _project(camera, np.array([waypoints[first].xyz]))[0]
+        if not camera.inside(np.array(at)):
+            continue
+        numbers = "·".join(str(k + 1) for k in names)
+        last = waypoints[names[-1]]
+        canvas.dot(at, 9.5, PAPER if last.gripper > 0.5 else CLOSED_COLOUR, ring=INK, text=numbers)
+    for first, names in _clusters(camera, waypoints, canvas.scale):
+        at = _project(camera, np.array([waypoints[first].xyz]))[0]
+        if camera.inside(np.array(at)):
+            text = " / ".join(_stage_labels(waypoints, names))
+            canvas.label(text, around(*at, 10 / canvas.scale), _grip_colour(waypoints[names[-1]].gripper))
+    return canvas.picture()
+
+
+def plan_labels(trajectory: Trajectory) -> list[str]:
+    """One short label a waypoint: its stage, and what the gripper does there."""
+    waypoints = list(trajectory)
+    return [_stage_labels(waypoints, [k])[0] for k in range(len(waypoints))]
+
+
+def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[str]:
+    labels: dict[str, None] = {}
+    for k in names:
+        before = waypoints[k - 1].gripper if k else 1.0
+        change = waypoints[k].gripper - before
+        act = " (closes)" if change < -0.05 else " (opens)" if change > 0.05 else ""
+        labels[waypoints[k].stage.replace("_", " ") + act] = None
+    return list(labels)
+
+
+def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: int) -> list[tuple[int, list[int]]]:
+    """Waypoints whose dots would cover one another, as (first, all of them)."""
+    clusters: list[tuple[int, list[int]]] = []
+    spots: Mapping[int, Point] = dict(
+        enumerate(_project(camera, np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3)))
+    )
+    for k, (u, v) in spots.items():
+        for first, names in clusters:
+            if np.hypot(spots[first][0] - u, spots[first][1] - v) * scale < 17:
+                names.append(k)
+                break
+        else:
+            clusters.append((k, [k]))
+    return clusters
+
+
+def _grip_colour(opening: float) -> Colour:
+    return OPEN_COLOUR if opening > 0.5 else CLOSED_COLOUR
+
+
+def _draw_shadow(canvas: Canvas, camera: Camera, path: Sequence[FloatArray], table: float) -> None:
+    if not path:
+        return
+    ground = [np.array([p[0], p[1], table]) for p in path]
+    canvas.line(_project(camera, np.array(ground)), INK, width=2.0, halo=0.0, alpha=90)
+    for high, low in zip(path, ground, strict=True):
+        canvas.line(_project(camera, np.array([high, low])), INK, width=1.0, halo=0.0, dash=3.0, alpha=110)
+
+
+def _draw_box(canvas: Canvas, camera: Camera, thing: SceneObject, colour: Colour, hidden: bool) -> None:
+    corners = thing.corners()
+    pixels = _project(camera, corners)
+    facing = {face for face in _FACES if _faces_camera(camera, corners, face, thing.centre)}
+    for face in facing:
+        canvas.polygon([pixels[i] for i in face], colour, alpha=18 if hidden else 46)
+    edges = sorted(_EDGES, key=lambda edge: any(set(edge) <= set(face) for face in facing))
+    for a, b in edges:
+        near = any({a, b} <= set(face) for face in facing)
+        if hidden:
+            canvas.line([pixels[a], pixels[b]], colour, width=1.0, halo=0.0, dash=5.0, alpha=170)
+        elif near:
+            canvas.line([pixels[a], pixels[b]], colour, width=2.0)
+        else:
+            canvas.line([pixels[a], pixels[b]], colour, width=0.8, halo=0.0, alpha=120)
+
+
+def _faces_camera(camera: Camera, corners: FloatArray, face: tuple[int, ...], centre: FloatArray) -> bool:
+    middle = corners[list(face)].mean(axis=0)
+    return float((middle - centre) @ (camera.position - middle)) > 0
+
+
+def _bounds(camera: Camera, thing: SceneObject) -> Rect | None:
+    uv, _ = camera.project(thing.corners())
+    if not np.isfinite(uv).all() or not camera.inside(uv).any():
+        return None
+    low = np.clip(uv.min(axis=0), 0, [camera.width, camera.height])
+    high = np.clip(uv.max(axis=0), 0, [camera.width, camera.height])
+    return Rect(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def _distance(camera: Camera, thing: SceneObject) -> float:
+    return float(np.linalg.norm(thing.centre - camera.position))
+
+
+def _project(camera: Camera, points: FloatArray) -> list[Point]:
+    uv, _ = camera.project(points)
+    return [(float(u), float(v)) for u, v in uv]

@@ -1,0 +1,83 @@
+"""All pictures of a run, made one by one so that a failing one costs no other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from PIL import Image
+
+from gvla2.geometry.views import Observation, View
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory
+from gvla2.record.drawing import png
+from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
+from gvla2.record.sheet import contact_sheet, depth_picture
+
+
+@dataclass(frozen=True)
+class CameraPictures:
+    """One camera's pictures as PNG files: as taken, with the perceived objects, and its depth."""
+
+    name: str
+    plain: bytes = b""
+    objects: bytes = b""
+    depth: bytes = b""
+
+
+@dataclass
+class Pictures:
+    """What the page can show; empty where a picture was not made. ``episode`` is a GIF, ``maps`` are SVG."""
+
+    cameras: tuple[CameraPictures, ...] = ()
+    plan: tuple[tuple[str, bytes], ...] = ()
+    before: bytes = b""
+    after: bytes = b""
+    episode: bytes = b""
+    maps: tuple[str, ...] = ()
+
+
+def main_view(observation: Observation) -> View:
+    """The view for before and after: a front camera where there is one, else the first."""
+    return next((v for v in observation.views if "front" in v.name), observation.views[0])
+
+
+def plain_picture(view: View, width: int = 512) -> Image.Image:
+    """The camera's picture as it is, enlarged smoothly by a whole factor to about ``width`` pixels."""
+    picture = Image.fromarray(view.image)
+    scale = max(1, round(width / picture.width))
+    return picture.resize((picture.width * scale, picture.height * scale), Image.Resampling.LANCZOS)
+
+
+def camera_pictures(observation: Observation, scene: Scene | None) -> tuple[CameraPictures, ...]:
+    """Each camera's pictures; without ``scene`` those with objects stay empty."""
+    return tuple(
+        CameraPictures(
+            view.name,
+            plain=png(Image.fromarray(view.image)),
+            objects=png(perception_overlay(view, scene)) if scene is not None else b"",
+            depth=png(depth_picture(view.depth)) if view.depth is not None else b"",
+        )
+        for view in observation.views
+    )
+
+
+def perception_sheet(observation: Observation, scene: Scene) -> bytes:
+    """``perception.png``: all cameras with the perceived objects."""
+    return png(contact_sheet([(v.name, perception_overlay(v, scene)) for v in observation.views]))
+
+
+def depth_sheet(observation: Observation) -> bytes:
+    """``depth.png``: all cameras' depth; no bytes when none measures it."""
+    tiles = [(v.name, depth_picture(v.depth)) for v in observation.views if v.depth is not None]
+    return png(contact_sheet(tiles)) if tiles else b""
+
+
+def plan_pictures(
+    observation: Observation, trajectory: Trajectory, scene: Scene | None
+) -> tuple[tuple[str, bytes], ...]:
+    """(camera, PNG) of the planned path in the two cameras that show it best."""
+    start = observation.world_from_tcp[:3, 3]
+    return tuple(
+        (view.name, png(plan_overlay(view, trajectory, start, scene)))
+        for view in plan_views(observation.views, trajectory)
+    )

@@ -1,0 +1,67 @@
+"""Where to put labels so that they cover neither one another nor what they name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Rect:
+    """A rectangle in picture coordinates, y downwards; pixels or SVG units."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Its middle."""
+        return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
+
+    @property
+    def area(self) -> float:
+        """Its area; 0 when it is empty."""
+        return max(0.0, self.x1 - self.x0) * max(0.0, self.y1 - self.y0)
+
+    def overlap(self, other: Rect) -> float:
+        """Area shared with ``other``."""
+        return Rect(
+            max(self.x0, other.x0), max(self.y0, other.y0), min(self.x1, other.x1), min(self.y1, other.y1)
+        ).area
+
+    def grown(self, by: float) -> Rect:
+        """The rectangle with ``by`` more on every side."""
+        return Rect(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
+
+
+def around(x: float, y: float, radius: float) -> Rect:
+    """The square of half side ``radius`` about a point."""
+    return Rect(x - radius, y - radius, x + radius, y + radius)
+
+
+def place(
+    near: Rect, size: tuple[float, float], taken: Sequence[Rect], bounds: Rect, gap: float = 4.0
+) -> Rect:
+    """The best of some 40 places of a label of ``size`` (width, height) about ``near``.
+
+    Overlap with ``taken`` and what sticks out of ``bounds`` cost most, then distance; the result always lies
+    inside ``bounds`` where it fits at all.
+    """
+    width, height = size
+    cx, cy = near.centre
+    best, best_cost = Rect(cx, cy, cx + width, cy + height), float("inf")
+    for ring in range(4):
+        away = gap + ring * (height + gap)
+        columns = (cx - width / 2, near.x0 - away - width, near.x1 + away)
+        rows = (near.y0 - away - height, near.y1 + away, cy - height / 2)
+        for order, (x, y) in enumerate((x, y) for y in rows for x in columns):
+            x = min(max(x, bounds.x0), max(bounds.x0, bounds.x1 - width))
+            y = min(max(y, bounds.y0), max(bounds.y0, bounds.y1 - height))
+            spot = Rect(x, y, x + width, y + height)
+            covered = sum(spot.overlap(other) for other in taken)
+            cost = covered + 0.5 * spot.overlap(near) + spot.area * (0.15 * ring + 0.01 * order)
+            if cost < best_cost:
+                best, best_cost = spot, cost
+    return best

@@ -1,0 +1,84 @@
+"""Progress on the terminal: a line a stage while a run goes on."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.status import Status
+from rich.text import Text
+
+from gvla2.record.contents import EpisodeRecord, Stage
+from gvla2.record.wording import finding, one_line, state, summary_line
+
+__all__ = ["Progress", "summary_line"]
+
+_MARKS = {"done": ("✓", "ok"), "warn": ("!", "!!"), "failed": ("✗", "FAIL"), "skipped": ("·", "-")}
+_STYLES = {"done": "green", "warn": "yellow", "failed": "bold red", "skipped": "dim"}
+
+
+class Progress:
+    """Tells a person what a run is doing, as a context manager.
+
+    On a terminal each stage shows a spinner, then a tick, its seconds and what it found; elsewhere (a file, a pipe)
+    plain lines, one a finished stage. ``quiet`` says nothing at all. Texts from outside (instructions, labels) are
+    printed as they are, without terminal control characters or markup.
+    """
+
+    def __init__(self, quiet: bool = False, console: Console | None = None) -> None:
+        self._console = console or Console(stderr=True, highlight=False)
+        self._quiet = quiet
+        self._live = self._console.is_terminal and not self._console.is_dumb_terminal
+        self._status: Status | None = None
+        self._began = time.monotonic()
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def say(self, text: str, style: str = "") -> None:
+        """Print a line."""
+        if not self._quiet:
+            self._console.print(Text(self._printable(text, 400), style=style), soft_wrap=True)
+
+    def started(self, stage: Stage) -> None:
+        """A stage begins."""
+        self._stop()
+        self._began = time.monotonic()
+        if self._live and not self._quiet:
+            self._status = self._console.status(Text(stage, style="cyan"), spinner="line")
+            self._status.start()
+
+    def finished(self, record: EpisodeRecord, stage: Stage) -> None:
+        """A stage ended, well or not; ``record`` already holds what it found (and its seconds in ``timings``)."""
+        self._stop()
+        if self._quiet:
+            return
+        how = state(record, stage)
+        elapsed = record.timings.get(stage, time.monotonic() - self._began)
+        mark = _MARKS[how][0] if self._console.encoding.lower().startswith("utf") else _MARKS[how][1]
+        line = Text.assemble(
+            (f"{mark:<2}", _STYLES[how] if self._live else ""),
+            (f"{stage:<12}", "bold" if self._live else ""),
+            (f"{elapsed:6.1f} s  ", "dim" if self._live else ""),
+            self._printable(finding(record, stage)),
+        )
+        self._console.print(line, soft_wrap=True)
+
+    def close(self) -> None:
+        """Take the spinner away; safe to call twice."""
+        self._stop()
+
+    def _printable(self, text: str, limit: int = 160) -> str:
+        encoding = self._console.encoding
+        return one_line(text, limit).encode(encoding, errors="replace").decode(encoding)
+
+    def _stop(self) -> None:
+        if self._status is not None:
+            self._status.stop()
+            self._status = None

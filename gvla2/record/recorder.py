@@ -1,0 +1,175 @@
+"""Writes a run's folder while the run goes on, so that an interrupted one leaves all that it reached."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.geometry.views import Observation
+from gvla2.record.animation import FrameReel, gif
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.drawing import png
+from gvla2.record.files import make_folder, write_bytes, write_json, write_text
+from gvla2.record.page import render_page
+from gvla2.record.pictures import (
+    Pictures,
+    camera_pictures,
+    depth_sheet,
+    main_view,
+    perception_sheet,
+    plain_picture,
+    plan_pictures,
+)
+from gvla2.record.sheet import contact_sheet_of
+from gvla2.record.stages import STAGE_FILES
+from gvla2.record.topdown import side_map, top_map
+
+_log = logging.getLogger(__name__)
+
+_LINKED = (
+    ("result.json", "outcome, machine-readable"),
+    ("config.yaml", "the composed configuration"),
+    *((name, what) for name, what, _ in STAGE_FILES),
+    ("perception.png", "objects in all cameras"),
+    ("depth.png", "depth of all cameras"),
+    ("plan.png", "the planned path"),
+    ("before.png", "before"),
+    ("after.png", "after"),
+    ("episode.gif", "the motion"),
+    ("run.log", "the log"),
+)
+
+
+class RunRecorder:
+    """The folder of one episode: ``config.yaml`` at once, then what each stage adds, the page at the end.
+
+    ``config_yaml`` is the composed configuration as text. Numbers come first: ``result.json`` and the stages' JSON
+    files are written before any picture, and a picture that cannot be made becomes a note and a warning, never an
+    error. Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
+    """
+
+    def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
+        self.folder = make_folder(folder)
+        self.notes: list[str] = []
+        self._command, self._config = command, config_yaml
+        self._reel = FrameReel()
+        self._pictures = Pictures()
+        self._written: dict[str, Any] = {}
+        write_text(folder / "config.yaml", config_yaml)
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
+        try:
+            self._reel.add(image)
+        except Exception as error:  # noqa: BLE001
+            self._complain("A frame of the animation", error)
+
+    def stage(self, record: EpisodeRecord, stage: str) -> None:
+        """Write what ``record`` holds since the last call; to be called after each finished (or failed) stage."""
+        self._write_numbers(record)
+        if stage in ("observe", "perceive", "reconstruct", "plan", "verify", "execute"):
+            self._write_pictures(record)
+
+    def finish(self, record: EpisodeRecord) -> Path:
+        """Write all that is still missing, the animation and the page; returns the page's path."""
+        self._write_numbers(record)
+        self._write_pictures(record)
+        if len(self._reel):
+            self._try("The animation", self._animate)
+        told = replace(record, notes=(*record.notes, *self.notes))
+        page = self.folder / "index.html"
+        self._try("The page", lambda: write_text(page, self._page(told)))
+        self._write_numbers(record)  # once more: notes about pictures belong to the result
+        return page
+
+    def _write_numbers(self, record: EpisodeRecord) -> None:
+        told = replace(record, notes=(*record.notes, *self.notes))
+        write_json(self.folder / "result.json", told.result(self._command))
+        for name, _, content in STAGE_FILES:
+            value = content(record)
+            if value is not None and self._written.get(name) != value:
+                write_json(self.folder / name, value)
+                self._written[name] = value
+
+    def _write_pictures(self, record: EpisodeRecord) -> None:
+        seen, scene = record.observation, record.scene
+        plan = record.plan.trajectory if record.plan else None
+        if seen is not None:
+            self._once("before", seen, "The picture before", lambda: self._photograph(seen, "before"))
+            self._once("depth", seen, "The depth pictures", lambda: self._save("depth.png", depth_sheet(seen)))
+            self._once("cameras", (seen, scene), "The cameras' pictures", lambda: self._show_cameras(record))
+        if seen is not None and scene is not None:
+            self._once(
+                "perception",
+                (seen, scene),
+                "The picture of the objects",
+                lambda: self._save("perception.png", perception_sheet(seen, scene)),
+            )
+        if seen is not None and plan is not None:
+            self._once("plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record))
+        if scene is not None:
+            self._once("maps", (scene, plan, seen), "The maps", lambda: self._draw_maps(record))
+        after = record.after
+        if after is not None:
+            self._once("after", after, "The picture after", lambda: self._photograph(after, "after"))
+
+    def _photograph(self, observation: Observation, when: str) -> None:
+        picture = png(plain_picture(main_view(observation)))
+        setattr(self._pictures, when, picture)
+        self._save(f"{when}.png", picture)
+
+    def _show_cameras(self, record: EpisodeRecord) -> None:
+        if record.observation is not None:
+            self._pictures.cameras = camera_pictures(record.observation, record.scene)
+
+    def _show_plan(self, record: EpisodeRecord) -> None:
+        if record.observation is None or record.plan is None or record.plan.trajectory is None:
+            return
+        self._pictures.plan = plan_pictures(record.observation, record.plan.trajectory, record.scene)
+        self._save("plan.png", contact_sheet_of(self._pictures.plan))
+
+    def _draw_maps(self, record: EpisodeRecord) -> None:
+        if record.scene is None:
+            return
+        trajectory = record.plan.trajectory if record.plan else None
+        start = record.observation.world_from_tcp[:3, 3] if record.observation and trajectory else None
+        self._pictures.maps = tuple(draw(record.scene, trajectory, start) for draw in (top_map, side_map))
+
+    def _animate(self) -> None:
+        self._pictures.episode = gif(self._reel.frames)
+        self._save("episode.gif", self._pictures.episode)
+
+    def _page(self, record: EpisodeRecord) -> str:
+        linked = [(name, what) for name, what in _LINKED if (self.folder / name).exists()]
+        return render_page(record, self._pictures, self._config, self._command, linked)
+
+    def _save(self, name: str, data: bytes) -> None:
+        if data:
+            write_bytes(self.folder / name, data)
+
+    def _once(self, key: str, source: Any, what: str, make: Callable[[], object]) -> None:
+        """Run ``make`` unless it ran for these very inputs before; records are frozen, so identity tells."""
+        parts = source if isinstance(source, tuple) else (source,)
+        before = self._written.get(key)
+        if before is not None and len(before) == len(parts) and all(a is b for a, b in zip(before, parts, strict=True)):
+            return
+        self._written[key] = parts
+        self._try(what, make)
+
+    def _try(self, what: str, make: Callable[[], object]) -> None:
+        try:
+            make()
+        except Exception as error:  # noqa: BLE001
+            self._complain(what, error)
+
+    def _complain(self, what: str, error: Exception) -> None:
+        note = f"{what} could not be made: {type(error).__name__}: {error}"
+        if note not in self.notes:
+            self.notes.append(note)
+            _log.warning(note, exc_info=error)

@@ -1,0 +1,81 @@
+"""Depth as colours, and several pictures on one sheet."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from gvla2.record.drawing import INK, PAPER, font, png, shorten
+
+# Anchors of a perceptually even map (after viridis), near to far.
+_NEAR_TO_FAR = np.array(
+    [
+        [253, 231, 37],
+        [170, 220, 50],
+        [92, 200, 99],
+        [39, 173, 129],
+        [33, 144, 141],
+        [44, 113, 142],
+        [59, 81, 139],
+        [71, 44, 122],
+        [68, 1, 84],
+    ],
+    dtype=np.float64,
+)
+
+
+def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
+    """Depth (H, W), metres, as colours: yellow near, violet far, grey where nothing was measured.
+
+    The scale runs from the 1st to the 99th percentile of what was measured and is written into the picture.
+    """
+    known = np.isfinite(depth)
+    low, high = (float(v) for v in np.percentile(depth[known], [1, 99])) if known.any() else (0.0, 1.0)
+    share = np.clip((np.where(known, depth, low) - low) / max(high - low, 1e-6), 0, 1)
+    stops = np.linspace(0, 1, len(_NEAR_TO_FAR))
+    colours = np.stack([np.interp(share, stops, _NEAR_TO_FAR[:, c]) for c in range(3)], axis=-1)
+    colours[~known] = (96, 100, 108)
+    scale = max(1, round(width / depth.shape[1]))
+    picture = Image.fromarray(colours.astype(np.uint8))
+    picture = picture.resize((picture.width * scale, picture.height * scale), Image.Resampling.NEAREST)
+    text = f"{low:.2f} to {high:.2f} m" if known.any() else "no depth measured"
+    _caption(picture, text)
+    return picture
+
+
+def contact_sheet(
+    tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8
+) -> Image.Image:
+    """Titled pictures in rows on a white sheet, all cells as large as the largest picture."""
+    columns = max(1, min(columns, len(tiles)))
+    width = max((tile.width for _, tile in tiles), default=1)
+    height = max((tile.height for _, tile in tiles), default=1)
+    rows = -(-len(tiles) // columns)
+    title = 26
+    cell_w, cell_h = width + gap, height + title + gap
+    sheet = Image.new("RGB", (columns * cell_w + gap, max(1, rows) * cell_h + gap), PAPER)
+    pen = ImageDraw.Draw(sheet)
+    for k, (name, tile) in enumerate(tiles):
+        x, y = gap + (k % columns) * cell_w, gap + (k // columns) * cell_h
+        pen.text((x + 2, y + title / 2), shorten(name, 60), fill=INK, font=font(15), anchor="lm")
+        sheet.paste(tile, (x, y + title))
+    return sheet
+
+
+def _caption(picture: Image.Image, text: str) -> None:
+    pen = ImageDraw.Draw(picture, "RGBA")
+    face = font(14)
+    width, height = pen.textlength(text, font=face) + 12, 22
+    y = picture.height - height - 6
+    pen.rounded_rectangle((6, y, 6 + width, y + height), 5, fill=(*INK, 200))
+    pen.text((12, y + height / 2), text, fill=PAPER, font=face, anchor="lm")
+
+
+def contact_sheet_of(files: Sequence[tuple[str, bytes]], columns: int = 2) -> bytes:
+    """The sheet of titled PNG files, as a PNG file; no bytes for none."""
+    tiles = [(name, Image.open(io.BytesIO(data))) for name, data in files]
+    return png(contact_sheet(tiles, columns)) if tiles else b""

@@ -1,0 +1,79 @@
+"""What each part of a record is as JSON, and the file it goes to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+from gvla2.planning.contracts import Plan
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.files import plain
+
+
+def scene_json(scene: Scene) -> dict[str, Any]:
+    """The scene X_t with each object's pose, size and keypoints, metres; point clouds only as their counts."""
+    return {
+        "perceiver": scene.perceiver,
+        "table_height": scene.table_height,
+        "workspace": {"low": plain(scene.workspace.low), "high": plain(scene.workspace.high)},
+        "notes": list(scene.notes),
+        "objects": [
+            {
+                "id": o.id,
+                "label": o.label,
+                "shape": o.shape,
+                "colour": o.colour,
+                "rgb": plain(o.rgb),
+                "world_from_object": plain(o.world_from_object),
+                "extents": plain(o.extents),
+                "keypoints": plain(o.keypoints()),
+                "points": len(o.points),
+                "parent": o.parent,
+                "confidence": o.confidence,
+            }
+            for o in scene.objects
+        ],
+    }
+
+
+def plan_json(plan: Plan) -> dict[str, Any]:
+    """The plan without its trajectory, which has a file of its own."""
+    return {
+        "skill": plan.skill,
+        "roles": dict(plan.roles),
+        "parameters": dict(plan.parameters),
+        "candidates": [asdict(c) for c in plan.candidates],
+        "abstention": asdict(plan.abstention) if plan.abstention else None,
+        "notes": list(plan.notes),
+        "fallback": plan.fallback,
+        "transcript": [dict(turn) for turn in plan.transcript],
+        "waypoints": len(plan.trajectory) if plan.trajectory is not None else 0,
+    }
+
+
+def trajectory_json(trajectory: Trajectory) -> dict[str, Any]:
+    """The paper's view tau = [(x, y, z, g)], metres and opening in [0, 1], and the full waypoints."""
+    return {"frame": "world", "tau": plain(trajectory.xyzg()), "waypoints": trajectory.to_json()}
+
+
+Writer = Callable[[EpisodeRecord], Any]
+
+STAGE_FILES: tuple[tuple[str, str, Writer], ...] = (
+    ("scene.json", "the perceived scene", lambda r: scene_json(r.scene) if r.scene else None),
+    ("recalled.json", "what memory offered", lambda r: asdict(r.recalled) if r.recalled else None),
+    ("plan.json", "skill, roles, parameters, candidates", lambda r: plan_json(r.plan) if r.plan else None),
+    (
+        "trajectory.json",
+        "the waypoints",
+        lambda r: trajectory_json(r.plan.trajectory) if r.plan and r.plan.trajectory is not None else None,
+    ),
+    ("checks.json", "findings of the six checks", lambda r: r.checks.to_json() if r.checks else None),
+    ("report.json", "the execution, waypoint by waypoint", lambda r: r.report.to_json() if r.report else None),
+    ("scene_after.json", "the scene perceived afterwards", lambda r: scene_json(r.after_scene) if r.after_scene else None),
+    ("verdict.json", "the verifier's verdict", lambda r: asdict(r.verdict) if r.verdict else None),
+    ("learned.json", "what memory learnt", lambda r: asdict(r.learned) if r.learned else None),
+)
+"""(file, what it is, its content or None while the record lacks it), in the order of the loop."""

@@ -1,0 +1,151 @@
+"""The arm that planning sees: kinematics and collisions of one URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray, check_rigid
+from gvla2.planning.arm import Attachment, Clearance, Hand, IKSolution
+from gvla2.planning.scene import Box, Scene
+from gvla2.robot.collision import CollisionChecker, CollisionModel
+from gvla2.robot.ik import InverseKinematics
+from gvla2.robot.kinematics import Finger, Kinematics
+from gvla2.robot.tool_line import trace_line
+
+
+class ArmModel:
+    """Implements :class:`gvla2.planning.arm.Arm`, and what motion planning needs beside it.
+
+    Make one with :meth:`from_urdf`. Not safe to share between threads.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        ik: InverseKinematics,
+        collisions: CollisionModel,
+        *,
+        hand: Hand,
+        home: FloatArray,
+        workspace: Box,
+    ) -> None:
+        self.kinematics, self.ik, self.collisions = kinematics, ik, collisions
+        self._hand, self._home, self._workspace = hand, home, workspace
+
+    @classmethod
+    def from_urdf(
+        cls,
+        urdf: Path,
+        package_dirs: Sequence[Path],
+        *,
+        world_from_base: FloatArray,
+        tcp_frame: str,
+        hand: Hand,
+        home: Sequence[float],
+        workspace: Box,
+        hand_links: Sequence[str],
+        fingers: Sequence[Finger] = (),
+        frame_from_tcp: FloatArray | None = None,
+        srdf: Path | None = None,
+        limit_margin: float = 0.01,
+    ) -> ArmModel:
+        """The arm of a URDF whose meshes are found under ``package_dirs``.
+
+        ``world_from_base`` (4, 4); ``tcp_frame`` and ``frame_from_tcp`` (4, 4) give the tool centre point (z out
+        of the hand, y along the fingers' motion); ``home`` (dof,) radians; ``hand_links`` are the links that may
+        touch what a waypoint allows; ``limit_margin`` radians. Raises :class:`RobotError` when they don't fit the
+        URDF, :class:`MissingDependencyError` without pinocchio or coal.
+        """
+        kinematics = Kinematics(
+            urdf,
+            world_from_base=world_from_base,
+            tcp_frame=tcp_frame,
+            frame_from_tcp=np.eye(4) if frame_from_tcp is None else frame_from_tcp,
+            fingers=fingers,
+            limit_margin=limit_margin,
+        )
+        rest = np.asarray(home, dtype=np.float64)
+        if rest.shape != (kinematics.dof,) or kinematics.limit_distance(rest) < 0:
+            raise RobotError(
+                f"The home joints {rest.tolist()} don't fit the {kinematics.dof} joints' limits."
+            )
+        collisions = CollisionModel(
+            kinematics, urdf, package_dirs, hand_links=hand_links, rest=rest, srdf=srdf
+        )
+        ik = InverseKinematics(kinematics, rest)
+        return cls(kinematics, ik, collisions, hand=hand, home=rest, workspace=workspace)
+
+    @property
+    def hand(self) -> Hand:
+        """The gripper's geometry."""
+        return self._hand
+
+    @property
+    def home(self) -> FloatArray:
+        """(dof,) resting joints, radians."""
+        return self._home.copy()
+
+    @property
+    def workspace(self) -> Box:
+        """Where the tool centre point may go, world frame."""
+        return self._workspace
+
+    @property
+    def dof(self) -> int:
+        """Number of the arm's joints, fingers left out."""
+        return self.kinematics.dof
+
+    @property
+    def limits(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper joint limits (dof,), radians, the margin taken off."""
+        return self.kinematics.low, self.kinematics.high
+
+    @property
+    def velocity_limits(self) -> FloatArray:
+        """(dof,) largest joint speeds of the URDF, rad/s."""
+        return self.kinematics.velocity
+
+    def forward(self, joints: FloatArray) -> FloatArray:
+        """world_from_tcp (4, 4) at joints (dof,), radians."""
+        return self.kinematics.forward(joints)
+
+    def tool_positions(self, joints: FloatArray) -> FloatArray:
+        """(N, 3) tool positions at joints (N, dof), metres, world."""
+        return self.kinematics.positions(joints)
+
+    def inverse(self, world_from_tcp: FloatArray, near: FloatArray | None = None) -> IKSolution | None:
+        """The solution nearest to ``near`` within 0.5 mm and 0.005 rad; None when out of reach."""
+        return self.ik.solve(world_from_tcp, near)
+
+    def checker(
+        self,
+        scene: Scene,
+        gripper: float,
+        allowed_contacts: frozenset[str] = frozenset(),
+        attached: Attachment | None = None,
+    ) -> CollisionChecker:
+        """Many configurations against one scene; the arguments are those of :meth:`clearance`."""
+        return self.collisions.checker(scene, gripper, allowed_contacts, attached)
+
+    def clearance(
+        self,
+        joints: FloatArray,
+        gripper: float,
+        scene: Scene,
+        allowed_contacts: frozenset[str] = frozenset(),
+        attached: Attachment | None = None,
+    ) -> Clearance:
+        """Smallest distance of the arm to itself and the scene, metres; parts are the URDF's link names."""
+        checker = self.checker(scene, gripper, allowed_contacts, attached)
+        return checker.clearance(np.asarray(joints, dtype=np.float64))
+
+    def line(
+        self, start: FloatArray, world_from_tcp: FloatArray, step: float = 0.01
+    ) -> Sequence[FloatArray] | None:
+        """Joints, ``start`` first, every ``step`` metres of a straight tool move; None if it can't be."""
+        target = check_rigid(world_from_tcp, "target pose")
+        return trace_line(self.kinematics, self.ik, np.asarray(start, dtype=np.float64), target, step)

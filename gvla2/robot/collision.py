@@ -1,0 +1,236 @@
+"""Collision model: the arm's links as convex hulls, the perceived scene as simple solids."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import MissingDependencyError
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Attachment, Clearance
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.robot.kinematics import Kinematics, import_pinocchio
+from gvla2.robot.link_hulls import link_geometry
+
+TABLE = "table"
+"""The name of the supporting plane in ``allowed_contacts`` and in :class:`Clearance`."""
+
+
+def import_coal() -> Any:
+    """The module ``coal``; raises :class:`MissingDependencyError` when it is not installed."""
+    try:
+        import coal
+    except ImportError as error:
+        raise MissingDependencyError("coal", "Collision checking", 'pip install "gvla2[sim]"') from error
+    return coal
+
+
+class CollisionChecker:
+    """Checks configurations of one hand opening against one scene. Made by :meth:`CollisionModel.checker`.
+
+    ``pairs`` names what is checked against what; the first ``n_world`` pairs have a scene part as the second.
+    Not safe to share between threads.
+    """
+
+    def __init__(self, kinematics: Kinematics, geometry: Any, gripper: float, n_world: int) -> None:
+        self._pin = import_pinocchio()
+        self._kinematics, self._geometry = kinematics, geometry
+        self._q = kinematics.full(np.zeros(kinematics.dof), gripper)
+        self._index = kinematics.arm_index
+        self._data, self._geometry_data = kinematics.model.createData(), geometry.createData()
+        self.n_world = n_world
+        self.pairs: tuple[tuple[str, str], ...] = tuple(
+            (_part(geometry.geometryObjects[p.first]), _part(geometry.geometryObjects[p.second]))
+            for p in geometry.collisionPairs
+        )
+        self.checked = 0
+
+    def set_margins(self, margins: float | FloatArray) -> None:
+        """How far (metres) the parts of each world pair must stay apart: one for all, or (n_world,).
+
+        Negative margins tolerate that much penetration; the arm's own parts only must not touch.
+        """
+        values = np.broadcast_to(margins, (self.n_world,))
+        for request, value in zip(self._geometry_data.collisionRequests, values, strict=False):
+            request.security_margin = float(value)
+
+    def free(self, joints: FloatArray) -> bool:
+        """Whether joints (dof,) keep all margins."""
+        self.checked += 1
+        self._q[self._index] = joints
+        return not self._pin.computeCollisions(
+            self._kinematics.model, self._data, self._geometry, self._geometry_data, self._q, True
+        )
+
+    def first_blocked(self, path: FloatArray) -> int | None:
+        """Index of a configuration of the path (N, dof) that breaks a margin; None when there is none.
+
+        The middle goes first, then the middles of the halves: a blocked path shows early.
+        """
+        return next((int(i) for i in _bisecting(len(path)) if not self.free(path[i])), None)
+
+    def distances(self, joints: FloatArray) -> FloatArray:
+        """(pairs,) signed distances in metres, negative where the parts overlap."""
+        if not self.pairs:
+            return np.empty(0)
+        self._q[self._index] = joints
+        self._pin.computeDistances(
+            self._kinematics.model, self._data, self._geometry, self._geometry_data, self._q
+        )
+        return np.array([result.min_distance for result in self._geometry_data.distanceResults])
+
+    def clearance(self, joints: FloatArray) -> Clearance:
+        """The smallest of the distances and its pair."""
+        distances = self.distances(joints)
+        if not len(distances):
+            return Clearance(np.inf)
+        nearest = int(distances.argmin())
+        return Clearance(float(distances[nearest]), *self.pairs[nearest])
+
+
+class CollisionModel:
+    """An arm's solids, and checkers of them against scenes; the latest checkers are kept.
+
+    Pairs of links that the SRDF disables are left out; without an SRDF, those joined by a joint and those that
+    touch at ``rest`` (dof,). ``hand_links`` (URDF links) may touch what a waypoint allows, other links never.
+    """
+
+    def __init__(
+        self,
+        kinematics: Kinematics,
+        urdf: Path,
+        package_dirs: Sequence[Path],
+        *,
+        hand_links: Sequence[str],
+        rest: FloatArray,
+        srdf: Path | None = None,
+        kept: int = 12,
+    ) -> None:
+        self._pin, self._coal = import_pinocchio(), import_coal()
+        self._kinematics = kinematics
+        self._robot = link_geometry(kinematics, urdf, [str(d) for d in package_dirs], self._pin, self._coal)
+        self._hand = frozenset(hand_links)
+        self._robot.addAllCollisionPairs()
+        if srdf is not None:
+            self._pin.removeCollisionPairs(kinematics.model, self._robot, str(srdf), False)
+        else:
+            self._drop_resting_pairs(rest)
+        self._self_pairs = [(p.first, p.second) for p in self._robot.collisionPairs]
+        self._robot.removeAllCollisionPairs()
+        self._checkers: OrderedDict[object, CollisionChecker] = OrderedDict()
+        self._kept = kept
+
+    def checker(
+        self,
+        scene: Scene,
+        gripper: float,
+        allowed_contacts: frozenset[str] = frozenset(),
+        attached: Attachment | None = None,
+    ) -> CollisionChecker:
+        """A checker with zero margins; see :meth:`gvla2.planning.arm.Arm.clearance` for the arguments."""
+        key = (_scene_key(scene), round(gripper, 4), allowed_contacts, _attachment_key(attached))
+        checker = self._checkers.get(key)
+        if checker is None:
+            checker = self._build(scene, gripper, allowed_contacts, attached)
+            self._checkers[key] = checker
+            if len(self._checkers) > self._kept:
+                self._checkers.popitem(last=False)
+        self._checkers.move_to_end(key)
+        checker.set_margins(0.0)
+        return checker
+
+    def _build(
+        self, scene: Scene, gripper: float, allowed: frozenset[str], attached: Attachment | None
+    ) -> CollisionChecker:
+        pin, coal = self._pin, self._coal
+        geometry = self._robot.copy()
+        links = [(i, _part(o)) for i, o in enumerate(geometry.geometryObjects)]
+        still = {i for i, o in enumerate(geometry.geometryObjects) if o.parentJoint == 0}
+        self_pairs = list(self._self_pairs)
+        hand = self._hand
+        if attached is not None:
+            held = attached.object
+            joint = self._kinematics.tcp_joint
+            placement = pin.SE3(self._kinematics.joint_from_tcp @ attached.tcp_from_object)
+            index = geometry.addGeometryObject(
+                pin.GeometryObject(held.id, joint, 0, placement, _solid(coal, held))
+            )
+            self_pairs += [
+                (i, index)
+                for i, name in links
+                if name not in hand and geometry.geometryObjects[i].parentJoint != joint
+            ]
+            links.append((index, held.id))
+            hand = hand | {held.id}
+        world = [(TABLE, coal.Halfspace(np.array([0.0, 0.0, 1.0]), scene.table_height), np.eye(4))]
+        ignored = frozenset() if attached is None else frozenset({attached.object.id})
+        world += [(o.id, _solid(coal, o), o.world_from_object) for o in scene.obstacles(ignored)]
+        n_world = 0
+        for name, solid, placement in world:
+            index = geometry.addGeometryObject(pin.GeometryObject(name, 0, 0, pin.SE3(placement), solid))
+            for i, part in links:
+                if i in still or (part in hand and name in allowed):
+                    continue
+                geometry.addCollisionPair(pin.CollisionPair(i, index))
+                n_world += 1
+        for first, second in self_pairs:
+            geometry.addCollisionPair(pin.CollisionPair(first, second))
+        return CollisionChecker(self._kinematics, geometry, gripper, n_world)
+
+    def _drop_resting_pairs(self, rest: FloatArray) -> None:
+        """Leave out links joined by a joint and links that touch at rest."""
+        model, robot = self._kinematics.model, self._robot
+        data, geometry_data = model.createData(), robot.createData()
+        self._pin.computeCollisions(
+            model, data, robot, geometry_data, self._kinematics.full(rest, 1.0), False
+        )
+        touching = [bool(result.isCollision()) for result in geometry_data.collisionResults]
+        pairs = [(p.first, p.second) for p in robot.collisionPairs]
+        robot.removeAllCollisionPairs()
+        for (first, second), touch in zip(pairs, touching, strict=True):
+            a, b = (robot.geometryObjects[i].parentJoint for i in (first, second))
+            if not touch and a != b and model.parents[a] != b and model.parents[b] != a:
+                robot.addCollisionPair(self._pin.CollisionPair(first, second))
+
+
+def _part(solid: Any) -> str:
+    return str(solid.name)
+
+
+def _solid(coal: Any, thing: SceneObject) -> Any:
+    """A coal shape in the object's frame: a cylinder or sphere about its box where it is one, else the box."""
+    x, y, z = np.maximum(thing.extents, 1e-4)
+    if thing.shape in ("cylinder", "disc"):
+        return coal.Cylinder(0.5 * max(x, y), z)
+    if thing.shape == "sphere":
+        return coal.Sphere(0.5 * max(x, y, z))
+    return coal.Box(x, y, z)
+
+
+def _object_key(thing: SceneObject) -> tuple[object, ...]:
+    return (thing.id, thing.shape, thing.world_from_object.tobytes(), thing.extents.tobytes())
+
+
+def _scene_key(scene: Scene) -> tuple[object, ...]:
+    return (scene.table_height, *(_object_key(o) for o in scene.obstacles()))
+
+
+def _attachment_key(attached: Attachment | None) -> tuple[object, ...] | None:
+    return attached and (*_object_key(attached.object), attached.tcp_from_object.tobytes())
+
+
+def _bisecting(count: int) -> NDArray[np.intp]:
+    """0..count-1 in an order that halves the gaps: by the bits of the index, reversed."""
+    if count <= 2:
+        return np.arange(count)
+    bits = int(np.ceil(np.log2(count)))
+    codes = np.arange(1 << bits)
+    reverse = np.zeros_like(codes)
+    for bit in range(bits):
+        reverse |= ((codes >> bit) & 1) << (bits - 1 - bit)
+    return np.asarray(reverse[reverse < count], dtype=np.intp)

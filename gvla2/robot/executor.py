@@ -1,0 +1,262 @@
+"""The waypoint loop: plan, move, grip, look at what was measured, report; any arm through its driver."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.backend import ExecutionListener
+from gvla2.robot.driver import Driver, DriverState
+from gvla2.robot.held import CarriedScene
+from gvla2.robot.motion import MotionFailure, MotionPlanner
+from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
+from gvla2.robot.safety import check_samples, check_trajectory
+from gvla2.robot.timing import MotionLimits, time_path
+
+_FAILURES: dict[str, AbortCode] = {
+    "unreachable": "unreachable",
+    "no_path": "no_path",
+    "in_collision": "collision",
+}
+
+
+@dataclass(frozen=True)
+class ExecutorOptions:
+    """How an arm is driven.
+
+    ``dt`` seconds between joint samples; ``velocity_scale`` of the URDF's joint speeds; ``acceleration`` rad/s²
+    of every joint; ``tracking_factor`` times a waypoint's tolerance is where a position error stops the motion;
+    fingers nearer than ``empty_width`` (metres) hold nothing; one motion may take ``max_motion_seconds``.
+    ``seed`` makes motion planning reproducible.
+    """
+
+    dt: float = 1.0 / 60.0
+    velocity_scale: float = 0.7
+    acceleration: float = 5.0
+    tracking_factor: float = 3.0
+    empty_width: float = 0.0015
+    max_motion_seconds: float = 60.0
+    seed: int = 0
+
+
+def execute(
+    trajectory: Trajectory,
+    scene: Scene,
+    arm: ArmModel,
+    planner: MotionPlanner,
+    driver: Driver,
+    listener: ExecutionListener = ExecutionListener(),
+    options: ExecutorOptions = ExecutorOptions(),
+) -> ExecutionReport:
+    """Move through the waypoints; stops at the first that fails, with the reason in its report.
+
+    Orientations are resolved from the measured tool pose. A waypoint is planned from the measured joints around
+    ``scene``; objects that a waypoint ``carries`` move with the hand from where the fingers closed, and stay where
+    they are let go. Each report goes to ``listener.waypoint`` as it is made.
+
+    A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the
+    waypoint under way is reported as ``interrupted`` and the exception passed on.
+    """
+    return _Run(trajectory, scene, arm, planner, driver, listener, options).through()
+
+
+@dataclass
+class _Step:
+    """What is known of the waypoint under way."""
+
+    index: int
+    waypoint: Waypoint
+    status: str = ""
+    contacts: tuple[str, ...] = ()
+    planning_seconds: float = 0.0
+    motion_seconds: float = 0.0
+
+
+class _Abort(Exception):  # noqa: N818 - it ends a loop, it is no error
+    def __init__(self, code: AbortCode, message: str) -> None:
+        super().__init__(message)
+        self.code, self.message = code, message
+
+
+class _Run:
+    """One execution: what was measured, what is carried, what was reported."""
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        scene: Scene,
+        arm: ArmModel,
+        planner: MotionPlanner,
+        driver: Driver,
+        listener: ExecutionListener,
+        options: ExecutorOptions,
+    ) -> None:
+        self.trajectory, self.given, self.world = trajectory, scene, CarriedScene(scene)
+        self.arm, self.planner, self.driver = arm, planner, driver
+        self.listener, self.options = listener, options
+        self.reports: list[WaypointReport] = []
+        self.joint_path: list[tuple[float, ...]] = []
+        self.poses: list[FloatArray] = []
+        self.last = DriverState(arm.home, 0.0)  # the last measurement that was sane
+        self.holds: bool | None = False
+        self.opening = 1.0  # commanded, in [0, 1]
+        self.closed_at = np.eye(4)  # tool pose at which the fingers last closed
+
+    def through(self) -> ExecutionReport:
+        """All waypoints, to the end or the first abort."""
+        first = next(iter(self.trajectory), Waypoint((0.0, 0.0, 0.0), 0.0, ""))
+        step = _Step(0, first)
+        try:
+            self._start()
+            for index, waypoint in enumerate(self.trajectory):
+                step = _Step(index, waypoint)
+                self._carry_out(step)
+                self._report(step)
+        except _Abort as abort:
+            if abort.code != "not_started":
+                self.driver.hold()
+            self._report(step, abort.code, abort.message)
+        except BaseException as error:
+            self._interrupted(step, error)
+            raise
+        spent = sum(r.planning_seconds + r.motion_seconds for r in self.reports)
+        return ExecutionReport(tuple(self.reports), spent, tuple(self.joint_path))
+
+    def _start(self) -> None:
+        state = self._measure()
+        self.opening = self._fraction(state.gripper_width)
+        self.closed_at = self.arm.forward(state.joints)
+        try:
+            self.poses = check_trajectory(self.trajectory, self.given, self.closed_at)
+        except RobotError as error:
+            raise _Abort("not_started", str(error)) from error
+
+    def _carry_out(self, step: _Step) -> None:
+        waypoint, options, pose = step.waypoint, self.options, self.poses[step.index]
+        state = self._measure()
+        if waypoint.carries:
+            self.world.carry(waypoint.carries, self.closed_at)
+        else:
+            self.world.release(self.arm.forward(state.joints))
+
+        samples = self._plan(step, state, pose)
+        self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
+        step.motion_seconds = (len(samples) - 1) * options.dt
+        moved = self.driver.follow(samples, options.dt, self.opening)
+        step.contacts = moved.contacts
+        if moved.diverged:
+            raise _Abort("diverged", "The driver measured something impossible and broke the motion off.")
+        state = self._measure()
+        if waypoint.carries and state.gripper_width < options.empty_width:
+            self.holds = False
+            raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
+        error = float(np.linalg.norm(self.arm.forward(state.joints)[:3, 3] - pose[:3, 3]))
+        if error > options.tracking_factor * waypoint.tolerance:
+            raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
+        if abs(waypoint.gripper - self.opening) > 1e-3:
+            self._grip(step)
+
+    def _plan(self, step: _Step, state: DriverState, pose: FloatArray) -> FloatArray:
+        """Joint samples (T, dof) to the waypoint, checked."""
+        waypoint, options = step.waypoint, self.options
+        path = self.planner.plan(
+            state.joints,
+            pose,
+            self.world.scene,
+            motion=waypoint.motion,
+            gripper=self._fraction(state.gripper_width),
+            attached=self.world.attached,
+            allowed_contacts=waypoint.allowed_contacts,
+            then=self._straight_after(step.index),
+            seed=options.seed + step.index,
+        )
+        step.planning_seconds = path.seconds
+        if isinstance(path, MotionFailure):
+            step.status = "failed"
+            raise _Abort(_FAILURES[path.code], path.message)
+        step.status = path.status
+        velocity = options.velocity_scale * self.arm.velocity_limits
+        limits = MotionLimits(velocity, np.full(self.arm.dof, options.acceleration), waypoint.speed)
+        try:
+            samples = time_path(path.joints, options.dt, limits, self.arm.tool_positions)
+            check_samples(samples, options.dt, state.joints, self.arm.limits, self.arm.velocity_limits)
+        except RobotError as error:
+            raise _Abort("diverged", str(error)) from error
+        if (len(samples) - 1) * options.dt > options.max_motion_seconds:
+            raise _Abort("timeout", f"The motion would take over {options.max_motion_seconds:.0f} s.")
+        return samples
+
+    def _grip(self, step: _Step) -> None:
+        """Open or close as the waypoint says; closing on nothing, with something to carry next, is a slip."""
+        wanted = step.waypoint.gripper
+        closing = wanted < self.opening
+        result = self.driver.grip(wanted)
+        self.opening = wanted
+        step.contacts = tuple(dict.fromkeys(step.contacts + result.contacts))
+        self.holds = result.held if closing else False
+        state = self._measure()
+        if not closing:
+            return
+        self.closed_at = self.arm.forward(state.joints)
+        following = self.trajectory.waypoints[step.index + 1 : step.index + 2]
+        if any(w.carries for w in following) and state.gripper_width < self.options.empty_width:
+            self.holds = False
+            raise _Abort("slipped", "The fingers closed on nothing.")
+
+    def _straight_after(self, index: int) -> list[FloatArray]:
+        """Poses of the straight moves right after the waypoint."""
+        poses = []
+        for waypoint, pose in zip(
+            self.trajectory.waypoints[index + 1 :], self.poses[index + 1 :], strict=True
+        ):
+            if waypoint.motion != "linear":
+                break
+            poses.append(pose)
+        return poses
+
+    def _fraction(self, width: float) -> float:
+        return float(np.clip(width / self.arm.hand.max_width, 0.0, 1.0))
+
+    def _measure(self) -> DriverState:
+        state = self.driver.state()
+        if not np.isfinite(state.joints).all() or not np.isfinite(state.gripper_width):
+            raise _Abort("diverged", "The measured joints are not finite.")
+        self.last = state
+        return state
+
+    def _report(self, step: _Step, abort: AbortCode = "", message: str = "") -> None:
+        reached = self.arm.forward(self.last.joints)[:3, 3]
+        target = np.asarray(step.waypoint.xyz)
+        report = WaypointReport(
+            index=step.index,
+            stage=step.waypoint.stage,
+            target=(float(target[0]), float(target[1]), float(target[2])),
+            reached=(float(reached[0]), float(reached[1]), float(reached[2])),
+            error=float(np.linalg.norm(reached - target)),
+            gripper_width=self.last.gripper_width,
+            held=self.holds,
+            contacts=step.contacts,
+            status=step.status,
+            abort=abort,
+            message=message,
+            planning_seconds=step.planning_seconds,
+            motion_seconds=step.motion_seconds,
+        )
+        self.reports.append(report)
+        self.listener.waypoint(report)
+
+    def _interrupted(self, step: _Step, error: BaseException) -> None:
+        """Bring the arm to rest first of all, then say how far it got."""
+        self.driver.hold()
+        if any(report.index == step.index for report in self.reports):
+            return  # the listener itself raised at this waypoint: it has its report
+        with contextlib.suppress(_Abort):
+            self._measure()
+        self._report(step, "interrupted", f"{type(error).__name__}: {error}".rstrip(": "))

@@ -1,0 +1,64 @@
+"""The solids of a URDF's links, meshes and boxes merged into one convex hull a link."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.robot.kinematics import Kinematics
+
+
+def link_geometry(kinematics: Kinematics, urdf: Path, package_dirs: list[str], pin: Any, coal: Any) -> Any:
+    """A pinocchio ``GeometryModel`` in the world: solids are named by their link, several of a name are possible.
+
+    Round primitives (spheres, cylinders, capsules) stay as they are: exact, and faster than a hull.
+    Raises :class:`RobotError` when a mesh can't be read.
+    """
+    try:
+        source = pin.buildGeomFromUrdf(
+            kinematics.model, str(urdf), pin.GeometryType.COLLISION, package_dirs=package_dirs
+        )
+    except ValueError as error:
+        raise RobotError(f"The collision meshes of {urdf.name} can't be read: {error}") from error
+    merged = pin.GeometryModel()
+    corners: dict[int, list[FloatArray]] = defaultdict(list)
+    for solid in source.geometryObjects:
+        points = _corners(solid.geometry, coal)
+        if points is None:
+            _add(pin, kinematics, merged, solid.parentFrame, solid.placement, solid.geometry)
+        else:
+            pose = solid.placement
+            corners[solid.parentFrame].append(points @ pose.rotation.T + pose.translation)
+    for frame, parts in corners.items():
+        hull = _hull(coal, np.concatenate(parts))
+        _add(pin, kinematics, merged, frame, pin.SE3.Identity(), hull)
+    return merged
+
+
+def _add(pin: Any, kinematics: Kinematics, merged: Any, frame: int, placement: Any, shape: Any) -> None:
+    link = kinematics.model.frames[frame]
+    if link.parentJoint == 0:  # the base's solids come in the URDF's root frame
+        placement = pin.SE3(kinematics.world_from_base) * placement
+    merged.addGeometryObject(pin.GeometryObject(link.name, link.parentJoint, frame, placement, shape))
+
+
+def _corners(shape: Any, coal: Any) -> FloatArray | None:
+    """Points (N, 3) whose hull contains a mesh or box; None for round primitives."""
+    if isinstance(shape, coal.BVHModelBase):
+        return np.array(shape.vertices(), dtype=np.float64).reshape(-1, 3)
+    if isinstance(shape, coal.Box):
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+        return np.asarray(signs * shape.halfSide)
+    return None
+
+
+def _hull(coal: Any, points: FloatArray) -> Any:
+    vertices = coal.StdVec_Vec3s()
+    for point in points:
+        vertices.append(point)
+    return coal.Convex.convexHull(vertices, True, "Qt")

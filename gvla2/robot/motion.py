@@ -1,0 +1,278 @@
+"""Motion planning: from joints to a tool pose or joints, clear of the perceived scene."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Attachment
+from gvla2.planning.scene import Scene
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.joint_search import interpolate, rrt_connect, shorten
+
+
+@dataclass(frozen=True)
+class MotionPath:
+    """Joints (N, dof) in radians, the start first; ``status`` says how it was found; planning time in seconds."""
+
+    joints: FloatArray = field(repr=False)
+    status: Literal["linear", "direct", "rrt_connect"]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class MotionFailure:
+    """Why there is no path.
+
+    ``unreachable``: no joints for the pose, or the straight line leaves the arm's reach; ``in_collision``: the
+    start, the goal or the straight line touches (``pair``: part of the robot or held object, other part);
+    ``no_path``: both ends are fine, the search found nothing between.
+    """
+
+    code: Literal["unreachable", "no_path", "in_collision"]
+    message: str
+    seconds: float
+    pair: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """Bounds of the planner, metres and radians.
+
+    ``margin`` is kept from the scene on free motions and ``linear_margin`` on straight ones; where the start or
+    the goal is nearer already, the pair keeps what it has there, less ``slack``. Perception is a few millimetres
+    off, so a start may overlap by ``start_overlap`` and a goal by ``goal_overlap``. Checks are
+    ``fine_step`` radians apart. ``goals`` joint solutions are tried for a pose. ``max_checks`` bounds one search,
+    of which there are ``attempts``; ``max_seconds`` is a safety net of each.
+    """
+
+    margin: float = 0.010
+    linear_margin: float = 0.0
+    slack: float = 0.002
+    start_overlap: float = 0.02
+    goal_overlap: float = 0.003
+    fine_step: float = 0.008
+    goals: int = 5
+    max_checks: int = 20_000
+    attempts: int = 2
+    max_seconds: float = 20.0
+
+
+class MotionPlanner:
+    """Plans for one arm; see :meth:`plan`."""
+
+    def __init__(self, arm: ArmModel, options: MotionOptions = MotionOptions()) -> None:
+        self.arm, self.options = arm, options
+
+    def plan(
+        self,
+        start: FloatArray,
+        goal: FloatArray,
+        scene: Scene,
+        *,
+        motion: Literal["free", "linear"] = "free",
+        gripper: float = 1.0,
+        attached: Attachment | None = None,
+        allowed_contacts: frozenset[str] = frozenset(),
+        then: Sequence[FloatArray] = (),
+        seed: int = 0,
+    ) -> MotionPath | MotionFailure:
+        """A path from joints ``start`` (dof,) to ``goal``: a tool pose (4, 4), or joints (dof,) for free motions.
+
+        ``gripper`` is the opening in [0, 1] on the way. ``then`` are tool poses (4, 4) to be reached by straight
+        moves afterwards: joints for the goal from which they can be are preferred. The same arguments give the
+        same path.
+        """
+        query = _Query(self, start, scene, gripper, attached, allowed_contacts, seed)
+        found = query.linear(goal) if motion == "linear" else query.free(goal, then)
+        seconds = time.perf_counter() - query.began
+        if isinstance(found, MotionFailure):
+            return MotionFailure(found.code, found.message, seconds, found.pair)
+        return MotionPath(found[0], found[1], seconds)
+
+
+@dataclass(frozen=True)
+class _Goal:
+    joints: FloatArray
+    distances: FloatArray  # (pairs,)
+
+
+_Found = tuple[FloatArray, Literal["linear", "direct", "rrt_connect"]]
+
+
+class _Query:
+    """One call of the planner: the checker, the start, and what the start is near to."""
+
+    def __init__(
+        self,
+        planner: MotionPlanner,
+        start: FloatArray,
+        scene: Scene,
+        gripper: float,
+        attached: Attachment | None,
+        allowed_contacts: frozenset[str],
+        seed: int,
+    ) -> None:
+        self.began = time.perf_counter()
+        self.arm, self.options, self.seed = planner.arm, planner.options, seed
+        low, high = self.arm.limits
+        self.start = np.clip(np.asarray(start, dtype=np.float64), low, high)
+        self.checker = self.arm.checker(scene, gripper, allowed_contacts, attached)
+        self.start_distances = self.checker.distances(self.start)
+
+    def free(self, goal: FloatArray, then: Sequence[FloatArray]) -> _Found | MotionFailure:
+        blocked = self._start_blocked()
+        if blocked:
+            return blocked
+        goals = self._goals(goal, then)
+        if isinstance(goals, MotionFailure):
+            return goals
+        # A goal in another posture may be easy to get to, but only by waving the arm about: it comes last.
+        nearest = min(self._away(g) for g in goals)
+        handy = [g for g in goals if self._away(g) <= 1.5 * nearest + 0.5]
+        for choice in (handy, goals):
+            found = self._direct(choice) or self._search(choice)
+            if found is not None:
+                return found
+        return MotionFailure("no_path", "The search found no way around the obstacles.", 0.0)
+
+    def linear(self, goal: FloatArray) -> _Found | MotionFailure:
+        blocked = self._start_blocked()
+        if blocked:
+            return blocked
+        line = self.arm.line(self.start, goal)
+        if line is None:
+            where = (
+                "the pose is out of reach"
+                if self.arm.inverse(goal, self.start) is None
+                else ("the straight line there leaves the joint limits")
+            )
+            return MotionFailure("unreachable", f"No straight move to {_place(goal)}: {where}.", 0.0)
+        path = np.stack(line)
+        end = self.checker.distances(path[-1])
+        blocked = self._goal_blocked(end)
+        if blocked:
+            return blocked
+        self._keep(self.options.linear_margin, end)
+        fine = interpolate(path, self.options.fine_step)
+        index = self.checker.first_blocked(fine)
+        if index is not None:
+            pair, depth = self._worst(fine[index])
+            return MotionFailure(
+                "in_collision", f"The straight move to {_place(goal)} takes {pair[0]} into {pair[1]} ({depth}).",
+                0.0, pair,
+            )  # fmt: skip
+        return path, "linear"
+
+    def _goals(self, goal: FloatArray, then: Sequence[FloatArray]) -> list[_Goal] | MotionFailure:
+        """Goal joints free of collisions, best first: with what follows, with the full margin, near the start."""
+        goal = np.asarray(goal, dtype=np.float64)
+        if goal.ndim == 1:
+            low, high = self.arm.limits
+            if (goal < low - 1e-9).any() or (goal > high + 1e-9).any():
+                return MotionFailure("unreachable", "The goal joints are outside the joint limits.", 0.0)
+            found = [goal]
+        else:
+            found = [s.joints for s in self.arm.ik.solutions(goal, self.start, self.options.goals)]
+            if not found:
+                return MotionFailure("unreachable", f"No joints put the tool at {_place(goal)}.", 0.0)
+        goals, reasons = [], []
+        for joints in found:
+            distances = self.checker.distances(joints)
+            blocked = self._goal_blocked(distances)
+            if blocked:
+                reasons.append(blocked)
+            else:
+                goals.append(_Goal(joints, distances))
+        if not goals:
+            return reasons[0]
+        world, margin = self.checker.n_world, self.options.margin
+        close = [bool((g.distances[:world] < margin).any()) for g in goals]
+        broken = [not self._can_continue(g.joints, then) for g in goals] if len(goals) > 1 else [False]
+        order = sorted(range(len(goals)), key=lambda i: (broken[i], close[i], i))
+        best = (broken[order[0]], close[order[0]])
+        return [goals[i] for i in order if (broken[i], close[i]) == best]
+
+    def _can_continue(self, joints: FloatArray, then: Sequence[FloatArray]) -> bool:
+        for pose in then:
+            line = self.arm.line(joints, pose, step=0.02)
+            if line is None:
+                return False
+            joints = line[-1]
+        return True
+
+    def _away(self, goal: _Goal) -> float:
+        return float(np.linalg.norm(goal.joints - self.start))
+
+    def _direct(self, goals: Sequence[_Goal]) -> _Found | None:
+        for goal in goals:
+            self._keep(self.options.margin, goal.distances)
+            path = np.stack([self.start, goal.joints])
+            if self._clear(path):
+                return path, "direct"
+        return None
+
+    def _search(self, goals: Sequence[_Goal]) -> _Found | None:
+        options = self.options
+        low, high = self.arm.limits
+        self._keep(options.margin, np.min([g.distances for g in goals], axis=0))
+        for attempt in range(options.attempts):
+            seed = self.seed * 1000 + attempt
+            path = rrt_connect(
+                self.start,
+                [g.joints for g in goals],
+                low,
+                high,
+                self.checker.free,
+                seed=seed,
+                max_checks=options.max_checks,
+                max_seconds=options.max_seconds,
+            )
+            if path is None:
+                continue
+            path = shorten(path, lambda a, b: self._clear(np.stack([a, b])), seed)
+            if self._clear(path):
+                return path, "rrt_connect"
+        return None
+
+    def _clear(self, path: FloatArray) -> bool:
+        return self.checker.first_blocked(interpolate(path, self.options.fine_step)) is None
+
+    def _keep(self, margin: float, goal_distances: FloatArray) -> None:
+        """Set each world pair's margin, relaxed to what start and goal leave of it."""
+        world = self.checker.n_world
+        ends = np.minimum(self.start_distances, goal_distances)[:world]
+        self.checker.set_margins(np.minimum(margin, ends - self.options.slack))
+
+    def _start_blocked(self) -> MotionFailure | None:
+        return self._blocked(self.start_distances, self.options.start_overlap, "At the start")
+
+    def _goal_blocked(self, distances: FloatArray) -> MotionFailure | None:
+        return self._blocked(distances, self.options.goal_overlap, "At the goal")
+
+    def _blocked(self, distances: FloatArray, overlap: float, where: str) -> MotionFailure | None:
+        """A failure when a world pair overlaps by more than ``overlap``, or the arm touches itself."""
+        allowed = np.zeros(len(distances))
+        allowed[: self.checker.n_world] = overlap
+        excess = distances + allowed
+        if not len(excess) or excess.min() >= 0:
+            return None
+        worst = int(excess.argmin())
+        pair = self.checker.pairs[worst]
+        message = f"{where} {pair[0]} overlaps {pair[1]} by {-1e3 * distances[worst]:.0f} mm."
+        return MotionFailure("in_collision", message, 0.0, pair)
+
+    def _worst(self, joints: FloatArray) -> tuple[tuple[str, str], str]:
+        clearance = self.checker.clearance(joints)
+        depth = f"{-1e3 * clearance.distance:.0f} mm" if clearance.distance < 0 else "nearer than its margin"
+        return (clearance.robot_part, clearance.other), depth
+
+
+def _place(pose: FloatArray) -> str:
+    x, y, z = pose[:3, 3]
+    return f"({x:.3f}, {y:.3f}, {z:.3f}) m"

@@ -1,0 +1,95 @@
+"""All things of a scene: clusters to solids, fragments made one, composites taken apart, and what stands on what."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2_plugins.classical.clusters import LIGHTNESS
+from gvla2_plugins.classical.frames import Frame, seen_through
+from gvla2_plugins.classical.levels import split_by_height
+from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.things import GOOD, Thing, shape_thing
+
+FRAGMENT_REACH = 0.10  # metres between the middles of two fragments of one thing
+FRAGMENT_LIKE = 12.0
+TOUCH = 0.008  # metres between a thing and what carries it
+
+
+def assemble(
+    frames: Sequence[Frame], pixels: Pixels, labels: IntArray, min_points: int, gap: float
+) -> list[Thing]:
+    """Solids of the labelled pixels (N,), -1 for none; what carries each is set."""
+    clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
+    clusters = [c for c in clusters if len(c) >= min_points]
+    things = [shape_thing(frames, pixels, members, gap) for members in clusters]
+    things = _join_fragments(frames, pixels, things, gap)
+    parts: list[Thing] = []
+    for group, thing in enumerate(things):
+        parts += [replace(p, group=group) for p in _take_apart(frames, pixels, thing, min_points, gap)]
+    return rest_on_each_other(parts)
+
+
+def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing], gap: float) -> list[Thing]:
+    """Pieces of one look whose gap no camera saw through, and that one solid explains: a cube behind a finger."""
+    things = list(things)
+    weights = np.array([1.0, 1.0, LIGHTNESS])
+    i = 0
+    while i < len(things):
+        for j in range(i + 1, len(things)):
+            a, b = things[i], things[j]
+            one, other = (np.median(t.points, axis=0) for t in (a, b))
+            looks = [np.median(pixels.look[t.members], axis=0) * weights for t in (a, b)]
+            if np.linalg.norm(one - other) > FRAGMENT_REACH or np.linalg.norm(looks[0] - looks[1]) > FRAGMENT_LIKE:
+                continue
+            line = one + np.linspace(0.0, 1.0, 16)[:, None] * (other - one)
+            if seen_through(frames, line, margin=0.015).any():
+                continue
+            joined = shape_thing(frames, pixels, np.sort(np.concatenate([a.members, b.members])), gap)
+            if joined.kind != "other" and joined.agreement >= min(GOOD, a.agreement, b.agreement) - 0.1:
+                things[i] = joined
+                del things[j]
+                break
+        else:
+            i += 1
+    return things
+
+
+def _take_apart(
+    frames: Sequence[Frame], pixels: Pixels, thing: Thing, min_points: int, gap: float
+) -> list[Thing]:
+    """The parts of a thing that one solid does not explain, when the parts' solids explain it better."""
+    if thing.hollow or (thing.kind != "other" and thing.agreement >= GOOD):
+        return [thing]
+    cuts = split_by_height(thing.points, max(12, min_points // 2))
+    if len(cuts) < 2:
+        return [thing]
+    parts = [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts]
+    weight = np.array([len(p.members) for p in parts], dtype=np.float64)
+    better = float(weight @ [p.agreement for p in parts]) / weight.sum()
+    return parts if better > thing.agreement + 0.05 else [thing]
+
+
+def rest_on_each_other(things: Sequence[Thing]) -> list[Thing]:
+    """The things with ``on`` set, and the lower face of what stands on another brought down to that one's top."""
+    placed = list(things)
+    order = sorted(range(len(placed)), key=lambda k: placed[k].top)
+    for k in order:
+        thing = placed[k]
+        below = [j for j in order if j != k and _carries(placed[j], thing)]
+        if below:
+            carrier = max(below, key=lambda j: placed[j].top)
+            placed[k] = replace(thing if thing.floating else thing.resting_at(placed[carrier].top), on=carrier)
+    return placed
+
+
+def _carries(lower: Thing, upper: Thing) -> bool:
+    """Whether ``upper`` stands on ``lower``: over it, and nothing of it seen below that one's top."""
+    if lower.top > upper.top - 0.002 or lower.top > upper.lowest + TOUCH:
+        return False
+    if upper.floating and upper.bottom > lower.top + TOUCH:
+        return False
+    middle = upper.centre[None, :2]
+    return bool(lower.covers(middle)[0] or upper.covers(lower.centre[None, :2])[0] and upper.floating)

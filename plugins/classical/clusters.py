@@ -1,0 +1,156 @@
+"""From pixels above the table to things: first within each image, then across the views.
+
+Within an image neighbourhood is exact, however far apart the points of a steep face lie; across views, pieces of
+like colour that lie on one another are the same thing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, convolve
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from gvla2.geometry.transform import FloatArray
+from gvla2_plugins.classical.frames import Frame
+from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
+
+LIGHTNESS = 0.35  # share of lightness when looks of whole pieces are compared: views light them differently
+LIKE = 15.0  # mean looks of pieces of one thing differ by less
+SAME_FACE = 2.5  # neighbouring pixels of one flat face differ by less, in look
+FACE_PIXELS = 12  # fewer do not tell a face's normal
+PARALLEL = 0.9  # cosine of the angle between normals that count as one orientation
+STEP = 4.0  # difference of look between two parallel faces in one image that is paint, not light
+MOST = 9000  # points that are searched for neighbours across views
+
+
+def without_specks(mask: NDArray[np.bool_], least: int = 3) -> NDArray[np.bool_]:
+    """The mask (H, W) less pixels that have fewer than ``least`` of eight neighbours in it."""
+    kernel = np.ones((3, 3), dtype=np.int8)
+    kernel[1, 1] = 0
+    return np.asarray(mask & (convolve(mask.astype(np.int8), kernel, mode="constant") >= least))
+
+
+def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray:
+    """(N,) piece of each pixel: connected within its image, without a jump of depth or colour."""
+    pairs = pixels.neighbours()
+    near = np.linalg.norm(pixels.points[pairs[:, 0]] - pixels.points[pairs[:, 1]], axis=1) < jump
+    change = np.linalg.norm(pixels.look[pairs[:, 0]] - pixels.look[pairs[:, 1]], axis=1)
+    pairs, change = pairs[near & (change < colour_step)], change[near & (change < colour_step)]
+    faces = _components(len(pixels), pairs[change < SAME_FACE])
+    painted = _painted_borders(pixels, faces, pairs)
+    return _components(len(pixels), pairs[~painted])
+
+
+def _painted_borders(pixels: Pixels, faces: IntArray, pairs: IntArray) -> NDArray[np.bool_]:
+    """(E,) bool: pairs across the border of two faces of one orientation but another lightness.
+
+    Light depends on the slope alone, so such a border is paint: two things of one hue that touch.
+    """
+    one, other = faces[pairs[:, 0]], faces[pairs[:, 1]]
+    sizes = np.bincount(faces)
+    border = (one != other) & (sizes[one] >= FACE_PIXELS) & (sizes[other] >= FACE_PIXELS)
+    painted = np.zeros(len(pairs), dtype=bool)
+    if not border.any():
+        return painted
+    keys = np.sort(np.stack([one[border], other[border]], axis=1), axis=1)
+    distinct, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    normals: dict[int, FloatArray] = {}
+    looks: dict[int, FloatArray] = {}
+    for face in np.unique(distinct):
+        members = faces == face
+        points = pixels.points[members]
+        _, vectors = np.linalg.eigh(np.cov(points.T))
+        normals[int(face)] = vectors[:, 0]
+        looks[int(face)] = np.median(pixels.look[members], axis=0)
+    cut = np.zeros(len(distinct), dtype=bool)
+    for i, (a, b) in enumerate(distinct):
+        parallel = abs(float(normals[int(a)] @ normals[int(b)])) > PARALLEL
+        step = float(np.linalg.norm(looks[int(a)] - looks[int(b)]))
+        cut[i] = counts[i] >= 3 and parallel and step > STEP
+    painted[border] = cut[inverse.reshape(-1)]
+    return painted
+
+
+def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, least: int = 3) -> IntArray:
+    """(N,) thing of each pixel, -1 for specks: pieces of like look whose points lie within ``reach`` metres."""
+    sizes = np.bincount(pieces)
+    keep = np.nonzero(sizes[pieces] >= least)[0]
+    if len(keep) == 0:
+        return np.full(len(pixels), -1, dtype=np.int64)
+    sample = keep[:: max(1, -(-len(keep) // MOST))]
+    sampled = np.bincount(pieces[sample], minlength=len(sizes))
+    looks = piece_looks(pixels, pieces)
+    pairs = cKDTree(pixels.points[sample]).query_pairs(reach, output_type="ndarray")
+    a, b = sample[pairs[:, 0]], sample[pairs[:, 1]]
+    across = (pieces[a] != pieces[b]) & (pixels.view[a] != pixels.view[b])
+    a, b = a[across], b[across]
+    # A vote is a point of one piece with some neighbour in the other, counted once.
+    count = len(sizes)
+    votes = np.unique(np.concatenate([a * count + pieces[b], b * count + pieces[a]]))
+    keys, counts = np.unique(pieces[votes // count] * count + votes % count, return_counts=True)
+    keys = np.stack([keys // count, keys % count], axis=1)
+    small = np.minimum(sampled[keys[:, 0]], sampled[keys[:, 1]])
+    alike = np.linalg.norm(looks[keys[:, 0]] - looks[keys[:, 1]], axis=1) < LIKE
+    joined = keys[alike & (counts >= np.maximum(2, 0.12 * small))]
+    things = _components(len(sizes), joined)[pieces]
+    things[sizes[pieces] < least] = -1
+    return things
+
+
+def piece_looks(pixels: Pixels, pieces: IntArray) -> FloatArray:
+    """(P, 3) mean look of each piece, lightness weighted down."""
+    sizes = np.maximum(1, np.bincount(pieces))
+    weights = [1.0, 1.0, LIGHTNESS]
+    return np.stack(
+        [np.bincount(pieces, weights=pixels.look[:, k]) / sizes * weights[k] for k in range(3)], axis=1
+    )
+
+
+def grow_down(
+    frames: Sequence[Frame],
+    masks: Sequence[NDArray[np.bool_]],
+    low: Sequence[NDArray[np.bool_]],
+    different: Sequence[NDArray[np.bool_]],
+    colour_step: float,
+    steps: int = 3,
+) -> list[NDArray[np.bool_]]:
+    """The masks (H, W) with the lowest pixels of each thing, which lie too near to the table to be told by height.
+
+    A pixel of ``low`` that looks ``different`` from the table joins when it touches the mask and looks like a
+    neighbour there; at most ``steps`` pixels deep, so that paint beside a thing is left alone.
+    """
+    grown = []
+    for frame, mask, near, other in zip(frames, masks, low, different, strict=True):
+        current, candidates = mask.copy(), near & other & ~mask
+        band = binary_dilation(mask, np.ones((3, 3), bool), iterations=steps + 1)
+        look = np.full((*mask.shape, 3), np.nan)
+        look[band] = appearance_of(frame.image[band] / 255.0)
+        across = _alike(look[:, :-1], look[:, 1:], 0.5 * colour_step)
+        down = _alike(look[:-1], look[1:], 0.5 * colour_step)
+        for _ in range(steps):
+            beside = np.zeros_like(current)
+            beside[:, 1:] |= current[:, :-1] & across
+            beside[:, :-1] |= current[:, 1:] & across
+            beside[1:] |= current[:-1] & down
+            beside[:-1] |= current[1:] & down
+            fresh = beside & candidates & ~current
+            if not fresh.any():
+                break
+            current |= fresh
+        grown.append(current)
+    return grown
+
+
+def _alike(one: FloatArray, other: FloatArray, step: float) -> NDArray[np.bool_]:
+    difference = one - other
+    return np.asarray(np.einsum("ijk,ijk->ij", difference, difference) < step**2)
+
+
+def _components(count: int, pairs: IntArray) -> IntArray:
+    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

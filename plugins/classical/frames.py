@@ -1,0 +1,103 @@
+"""Usable pixels of all views, as points in the table's frame, and what space they show to be free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from gvla2.errors import PerceptionError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.views import View
+
+DARK = 4  # an image without a brighter pixel (of 255) shows nothing: the lens is covered
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One view, ready to use.
+
+    ``image`` (H, W, 3) uint8; ``depth`` (H, W) metres, NaN where nothing is known or where the robot is;
+    ``rays`` (H, W, 3) directions whose multiple by depth, added to ``origin`` (3,), is the seen point; ``points``
+    (H, W, 3), NaN where depth is. All in the frame of ``frame_from_world`` (4, 4): the world at first, the table
+    (its top at z = 0) later.
+    """
+
+    camera: Camera
+    image: NDArray[np.uint8]
+    depth: FloatArray
+    origin: FloatArray
+    rays: FloatArray
+    points: FloatArray
+    frame_from_world: FloatArray
+
+    def moved(self, to_from_here: FloatArray) -> Frame:
+        """The same view in another frame, given by a rigid (4, 4)."""
+        rays = self.rays @ to_from_here[:3, :3].T
+        origin = transform_points(to_from_here, self.origin)
+        return replace(
+            self,
+            origin=origin,
+            rays=rays,
+            points=origin + rays * self.depth[..., None],
+            frame_from_world=to_from_here @ self.frame_from_world,
+        )
+
+
+def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame], list[str]]:
+    """Frames in the world's frame, and a sentence for each view that cannot be used.
+
+    Raises :class:`PerceptionError` when no view is left.
+    """
+    frames: list[Frame] = []
+    notes: list[str] = []
+    for view in views:
+        depth = np.full(view.image.shape[:2], np.nan) if view.depth is None else view.depth.astype(np.float64)
+        depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+        if view.robot_mask is not None:
+            robot = view.robot_mask
+            if robot_margin > 0:
+                robot = binary_dilation(robot, np.ones((3, 3), bool), iterations=robot_margin)
+            depth[robot] = np.nan
+        reason = _why_not(view, depth)
+        if reason:
+            notes.append(f"Camera '{view.name}' is not used: {reason}.")
+            continue
+        origin, rays = view.camera.rays()
+        points = origin + rays * depth[..., None]
+        frames.append(Frame(view.camera, view.image, depth, origin, rays, points, np.eye(4)))
+    if not frames:
+        raise PerceptionError(
+            "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."
+        )
+    return frames, notes
+
+
+def _why_not(view: View, depth: FloatArray) -> str:
+    if view.depth is None:
+        return "it has no depth"
+    if not np.isfinite(depth).any():
+        return "no pixel has a depth, or all of them show the robot"
+    if view.image.max() <= DARK:
+        return "its image is black"
+    return ""
+
+
+def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:
+    """(N,) bool: points (N, 3), in the frames' own frame, that some camera looked through to something behind.
+
+    A point nearer than ``margin`` metres to the surface behind it does not count.
+    """
+    free = np.zeros(len(points), dtype=bool)
+    for frame in frames:
+        world = transform_points(invert_rigid(frame.frame_from_world), points)
+        uv, depth = frame.camera.project(world)
+        inside = frame.camera.inside(uv)
+        columns, rows = (uv[inside].astype(np.int64)).T
+        measured = frame.depth[rows, columns]
+        free[inside] |= measured > depth[inside] + margin  # NaN compares false: unknown is not free
+    return free

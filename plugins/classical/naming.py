@@ -1,0 +1,125 @@
+"""Words for things: colour, shape and the noun that a person would use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.colours import nearest_colours
+from gvla2.planning.scene import Shape
+from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.things import Thing
+
+SURE = 12.0  # by how much the second nearest colour word must be further away to be ruled out
+
+
+def true_colour(pixels: Pixels, members: IntArray) -> FloatArray:
+    """(3,) the thing's own colour in [0, 1]: the median of its brightest face in the view that lights it best.
+
+    Light falls off with slope, never brightens: the brightest face is nearest to the paint.
+    """
+    best = np.zeros(3)
+    for view in np.unique(pixels.view[members]):
+        rgb = pixels.rgb[members[pixels.view[members] == view]]
+        if len(rgb) < 6:
+            continue
+        brightness = rgb.sum(axis=1)
+        face = np.median(rgb[brightness >= np.percentile(brightness, 70.0)], axis=0)
+        best = face if face.sum() > best.sum() else best
+    return best if best.any() else np.median(pixels.rgb[members], axis=0)
+
+
+def colour_word(rgb: FloatArray) -> tuple[str, float]:
+    """The nearest colour word and how sure it is, in [0, 1], from the lead over the second."""
+    (word, first), (_, second) = nearest_colours(rgb, 2)
+    return word, float(np.clip((second - first) / SURE, 0.0, 1.0))
+
+
+def shape_of(thing: Thing) -> Shape:
+    """The scene's coarse shape."""
+    width, depth, height = thing.extents
+    if thing.kind == "box" and height < 0.025 and height < 0.3 * min(width, depth):
+        return "plate"
+    if thing.kind == "cylinder" and height < 0.6 * width:
+        return "disc"
+    return thing.kind
+
+
+def is_button(thing: Thing, carrier: Thing | None) -> bool:
+    """A small raised thing on a wider one, flat enough to be pushed."""
+    if carrier is None or thing.floating:
+        return False
+    small = max(thing.extents[:2]) < 0.055 and thing.extents[2] < min(0.035, 1.2 * min(thing.extents[:2]))
+    return bool(small and thing.extents[:2].prod() < 0.7 * carrier.extents[:2].prod())
+
+
+def is_post(thing: Thing) -> bool:
+    """Slender and upright."""
+    return bool(thing.extents[2] > 3.5 * max(thing.extents[:2]) and max(thing.extents[:2]) < 0.05)
+
+
+def parents(things: Sequence[Thing]) -> list[int]:
+    """Index of the thing that each is a part of, or -1.
+
+    A button belongs to what it stands on, a post on a foot to the foot, what sits on a post to what the post
+    belongs to, a lid to the round thing under it, and what a split by height made to the lowest of its parts.
+    """
+    found = []
+    for k, thing in enumerate(things):
+        carrier = things[thing.on] if thing.on >= 0 else None
+        siblings = [j for j, other in enumerate(things) if other.group == thing.group and j != k]
+        lowest = min(siblings, key=lambda j: things[j].bottom, default=-1)
+        parent = -1
+        if carrier is not None and (is_button(thing, carrier) or is_post(thing) or is_post(carrier)):
+            parent = thing.on
+        elif carrier is not None and _is_lid(thing, carrier):
+            parent = thing.on
+        elif lowest >= 0 and things[lowest].bottom < thing.bottom - 1e-4:
+            parent = lowest
+        found.append(parent)
+    for k in range(len(found)):  # parts of parts belong to the whole
+        for _ in range(len(found)):
+            if found[k] >= 0 and found[found[k]] >= 0 and not is_button(things[k], things[found[k]]):
+                found[k] = found[found[k]]
+    return found
+
+
+def _is_lid(thing: Thing, carrier: Thing) -> bool:
+    rounds = thing.kind == "cylinder" and carrier.kind == "cylinder"
+    alike = 0.75 < float(thing.extents[0] / carrier.extents[0]) < 1.35
+    return bool(rounds and alike and thing.extents[2] < 0.5 * carrier.extents[2])
+
+
+def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
+    """The plain word for it, without its colour."""
+    carrier = things[thing.on] if thing.on >= 0 else None
+    width, depth, height = thing.extents
+    if is_button(thing, carrier):
+        return "button"
+    if parent >= 0 and carrier is not None and _is_lid(thing, carrier):
+        return "lid"
+    if is_post(thing):
+        return "post"
+    if carrier is not None and is_post(carrier):
+        return "lamp shade" if carrier.on >= 0 else "top"
+    if any(other.on >= 0 and things[other.on] is thing and is_post(other) for other in things):
+        return "lamp base"
+    if thing.hollow:
+        if thing.kind == "cylinder":
+            return "cup" if height > 0.6 * width else "bowl"
+        return "tray" if height < 0.4 * width else "open box"
+    match shape_of(thing):
+        case "sphere":
+            return "ball"
+        case "disc":
+            return "disc"
+        case "cylinder":
+            return "bottle" if height > 2.0 * width else "cylinder"
+        case "plate":
+            return "plate"
+        case "box":
+            longest, shortest = float(max(thing.extents)), float(min(thing.extents))
+            return "cube" if longest < 1.3 * shortest and longest < 0.15 else "box"
+    return "object"

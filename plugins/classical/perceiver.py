@@ -1,0 +1,171 @@
+"""Plane, clusters, solids, words: the perceiver ``classical``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.errors import PerceptionError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2_plugins.classical import ClassicalConfig
+from gvla2_plugins.classical.assembly import assemble
+from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
+from gvla2_plugins.classical.frames import Frame, usable_frames
+from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape_of, true_colour
+from gvla2_plugins.classical.pixels import Pixels, choose
+from gvla2_plugins.classical.plane import Table, find_table
+from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
+from gvla2_plugins.classical.solids import evenly
+from gvla2_plugins.classical.things import Thing
+
+BORDER = 0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole
+PAINT = 0.001  # the thickness that a painted patch is given
+MOST_POINTS = 4000  # points kept of one object
+
+
+class ClassicalPerceiver:
+    """Objects on a table from RGB-D views, by geometry and colour; the instruction is not used.
+
+    All views are used together: a pixel graph in each image, pieces joined across views, a solid (box, cylinder,
+    sphere) fitted to the seen points and to the rays that pass beside it.
+    """
+
+    def __init__(self, config: ClassicalConfig) -> None:
+        wrong = [
+            name
+            for name in ("plane_tolerance", "max_tilt", "min_height", "jump", "colour_step", "gap", "min_region")
+            if not getattr(config, name) > 0
+        ]
+        if wrong or config.min_points < 4 or config.robot_margin < 0:
+            raise PerceptionError(
+                f"perceiver=classical: {', '.join(wrong) or 'min_points or robot_margin'} is out of range; lengths "
+                "must be positive, min_points at least 4, robot_margin at least 0."
+            )
+        self._config = config
+
+    def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
+        """The scene inside ``workspace``, objects ordered by x, then y.
+
+        Raises :class:`PerceptionError` when no camera delivers depth, or no level plane is found.
+        """
+        del instruction  # what was asked must not change what is seen
+        config = self._config
+        low, high = np.asarray(workspace.low, dtype=np.float64), np.asarray(workspace.high, dtype=np.float64)
+        if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
+            raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
+        frames, notes = usable_frames(observation.views, config.robot_margin)
+        table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
+        frames = [frame.moved(table.table_from_world) for frame in frames]
+        pixels, things, painted, patches = self._find(frames, table, workspace)
+        objects = _name_things(pixels, things) + _name_patches(painted, patches)
+        world = [_into_world(o, table) for o in objects]
+        world, lost = _inside(world, workspace)
+        notes += lost + [_carried_note(world, o) for o in world if _carried_note(world, o)]
+        return Scene(_numbered(world), table.height, workspace, "classical", tuple(notes))
+
+    def _find(
+        self, frames: Sequence[Frame], table: Table, workspace: Box
+    ) -> tuple[Pixels, list[Thing], Pixels, list[Patch]]:
+        config = self._config
+        rise = max(config.min_height, 3.3 * table.noise)
+        raised, flat = [], []
+        world_from_table = invert_rigid(table.table_from_world)
+        for frame in frames:
+            world = transform_points(world_from_table, frame.points)
+            with np.errstate(invalid="ignore"):
+                beside = ((world[..., :2] > workspace.low[:2] - BORDER) & (world[..., :2] < workspace.high[:2] + BORDER))
+                inside = beside.all(axis=-1) & (world[..., 2] < workspace.high[2])
+                height = frame.points[..., 2]
+                raised.append(without_specks(inside & (height > rise)))
+                flat.append(inside & (np.abs(height) <= rise))
+        different = [unlike_table(f, mask, mask) for f, mask in zip(frames, flat, strict=True)]
+        raised = grow_down(frames, raised, flat, different, config.colour_step)
+        pixels = choose(frames, raised)
+        things: list[Thing] = []
+        if len(pixels):
+            pieces = pieces_in_views(pixels, config.jump, config.colour_step)
+            labels = join_across_views(pixels, pieces, reach=0.004 + 1.5 * table.noise)
+            things = assemble(frames, pixels, labels, config.min_points, config.gap)
+        paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
+        bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
+        painted, patches = find_patches(
+            frames, paint, bare, config.min_region, config.min_points, config.colour_step
+        )
+        return pixels, things, painted, patches
+
+
+def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:
+    """Objects in the table's frame; ids are their places in the list, parents likewise."""
+    belongs = parents(things)
+    objects = []
+    for k, thing in enumerate(things):
+        rgb = true_colour(pixels, thing.members)
+        colour, sure = colour_word(rgb)
+        label = f"{colour} {noun_for(thing, things, belongs[k])}"
+        parent = f"thing{belongs[k]}" if belongs[k] >= 0 else ""
+        confidence = round(float(np.clip(thing.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3)
+        points = evenly(thing.points, MOST_POINTS)
+        objects.append(
+            SceneObject(
+                f"thing{k}", label, shape_of(thing), colour, thing.pose, thing.extents, points, rgb, parent, confidence
+            )
+        )
+    return objects
+
+
+def _name_patches(pixels: Pixels, patches: Sequence[Patch]) -> list[SceneObject]:
+    objects = []
+    for k, patch in enumerate(patches):
+        rgb = true_colour(pixels, patch.members)
+        colour, sure = colour_word(rgb)
+        square = patch.lengths.min() > 0.85 * patch.lengths.max()
+        noun = "circle" if patch.round else "square" if square else "patch"
+        c, s = np.cos(patch.yaw), np.sin(patch.yaw)
+        pose = rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], [*patch.centre, 0.5 * PAINT])
+        confidence = round(float(np.clip(patch.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3)
+        points = evenly(patch.points, MOST_POINTS)
+        extents = np.array([*patch.lengths, PAINT])
+        objects.append(
+            SceneObject(
+                f"patch{k}", f"{colour} {noun}", "region", colour, pose, extents, points, rgb, "", confidence
+            )
+        )
+    return objects
+
+
+def _into_world(thing: SceneObject, table: Table) -> SceneObject:
+    world_from_table = invert_rigid(table.table_from_world)
+    return replace(
+        thing,
+        world_from_object=world_from_table @ thing.world_from_object,
+        points=transform_points(world_from_table, thing.points),
+    )
+
+
+def _inside(objects: list[SceneObject], workspace: Box) -> tuple[list[SceneObject], list[str]]:
+    """Objects whose middle lies over the workspace; a sentence about the others."""
+    inside = [
+        o for o in objects if ((o.centre >= workspace.low) & (o.centre <= workspace.high))[:2].all()
+    ]
+    lost = len(objects) - len(inside)
+    return inside, [f"{lost} thing(s) beside the workspace were left out."] if lost else []
+
+
+def _carried_note(objects: Sequence[SceneObject], thing: SceneObject) -> str:
+    return ""
+
+
+def _numbered(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
+    """Ids o1, o2, ... by x, then y, then height, to the millimetre."""
+
+    def place(thing: SceneObject) -> tuple[float, ...]:
+        centre: FloatArray = np.round(thing.centre, 3)
+        return (*centre.tolist(), float(thing.extents[2]))
+
+    ordered = sorted(objects, key=place)
+    ids = {thing.id: f"o{k + 1}" for k, thing in enumerate(ordered)}
+    return tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered)

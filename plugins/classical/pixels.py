@@ -1,0 +1,88 @@
+"""Chosen pixels of all views as one list, with their neighbours in the images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.colours import appearance
+from gvla2_plugins.classical.frames import Frame
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """N pixels: ``view``, ``row``, ``column`` (N,); ``points`` (N, 3) in the frames' frame, metres; ``rgb`` (N, 3)
+    in [0, 1]; ``look`` (N, 3) colour coordinates (see ``gvla2.planning.colours``); ``maps`` one (H, W) a view, the
+    pixel's place in the list or -1.
+    """
+
+    view: IntArray
+    row: IntArray
+    column: IntArray
+    points: FloatArray
+    rgb: FloatArray
+    look: FloatArray
+    maps: tuple[IntArray, ...]
+
+    def __len__(self) -> int:
+        return len(self.view)
+
+    def neighbours(self) -> IntArray:
+        """(E, 2) pairs of chosen pixels that touch along a side in one image."""
+        pairs = []
+        for index in self.maps:
+            for one, other in ((index[:, :-1], index[:, 1:]), (index[:-1], index[1:])):
+                both = (one >= 0) & (other >= 0)
+                pairs.append(np.stack([one[both], other[both]], axis=1))
+        return np.concatenate(pairs)
+
+
+def choose(frames: Sequence[Frame], masks: Sequence[NDArray[np.bool_]], *, on_plane: bool = False) -> Pixels:
+    """The pixels of ``masks``, one (H, W) a frame.
+
+    With ``on_plane`` their points are where the rays cross z = 0: the noise of the depth then has no say.
+    """
+    view, row, column, points, rgb, maps = [], [], [], [], [], []
+    count = 0
+    for number, (frame, mask) in enumerate(zip(frames, masks, strict=True)):
+        rows, columns = np.nonzero(mask)
+        index = np.full(mask.shape, -1, dtype=np.int64)
+        index[rows, columns] = count + np.arange(len(rows))
+        count += len(rows)
+        maps.append(index)
+        view.append(np.full(len(rows), number, dtype=np.int64))
+        row.append(rows)
+        column.append(columns)
+        rgb.append(frame.image[rows, columns] / 255.0)
+        points.append(plane_crossings(frame, rows, columns) if on_plane else frame.points[rows, columns])
+    colours = np.concatenate(rgb)
+    return Pixels(
+        np.concatenate(view),
+        np.concatenate(row),
+        np.concatenate(column),
+        np.concatenate(points),
+        colours,
+        appearance_of(colours),
+        tuple(maps),
+    )
+
+
+def plane_crossings(frame: Frame, rows: IntArray, columns: IntArray) -> FloatArray:
+    """(N, 3) points where the pixels' rays cross z = 0 of the frame's frame."""
+    rays = frame.rays[rows, columns]
+    slope = np.where(np.abs(rays[:, 2]) > 1e-6, rays[:, 2], np.nan)
+    return np.asarray(frame.origin - rays * (frame.origin[2] / slope)[:, None])
+
+
+def appearance_of(rgb: FloatArray) -> FloatArray:
+    """``appearance`` (N, 3) of colours (N, 3), worked out once a distinct colour."""
+    packed = np.rint(rgb * 255).astype(np.int64) @ [65536, 256, 1]
+    distinct, inverse = np.unique(packed, return_inverse=True)
+    table = np.stack([distinct >> 16, (distinct >> 8) & 255, distinct & 255], axis=1) / 255.0
+    return np.asarray(appearance(table)[inverse])

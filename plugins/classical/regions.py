@@ -1,0 +1,144 @@
+"""Painted patches: pixels of the table top that do not have the table's colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views, without_specks
+from gvla2_plugins.classical.frames import Frame
+from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
+from gvla2_plugins.classical.solids import circle_distance, evenly, fit_solid, narrow_yaw, rectangle_distance
+from gvla2_plugins.classical.things import upright_rectangle
+
+OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
+NARROW = 0.012  # metres: a thinner patch is a seam
+REACH = 0.006
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A painted patch in the table's frame: ``centre`` (2,), ``yaw``, ``lengths`` (2,), metres; ``round`` for discs."""
+
+    members: IntArray = field(repr=False)
+    points: FloatArray = field(repr=False)
+    centre: FloatArray
+    yaw: float
+    lengths: FloatArray
+    round: bool
+    agreement: float
+
+
+def unlike_table(frame: Frame, plane: NDArray[np.bool_], area: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) bool: pixels of ``area`` that look different from most of the pixels of ``plane``, in this view."""
+    if not plane.any():
+        return area.copy()
+    colours = frame.image[plane]
+    bins = (colours >> 4).astype(np.int64) @ [256, 16, 1]
+    common = colours[bins == np.bincount(bins).argmax()]
+    table = np.median(evenly(common, 5000), axis=0)
+    near = np.abs(colours - table).max(axis=1) <= 16  # the mode may straddle two bins
+    table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
+    different = area & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
+    look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)
+    different[different] = np.linalg.norm(look[:-1] - look[-1], axis=1) > OTHER_LOOK
+    return different
+
+
+def find_patches(
+    frames: Sequence[Frame],
+    painted: Sequence[NDArray[np.bool_]],
+    bare: Sequence[NDArray[np.bool_]],
+    min_region: float,
+    min_points: int,
+    colour_step: float,
+) -> tuple[Pixels, list[Patch]]:
+    """Patches among the ``painted`` table pixels; ``bare`` ones show the table itself; one (H, W) a frame each."""
+    pixels = choose(frames, [without_specks(mask) for mask in painted], on_plane=True)
+    if len(pixels) == 0:
+        return pixels, []
+    pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
+    labels = join_across_views(pixels, pieces, REACH)
+    groups = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
+    groups = [g for g in groups if len(g) >= min_points]
+    groups = _join_hidden(frames, pixels, groups, bare)
+    patches = [_fit(frames, pixels, members, bare) for members in groups]
+    kept = [p for p in patches if p.lengths.prod() >= min_region and p.lengths.min() >= NARROW]
+    return pixels, kept
+
+
+def _join_hidden(
+    frames: Sequence[Frame], pixels: Pixels, groups: list[IntArray], bare: Sequence[NDArray[np.bool_]]
+) -> list[IntArray]:
+    """Groups of one look between which no bare table is seen, as where a thing stands across a patch, made one."""
+    groups = list(groups)
+    i = 0
+    while i < len(groups):
+        for j in range(i + 1, len(groups)):
+            a, b = groups[i], groups[j]
+            looks = [np.median(pixels.look[g], axis=0) for g in (a, b)]
+            one, other = (np.median(pixels.points[g], axis=0) for g in (a, b))
+            if np.linalg.norm(looks[0] - looks[1]) > 12.0 or np.linalg.norm(one - other) > 0.25:
+                continue
+            line = one + np.linspace(0, 1, 30)[:, None] * (other - one)
+            if not _table_seen(frames, bare, line).any():
+                groups[i] = np.concatenate([a, b])
+                del groups[j]
+                break
+        else:
+            i += 1
+    return groups
+
+
+def _table_seen(
+    frames: Sequence[Frame], bare: Sequence[NDArray[np.bool_]], points: FloatArray
+) -> NDArray[np.bool_]:
+    seen = np.zeros(len(points), dtype=bool)
+    for frame, mask in zip(frames, bare, strict=True):
+        world_from_frame = np.linalg.inv(frame.frame_from_world)
+        uv, _ = frame.camera.project(transform_points(world_from_frame, points))
+        inside = frame.camera.inside(uv)
+        columns, rows = uv[inside].astype(np.int64).T
+        seen[inside] |= mask[rows, columns]
+    return seen
+
+
+def _fit(frames: Sequence[Frame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]) -> Patch:
+    points = pixels.points[members]
+    outside = [np.zeros((0, 3))]
+    for number, (frame, mask) in enumerate(zip(frames, bare, strict=True)):
+        mine = members[pixels.view[members] == number]
+        own = np.zeros(mask.shape, dtype=bool)
+        own[pixels.row[mine], pixels.column[mine]] = True
+        rows, columns = np.nonzero(binary_dilation(own, iterations=2) & mask & ~own)
+        outside.append(plane_crossings(frame, rows, columns))
+    beside = evenly(np.concatenate(outside), 700)
+    yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
+    # Only the rim says where a patch ends; points well inside would only dilute it.
+    rim = _outer(points, middle, yaw, lengths)
+    square = fit_solid(
+        rectangle_distance, [*middle, yaw, *lengths], rim, beside, filled=True, tolerance=0.004, steps=20
+    )
+    disc = fit_solid(
+        circle_distance, [*middle, float(lengths.mean())], rim, beside, filled=True, tolerance=0.004, steps=20
+    )
+    is_round = disc.cost < 0.5 * square.cost and lengths.max() < 1.2 * lengths.min()
+    if is_round:
+        cx, cy, diameter = disc.parameters
+        return Patch(members, points, np.array([cx, cy]), 0.0, np.full(2, diameter), True, disc.agreement)
+    cx, cy, yaw, width, depth = square.parameters
+    yaw, width, depth = upright_rectangle(yaw, width, depth)
+    return Patch(members, points, np.array([cx, cy]), yaw, np.array([width, depth]), False, square.agreement)
+
+
+def _outer(points: FloatArray, middle: FloatArray, yaw: float, lengths: FloatArray) -> FloatArray:
+    """The points outside the inner three fifths of their rectangle; all of them when those are few."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    local = np.abs((points[:, :2] - middle) @ np.array([[c, -s], [s, c]])) / (0.5 * lengths)
+    outer = points[(local > 0.6).any(axis=1)]
+    return evenly(outer if len(outer) >= 40 else points, 700)

@@ -1,0 +1,63 @@
+"""The null choices: no reconstruction, no prior, no fusion, no memory, each a component like any other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.memory.contracts import Memory
+    from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor
+
+
+def _build_reconstructor(config: ComponentConfig) -> Reconstructor:
+    """Reconstructs nothing: objects stay as they were perceived."""
+    from gvla2_plugins.nothing.choices import NoReconstructor
+
+    return NoReconstructor()
+
+
+def _build_prior(config: ComponentConfig) -> GeometryPrior:
+    """Predicts nothing: geometry rests on the views alone."""
+    from gvla2_plugins.nothing.choices import NoPrior
+
+    return NoPrior()
+
+
+def _build_fusion(config: ComponentConfig) -> FusionStrategy:
+    """Fuses nothing: keeps the geometry of source A."""
+    from gvla2_plugins.nothing.choices import NoFusion
+
+    return NoFusion()
+
+
+def _build_memory(config: ComponentConfig) -> Memory:
+    """Remembers nothing: the memory-off arm of an ablation."""
+    from gvla2_plugins.nothing.choices import NoMemory
+
+    return NoMemory()
+
+
+@hookimpl
+def gvla2_reconstructors() -> list[Component[Reconstructor]]:
+    """``reconstructor=none``."""
+    return [Component("none", ComponentConfig, _build_reconstructor)]
+
+
+@hookimpl
+def gvla2_geometry_priors() -> list[Component[GeometryPrior]]:
+    """``prior=none``."""
+    return [Component("none", ComponentConfig, _build_prior)]
+
+
+@hookimpl
+def gvla2_fusion_strategies() -> list[Component[FusionStrategy]]:
+    """``fusion=none``."""
+    return [Component("none", ComponentConfig, _build_fusion)]
+
+
+@hookimpl
+def gvla2_memories() -> list[Component[Memory]]:
+    """``memory=none``."""
+    return [Component("none", ComponentConfig, _build_memory)]

@@ -1,0 +1,46 @@
+"""What the null choices do, which is nothing, in each contract's own words for it."""
+
+from __future__ import annotations
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+from gvla2.memory.contracts import Learned, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+
+_OFF = "memory is off"
+
+
+class NoReconstructor:
+    """Leaves objects as they were perceived."""
+
+    def reconstruct(self, views: Views) -> None:
+        """Always None."""
+
+
+class NoPrior:
+    """Knows nothing beyond the views."""
+
+    def predict(self, views: Views) -> None:
+        """Always None."""
+
+
+class NoFusion:
+    """Keeps source A (the paper's "no fusion" row)."""
+
+    def fuse(self, a: FloatArray, b: FloatArray, support_a: FloatArray, support_b: FloatArray) -> FloatArray:
+        """The centres of A (N, 3), whatever B says."""
+        return a
+
+
+class NoMemory:
+    """Recalls nothing, and says that it was told to; learns nothing."""
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """An empty context that abstains."""
+        return MemoryContext(abstained=_OFF)
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Stores nothing; every lesson counts as discarded."""
+        return Learned(discarded=len(episode.lessons), notes=(_OFF,))
+
+    def close(self) -> None:
+        """Nothing is open."""

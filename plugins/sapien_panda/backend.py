@@ -1,0 +1,142 @@
+"""The robot backend: a Panda at a table, simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.views import Observation, View, Views
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory, grasp_rotation
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.backend import ExecutionListener, Judgement
+from gvla2.robot.executor import execute
+from gvla2.robot.motion import MotionPlanner
+from gvla2.robot.report import ExecutionReport
+from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
+from gvla2_plugins.sapien_panda import SapienPandaConfig
+from gvla2_plugins.sapien_panda.bodies import PREFIX
+from gvla2_plugins.sapien_panda.cameras import Eyes, camera, check_names
+from gvla2_plugins.sapien_panda.driver import SapienDriver
+from gvla2_plugins.sapien_panda.engine import import_sapien
+from gvla2_plugins.sapien_panda.looks import body_surface, robot_surfaces
+from gvla2_plugins.sapien_panda.panda import make_arm, panda_files
+from gvla2_plugins.sapien_panda.referee import TrueState
+from gvla2_plugins.sapien_panda.world import TABLE, TABLE_HEIGHT, TABLE_RGB, World
+
+SITE_CENTRE, SITE_SIZE = (0.25, 0.0), (0.65, 0.91)
+"""Where tasks are laid out, metres."""
+
+JUDGE_SECONDS = 0.25
+"""The arm holds still this long before the referee looks, so that a slipping object has slipped."""
+
+
+class SapienPanda:
+    """Implements :class:`gvla2.robot.backend.RobotBackend`.
+
+    The same seed and calls give the same episode, bit by bit. Only :meth:`judge` reads the true state of the
+    task's bodies; the cameras see them by rays.
+    """
+
+    def __init__(self, config: SapienPandaConfig) -> None:
+        check_names(config.cameras)
+        positive = ("image_size", "video_size", "video_fps", "physics_rate", "grip_force", "grip_speed")
+        bad = [f"{name}={getattr(config, name)}" for name in positive if getattr(config, name) <= 0]
+        if bad:
+            raise ConfigurationError(f"robot=sapien_panda needs values above 0 for {', '.join(bad)}.")
+        import_sapien()
+        self._config = config
+        self._arm = make_arm()
+        self._planner = MotionPlanner(self._arm)
+        links = robot_surfaces(panda_files().urdf)
+        self._links = tuple(links)
+        self._robot = RayCaster(list(links.values()))
+        self._world: World | None = None
+        self._eyes: Eyes | None = None
+        self._layout = Layout(())
+        self._instance: TaskInstance | None = None
+
+    @property
+    def arm(self) -> ArmModel:
+        """Kinematics and collision model of the Panda."""
+        return self._arm
+
+    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
+        """A new world with the arm at home and the task's episode for the seed; without a task an empty table."""
+        self.close()
+        instance = None
+        if task is not None:
+            site = TaskSite(SITE_CENTRE, SITE_SIZE, TABLE_HEIGHT, self._reachable, TABLE_RGB)
+            instance = task.sample(np.random.default_rng(seed), site, instruction)
+        layout = Layout(()) if instance is None else instance.layout
+        self._world = World(self._config, layout)
+        self._layout, self._instance = layout, instance
+        things = {TABLE.name: TABLE, **{f"{PREFIX}{body.name}": body for body in layout.bodies}}
+        self._eyes = Eyes(self._robot, self._links, {name: body_surface(b) for name, b in things.items()})
+        return instance
+
+    def observe(self) -> Observation:
+        """RGB-D views of all cameras and the measured hand."""
+        world = self._sane_world("observed")
+        joints, width = world.joints, world.gripper_width
+        world_from_tcp = self._arm.forward(joints)
+        cameras = [camera(name, self._config.image_size, world_from_tcp) for name in self._config.cameras]
+        opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
+        return Observation(Views(tuple(self._look(cameras))), world_from_tcp, joints, opening, width)
+
+    def execute(
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = ExecutionListener()
+    ) -> ExecutionReport:
+        """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
+        world = self._sane_world("moved")
+
+        def film() -> None:
+            view = camera(self._config.cameras[0], self._config.video_size, self._arm.forward(world.joints))
+            listener.frame(self._look([view])[0].image)
+
+        driver = SapienDriver(world, self._config, self._arm.hand.max_width, film)
+        return execute(trajectory, scene, self._arm, self._planner, driver, listener)
+
+    def judge(self) -> Judgement | None:
+        """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""
+        if self._instance is None:
+            return None
+        world = self._sane_world("judged")
+        driver = SapienDriver(world, self._config, self._arm.hand.max_width)
+        driver.hold(JUDGE_SECONDS)
+        state = TrueState(self._sane_world("judged"))
+        verdicts = self._instance.succeeded
+        return Judgement(bool(verdicts["eased"](state)), bool(verdicts["strict"](state)))
+
+    def close(self) -> None:
+        """Let go of the world; the arm's model stays, and :meth:`reset` makes a new world."""
+        self._world, self._eyes, self._instance = None, None, None
+
+    def _look(self, cameras: Sequence[Camera]) -> list[View]:
+        world, eyes = self._sane_world("seen"), self._eyes
+        if eyes is None:
+            raise RobotError("Nothing can be seen before reset: call reset(task, seed) first.")
+        poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
+        poses[TABLE.name] = TABLE.world_from_body
+        return eyes.look(cameras, world.link_poses(self._links), poses)
+
+    def _reachable(self, point: FloatArray) -> bool:
+        """Whether the hand gets to a world point (3,), pointing down, whichever way it is turned."""
+        down = np.array([0.0, 0.0, -1.0])
+        turns = (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
+        return all(self._arm.inverse(rigid(grasp_rotation(down, y), point)) is not None for y in turns)
+
+    def _sane_world(self, done: str) -> World:
+        if self._world is None:
+            raise RobotError(f"Nothing can be {done} before reset: call reset(task, seed) first.")
+        if not self._world.sane():
+            raise RobotError(
+                f"The simulation has blown up and cannot be {done}; reset starts a clean one. "
+                "Slower motions or a smaller robot.grip_force avoid it."
+            )
+        return self._world

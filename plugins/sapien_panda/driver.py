@@ -1,0 +1,135 @@
+"""Driving the simulated Panda: implements :class:`gvla2.robot.driver.Driver`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.robot.driver import DriverState, GripResult, MoveResult
+from gvla2_plugins.sapien_panda import SapienPandaConfig
+from gvla2_plugins.sapien_panda.world import World
+
+WATCH_EVERY = 4
+"""Physics steps between looks at contacts, sanity and the film: 60 a second at 240 steps."""
+
+SETTLED_ERROR, SETTLED_SPEED, SETTLE_SECONDS = 1e-3, 5e-3, 0.5
+"""A motion is over at this joint error (rad) and speed (rad/s), or after this long."""
+
+GRIP_SECONDS, STILL_SPEED, STILL_SECONDS = 3.0, 1e-3, 0.1
+"""Gripping is over when the fingers are slower than this (m/s) for this long, or after three seconds."""
+
+STOPPED_SHORT, PRESSING = 0.002, 0.2
+"""Fingers hold something when they stop this far short of their target (metres), both pressing (newtons)."""
+
+BRAKE_SECONDS = 0.2
+
+
+class SapienDriver:
+    """Moves a :class:`World` on, and takes a picture by ``film`` now and then (every ``1 / fps`` s of its time)."""
+
+    def __init__(
+        self, world: World, config: SapienPandaConfig, max_width: float, film: Callable[[], None] | None = None
+    ) -> None:
+        self._world, self._config, self._max_width = world, config, max_width
+        self._film = film
+        self._next_picture = world.time
+        self._steps = 0
+        self._touched: set[str] = set()
+        self._diverged = False
+
+    def state(self) -> DriverState:
+        """The measured state, now."""
+        return DriverState(self._world.joints, self._world.gripper_width)
+
+    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
+        """Send the arm through joint targets (T, 7), radians, one every ``dt`` seconds, then settle."""
+        samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
+        if samples.shape[1] != len(self._world.joints) or not np.isfinite(samples).all() or dt <= 0:
+            raise RobotError(
+                f"The Panda follows finite joint samples (T, 7) at dt > 0, got shape {samples.shape} at dt={dt}."
+            )
+        self._touched, self._diverged = set(), False
+        self._world.drive_fingers(self._travel(gripper))
+        for target, speed in zip(*self._resample(samples, dt), strict=True):
+            self._world.drive_arm(target, speed)
+            self._advance()
+            if self._diverged:
+                break
+        self._world.drive_arm(samples[-1], np.zeros(samples.shape[1]))
+        for _ in range(self._count(SETTLE_SECONDS)):
+            error = np.abs(self._world.joints - samples[-1]).max()
+            if self._diverged or (error < SETTLED_ERROR and self._slow()):
+                break
+            self._advance()
+        self._watch()
+        error = float(np.abs(self._world.joints - samples[-1]).max())
+        return MoveResult(error if np.isfinite(error) else float("inf"), self._contacts(), self._diverged)
+
+    def grip(self, opening: float) -> GripResult:
+        """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
+        self._touched, self._diverged = set(), False
+        goal = self._travel(opening)
+        start = 0.5 * self._world.gripper_width
+        ramp = max(1, self._count(abs(goal - start) / self._config.grip_speed))
+        for share in np.linspace(0.0, 1.0, ramp + 1)[1:]:
+            self._world.drive_fingers(float(start + share * (goal - start)))
+            self._advance()
+        still = 0
+        for _ in range(self._count(GRIP_SECONDS)):
+            still = still + 1 if self._world.finger_speed < STILL_SPEED else 0
+            if self._diverged or still >= self._count(STILL_SECONDS):
+                break
+            self._advance()
+        self._watch()
+        width = self._world.gripper_width
+        pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
+        return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
+
+    def hold(self, seconds: float = BRAKE_SECONDS) -> None:
+        """Stop where the arm is measured to be and stay there; simulates ``seconds`` of it."""
+        joints = self._world.joints
+        if not np.isfinite(joints).all():
+            return  # blown up: nothing is left to hold, and the next reset builds a new world
+        self._world.drive_arm(joints, np.zeros(len(joints)))
+        for _ in range(self._count(seconds)):
+            self._world.step()
+
+    def _resample(self, samples: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Targets (S, 7) and speeds (S, 7), one a physics step, linear between samples."""
+        times = np.arange(len(samples)) * dt
+        count = int(np.ceil(times[-1] * self._world.rate - 1e-9))
+        steps = np.minimum(np.arange(1, count + 1) / self._world.rate, times[-1])
+        targets = np.stack([np.interp(steps, times, column) for column in samples.T], axis=1)
+        before = np.vstack([samples[:1], targets[:-1]])
+        return targets, (targets - before) * self._world.rate
+
+    def _travel(self, opening: float) -> float:
+        """One finger's travel from closed, metres, of an opening in [0, 1]."""
+        return 0.5 * self._max_width * float(np.clip(opening, 0.0, 1.0))
+
+    def _advance(self) -> None:
+        self._world.step()
+        self._steps += 1
+        if self._steps % WATCH_EVERY == 0:
+            self._watch()
+
+    def _watch(self) -> None:
+        self._diverged = self._diverged or not self._world.sane()
+        if self._diverged:
+            return
+        self._touched |= self._world.touching_links()
+        if self._film is not None and self._world.time >= self._next_picture:
+            self._next_picture = self._world.time + 1.0 / self._config.video_fps
+            self._film()
+
+    def _slow(self) -> bool:
+        return bool(np.abs(self._world.joint_speeds).max() < SETTLED_SPEED)
+
+    def _count(self, seconds: float) -> int:
+        return int(np.ceil(seconds * self._world.rate))
+
+    def _contacts(self) -> tuple[str, ...]:
+        return tuple(sorted(self._touched))

@@ -1,0 +1,34 @@
+"""What a task's referee may read: the true state of the simulated world."""
+
+from __future__ import annotations
+
+from gvla2.geometry.transform import FloatArray
+from gvla2_plugins.sapien_panda.bodies import PREFIX
+from gvla2_plugins.sapien_panda.world import World
+
+HOLDING_FORCE = 0.2
+"""Newtons from which a finger presses; a cube of 0.125 kg needs about 0.5 N from each to stay."""
+
+
+class TrueState:
+    """Implements :class:`gvla2.robot.task.WorldState`."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def pose(self, body: str) -> FloatArray:
+        """world_from_body (4, 4) now."""
+        return self._world.body_pose(body)
+
+    def joint(self, name: str) -> float:
+        """Travel of a joint now, radians or metres."""
+        return self._world.travel(name)
+
+    def peak(self, name: str) -> float:
+        """Largest travel of a joint since the reset, radians or metres."""
+        return self._world.peaks[name]
+
+    def held(self, body: str) -> bool:
+        """Whether both fingers press on the body now."""
+        forces = self._world.finger_forces().get(PREFIX + body, (0.0, 0.0))
+        return min(forces) > HOLDING_FORCE

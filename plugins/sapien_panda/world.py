@@ -1,0 +1,206 @@
+"""The simulated world of one episode: table, Panda, the task's bodies, and time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.robot.task import Body, Layout, Primitive
+from gvla2_plugins.sapien_panda import SapienPandaConfig
+from gvla2_plugins.sapien_panda.bodies import PREFIX, build_bodies, pose_of
+from gvla2_plugins.sapien_panda.description import FINGER_LINKS, load_panda
+from gvla2_plugins.sapien_panda.engine import import_sapien
+from gvla2_plugins.sapien_panda.panda import BASE_POSITION, FINGERS, HOME, panda_files
+
+TABLE_HEIGHT = 0.752
+TABLE_RGB = (0.76, 0.61, 0.43)
+TABLE = Body(
+    "table",
+    (Primitive("box", (1.5, 1.8, 0.05), TABLE_RGB),),
+    rigid(translation=(0.30, 0.0, TABLE_HEIGHT - 0.025)),
+    fixed=True,
+)
+"""A wooden table top, metres; its colour is apart from all twenty colour words."""
+
+SETTLE_STEPS, MOST_SETTLE_STEPS = 10, 480
+REST_SPEED = 0.005
+"""Bodies rest below this speed, m/s and (for a lever of 10 cm) 0.1 rad/s."""
+
+IMPOSSIBLE_JOINT_SPEED, IMPOSSIBLE_SPEED = 50.0, 50.0
+"""rad/s and m/s beyond which the simulation has blown up."""
+
+TOUCH = 1e-4
+"""Impulse of a step, newton seconds, from which a contact is one and not just nearness."""
+
+
+class World:
+    """Builds everything new, so that nothing of an earlier episode, blown up or not, lives on."""
+
+    def __init__(self, config: SapienPandaConfig, layout: Layout) -> None:
+        sapien = import_sapien()
+        self.rate = config.physics_rate
+        self.time = 0.0
+        self._system = sapien.physx.PhysxCpuSystem()
+        self._scene = sapien.Scene([self._system])
+        self._scene.timestep = 1.0 / self.rate
+        table = self._scene.create_actor_builder()
+        table.set_initial_pose(pose_of(TABLE.world_from_body))
+        material = sapien.physx.PhysxMaterial(config.table_friction, config.table_friction, 0.0)
+        half = [0.5 * side for side in TABLE.solids[0].size]
+        table.add_box_collision(half_size=half, material=material)
+        table.build_static(PREFIX + "table")
+
+        self._panda = load_panda(self._scene, panda_files(), config.finger_friction)
+        self._panda.set_root_pose(pose_of(rigid(translation=BASE_POSITION)))
+        self._links = {link.name: link for link in self._panda.links}
+        fingers = {finger.joint for finger in FINGERS}
+        joints = self._panda.active_joints
+        self._arm = np.array([i for i, joint in enumerate(joints) if joint.name not in fingers])
+        self._fingers = np.array([i for i, joint in enumerate(joints) if joint.name in fingers])
+        self._arm_joints = [joints[i] for i in self._arm]
+        self._finger_joints = [joints[i] for i in self._fingers]
+        for joint in self._arm_joints:
+            joint.set_drive_property(config.arm_stiffness, config.arm_damping, config.arm_force)
+        for joint in self._finger_joints:
+            joint.set_drive_property(4000.0, 100.0, config.grip_force)
+        home = np.zeros(len(joints), dtype=np.float32)
+        home[self._arm] = HOME
+        home[self._fingers] = FINGERS[0].opened
+        self._panda.set_qpos(home)
+        self.drive_arm(np.asarray(HOME), np.zeros(len(HOME)))
+        self.drive_fingers(FINGERS[0].opened)
+
+        self._bodies = build_bodies(self._scene, layout)
+        self._movers = [
+            component
+            for entity in self._bodies.entities.values()
+            for component in entity.components
+            if hasattr(component, "linear_velocity") and hasattr(component, "mass")
+        ]
+        self.peaks: dict[str, float] = {}
+        self._settle()
+
+    def _settle(self) -> None:
+        """Steps until the bodies rest, ten at least; raises :class:`RobotError` when that goes wrong."""
+        for count in range(MOST_SETTLE_STEPS):
+            self._system.step()
+            if count + 1 >= SETTLE_STEPS and self._speed() < REST_SPEED:
+                break
+        if not self.sane():
+            raise RobotError(
+                "The simulation blew up while the scene settled: bodies of this layout overlap. "
+                "Give their sampling more room."
+            )
+        self.peaks = {name: self.travel(name) for name in self._bodies.joints}
+
+    def _speed(self) -> float:
+        """Largest speed of a task's body, m/s, turning taken at a lever of 5 cm."""
+        speeds = [
+            max(np.linalg.norm(c.linear_velocity), 0.05 * np.linalg.norm(c.angular_velocity))
+            for c in self._movers
+        ]
+        return float(max(speeds, default=0.0))
+
+    def step(self) -> None:
+        """One step of physics."""
+        self._system.step()
+        self.time += 1.0 / self.rate
+        for name, (articulation, index) in self._bodies.joints.items():
+            self.peaks[name] = max(self.peaks[name], float(articulation.qpos[index]))
+
+    def sane(self) -> bool:
+        """Whether all positions and speeds are finite and physically possible."""
+        speeds = self._panda.qvel
+        robot = np.isfinite(self._panda.qpos).all() and (np.abs(speeds) < IMPOSSIBLE_JOINT_SPEED).all()
+        bodies = all(
+            np.isfinite(e.pose.p).all() and np.isfinite(e.pose.q).all()
+            for e in self._bodies.entities.values()
+        )
+        return bool(robot and bodies and self._speed() < IMPOSSIBLE_SPEED)
+
+    # The robot, as its own sensors know it.
+
+    @property
+    def joints(self) -> FloatArray:
+        """(7,) the arm's joints, radians."""
+        return np.asarray(self._panda.qpos[self._arm], dtype=np.float64)
+
+    @property
+    def joint_speeds(self) -> FloatArray:
+        """(7,) rad/s."""
+        return np.asarray(self._panda.qvel[self._arm], dtype=np.float64)
+
+    @property
+    def gripper_width(self) -> float:
+        """Between the fingers, metres."""
+        return float(self._panda.qpos[self._fingers].sum())
+
+    @property
+    def finger_speed(self) -> float:
+        """Of the faster finger, m/s."""
+        return float(np.abs(self._panda.qvel[self._fingers]).max())
+
+    def drive_arm(self, joints: FloatArray, speeds: FloatArray) -> None:
+        """Set the arm's targets: joints (7,) radians, speeds (7,) rad/s."""
+        for joint, target, speed in zip(self._arm_joints, joints.tolist(), speeds.tolist(), strict=True):
+            joint.set_drive_target(target)
+            joint.set_drive_velocity_target(speed)
+
+    def drive_fingers(self, travel: float) -> None:
+        """Set each finger's target, metres from closed."""
+        for joint in self._finger_joints:
+            joint.set_drive_target(travel)
+
+    def link_poses(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """world_from_link (4, 4) of the robot's links at its measured joints."""
+        return {name: _matrix(self._links[name].entity.pose) for name in names}
+
+    def touching_links(self) -> set[str]:
+        """The robot's links that press on something else now; the base, which stands on the table, left out."""
+        base = self._panda.root.name
+        touched = set()
+        for one, other, impulse in self._contacts():
+            mine = {one, other} & self._links.keys()
+            if len(mine) == 1 and base not in mine and np.linalg.norm(impulse) > TOUCH:
+                touched |= mine
+        return touched
+
+    def finger_forces(self) -> dict[str, tuple[float, float]]:
+        """Force of the left and the right finger on each thing that they press on, newtons, by SAPIEN's name."""
+        forces: dict[str, dict[str, FloatArray]] = {}
+        for one, other, impulse in self._contacts():
+            for finger, thing in ((one, other), (other, one)):
+                if finger in FINGER_LINKS and thing not in self._links:
+                    by_finger = forces.setdefault(thing, {f: np.zeros(3) for f in FINGER_LINKS})
+                    by_finger[finger] = by_finger[finger] + impulse * self.rate
+        return {
+            thing: (float(np.linalg.norm(f[FINGER_LINKS[0]])), float(np.linalg.norm(f[FINGER_LINKS[1]])))
+            for thing, f in forces.items()
+        }
+
+    def _contacts(self) -> list[tuple[str, str, FloatArray]]:
+        found = []
+        for contact in self._system.get_contacts():
+            one, other = contact.bodies
+            impulse = np.sum([point.impulse for point in contact.points], axis=0, dtype=np.float64)
+            found.append((one.entity.name, other.entity.name, impulse))
+        return found
+
+    # The scene's true state: for the cameras' rays and the referee only.
+
+    def body_pose(self, name: str) -> FloatArray:
+        """world_from_body (4, 4) of a task's body."""
+        return _matrix(self._bodies.entities[name].pose)
+
+    def travel(self, name: str) -> float:
+        """A task's joint, radians or metres."""
+        articulation, index = self._bodies.joints[name]
+        return float(articulation.qpos[index])
+
+
+def _matrix(pose: Any) -> FloatArray:
+    return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)

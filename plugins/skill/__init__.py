@@ -1,0 +1,42 @@
+"""The skill planner: from words and geometry to waypoints, without a language model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.planning.contracts import Planner
+
+
+@dataclass
+class SkillConfig(ComponentConfig):
+    """Options of the ``skill`` planner: metres, m/s.
+
+    ``lift_height`` is how far an object is lifted when the sentence gives no amount; ``push_distance`` how far it
+    is pushed when the sentence gives a direction only; ``speed`` of the tool in the open, ``contact_speed`` where
+    it touches. ``spelling`` in [0, 1] is how alike an unknown word must be to a known one to be read as it
+    (1 switches guessing off). ``tries`` bounds how many candidates are checked in full.
+    """
+
+    lift_height: float = 0.25
+    push_distance: float = 0.10
+    speed: float = 0.25
+    contact_speed: float = 0.08
+    spelling: float = 0.7
+    tries: int = 8
+
+
+def _build(config: SkillConfig) -> Planner:
+    """Plans by grammar and geometry; needs no language model."""
+    from gvla2_plugins.skill.planner import SkillPlanner
+
+    return SkillPlanner(config)
+
+
+@hookimpl
+def gvla2_planners() -> list[Component[Planner]]:
+    """The planner ``skill``."""
+    return [Component("skill", SkillConfig, _build)]

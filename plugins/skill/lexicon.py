@@ -1,0 +1,230 @@
+"""The words that the grammar knows: data only."""
+
+from __future__ import annotations
+
+from gvla2.planning.colours import COLOURS, SYNONYMS
+
+VERBS: dict[str, tuple[str, ...]] = {
+    "pick": (
+        "pick * up", "pick", "pick out", "lift * up", "lift", "grab", "grab hold", "raise * up", "raise", "grasp",
+        "hoist * up", "hoist", "get hold", "get ahold", "take hold", "lay hold", "seize", "elevate", "snatch * up",
+        "snatch", "pluck", "clutch", "grip", "hold * up", "hold", "heave * up", "heave", "scoop * up", "scoop",
+        "boost", "gather * up", "catch", "lever * up", "bring * up", "move * up", "close around",
+    ),
+    "fetch": (
+        "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "hand", "give", "acquire",
+    ),
+    "place": (
+        "put * down", "put", "place", "set * down", "set", "lay * down", "lay", "drop * off", "drop", "deposit",
+        "stack", "rest", "position", "deliver", "transfer", "carry", "relocate", "transport", "leave", "move",
+        "stow", "store", "park", "load", "pile", "arrange",
+    ),
+    "push": (
+        "push", "slide", "shove", "nudge", "sweep", "scoot", "poke", "shift", "drag", "propel", "skid",
+        "thrust", "bulldoze", "budge", "prod", "bump", "press against", "steer", "guide",
+    ),
+    "press": (
+        "press * down", "press", "push * down", "push down on", "push in", "turn * on", "switch * on", "power * up",
+        "power * on", "light * up", "light", "illuminate", "activate", "hit", "tap", "click", "depress", "toggle",
+        "flip * on", "flip", "enable", "trigger", "start", "turn on", "switch on", "make * shine", "make * glow",
+        "make * light", "make * bright", "poke the button", "put * on the light", "brighten", "bring * to life",
+        "touch", "press on",
+    ),
+}  # fmt: skip
+"""Skill to phrases; ``*`` stands for words between. ``fetch`` is a taking that a goal turns into ``place``."""
+
+UNSUPPORTED: frozenset[str] = frozenset(
+    """open close unscrew screw twist rotate turn flip insert pull kick throw toss hurl pack unpack peck pour fill
+    empty fold unfold wipe clean wash cut slice chop stab break smash crush eat drink cook stir mix shake wave write
+    draw paint measure count sort hang tie untie plug unplug roll spin tilt bend squeeze bite lock unlock dance sing
+    jump run walk sit stand sleep fly explode burn destroy kill buy sell find search look watch read
+    dim extinguish release assemble build""".split()
+)
+"""Verbs that are understood and that no schema carries out."""
+
+PARTICLES_OFF: frozenset[str] = frozenset(("off", "out"))
+"""``switch the lamp off`` is no ``switch on``."""
+
+NOUNS: dict[str, tuple[str, ...]] = {
+    "block": ("block", "cube", "box", "brick", "cuboid", "die", "dice", "prism", "cubelet"),
+    "cylinder": ("cylinder", "can", "tin", "tube", "drum", "canister", "rod", "puck"),
+    "ball": ("ball", "sphere", "orb", "marble", "globe"),
+    "disc": ("disc", "disk", "coin"),
+    "plate": ("plate", "board", "slab", "saucer", "dish"),
+    "target": (
+        "target", "square", "goal", "area", "zone", "spot", "patch", "region", "marker", "mark", "pad", "mat",
+        "destination", "field", "rectangle", "place", "tile", "sticker", "location", "position", "circle",
+    ),
+    "button": ("button", "switch", "knob", "pushbutton", "toggle", "key", "buzzer"),
+    "lamp": ("lamp", "light", "bulb", "lantern", "nightlight", "lights", "spotlight"),
+    "cup": ("cup", "mug", "glass", "beaker", "tumbler", "goblet"),
+    "bowl": ("bowl", "basin"),
+    "tray": ("tray",),
+    "bottle": ("bottle", "flask", "mustard", "ketchup", "spray"),
+    "jar": ("jar", "pot"),
+    "lid": ("lid", "cap", "cover"),
+    "container": ("container", "bin", "basket", "crate", "carton"),
+    "ring": ("ring", "hoop", "donut"),
+    "pillar": ("pillar", "peg", "post", "pole", "column", "stick"),
+    "umbrella": ("umbrella", "parasol"),
+    "knife": ("knife",),
+    "object": (
+        "object", "thing", "item", "piece", "one", "toy", "shape", "solid", "part", "body", "gadget", "element",
+    ),
+}  # fmt: skip
+"""Noun class to words; plurals are understood."""
+
+SHAPE_FIT: dict[str, dict[str, float]] = {
+    "block": {"box": 0.85, "other": 0.5, "plate": 0.5},
+    "cylinder": {"cylinder": 0.85, "disc": 0.6, "other": 0.4},
+    "ball": {"sphere": 0.85, "other": 0.4},
+    "disc": {"disc": 0.85, "cylinder": 0.5, "plate": 0.4},
+    "plate": {"plate": 0.85, "disc": 0.7, "box": 0.3},
+    "target": {"region": 0.85, "plate": 0.4},
+    "button": {"disc": 0.8, "cylinder": 0.5},
+    "lamp": {"other": 0.4},
+    "cup": {"cylinder": 0.6, "other": 0.4},
+    "bowl": {"cylinder": 0.5, "disc": 0.4, "other": 0.4},
+    "tray": {"plate": 0.6, "box": 0.5, "other": 0.4},
+    "bottle": {"cylinder": 0.6, "box": 0.4, "other": 0.4},
+    "jar": {"cylinder": 0.6, "other": 0.4},
+    "lid": {"disc": 0.6, "plate": 0.3},
+    "container": {"box": 0.6, "cylinder": 0.5, "other": 0.4},
+    "ring": {"disc": 0.5, "other": 0.4},
+    "pillar": {"cylinder": 0.6, "box": 0.5},
+    "umbrella": {"cylinder": 0.4, "other": 0.4},
+    "knife": {"box": 0.4, "other": 0.4},
+    "object": dict.fromkeys(("box", "cylinder", "sphere", "disc", "plate", "other"), 0.8),
+}
+"""How well a perceived shape can be what a noun says, where the label does not decide; absent: it cannot."""
+
+SHAPE_NOUNS: frozenset[str] = frozenset(("block", "cylinder", "ball", "disc", "plate", "object"))
+"""Classes that name a shape only: a label of such a class says nothing about what the thing is for."""
+
+OWNERS: dict[str, str] = {"lamp": "button"}
+"""Things that are worked by a part: to press a lamp is to press its button."""
+
+TABLE_WORDS: frozenset[str] = frozenset(
+    "table tabletop desk surface ground floor bench counter air sky top height heights hand gripper".split()
+)
+"""Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
+
+COLOUR_WORDS: dict[str, str] = {
+    **{name: name for name in COLOURS},
+    **SYNONYMS,
+    "crimson": "red", "scarlet": "red", "ruby": "red", "vermilion": "red",
+    "burgundy": "maroon", "brown": "maroon",
+    "aqua": "cyan", "gold": "yellow", "golden": "yellow", "lemon": "yellow", "amber": "orange",
+    "fuchsia": "magenta", "lilac": "violet", "lavender": "violet", "indigo": "violet",
+    "mauve": "purple", "plum": "purple", "emerald": "green", "khaki": "olive",
+    "beige": "silver", "silvery": "silver", "charcoal": "black",
+}  # fmt: skip
+"""Colour words to the names that perception uses."""
+
+SHADES: dict[tuple[str, str], str] = {
+    ("dark", "red"): "maroon", ("dark", "blue"): "navy", ("navy", "blue"): "navy", ("dark", "green"): "green",
+    ("light", "green"): "lime", ("bright", "green"): "lime", ("lime", "green"): "lime", ("sky", "blue"): "azure",
+    ("light", "blue"): "azure", ("light", "gray"): "silver", ("dark", "yellow"): "olive",
+    ("olive", "green"): "olive", ("hot", "rose"): "magenta", ("dark", "rose"): "magenta",
+    ("bright", "rose"): "rose", ("light", "purple"): "violet", ("dark", "purple"): "purple",
+    ("bright", "red"): "red", ("bright", "blue"): "blue", ("bright", "yellow"): "yellow",
+    ("azure", "blue"): "azure", ("teal", "green"): "teal", ("rose", "red"): "rose", ("dark", "cyan"): "teal",
+    ("dark", "orange"): "orange", ("light", "red"): "rose", ("blue", "green"): "teal",
+}  # fmt: skip
+"""Two words that name one colour, after synonyms."""
+
+SELECTORS: dict[str, tuple[str, ...]] = {
+    "left": ("on the left hand side", "on the left side", "on the left", "on your left", "on my left", "at the left",
+             "furthest left", "farthest left", "leftmost", "left most", "left hand", "left"),
+    "right": ("on the right hand side", "on the right side", "on the right", "on your right", "on my right",
+              "at the right", "furthest right", "farthest right", "rightmost", "right most", "right hand", "right"),
+    "middle": ("in the middle", "in the centre", "in the center", "middle", "central"),
+    "near": ("closest to you", "nearest to you", "nearest you", "closest to the robot", "nearest to the robot",
+             "closest to the gripper", "in the front", "at the front", "front most", "frontmost", "nearest", "closest",
+             "front", "nearer", "closer"),
+    "far": ("farthest from you", "furthest from you", "farthest away", "furthest away", "at the back", "in the back",
+            "in the rear", "farthest", "furthest", "rearmost", "back", "rear"),
+    "big": ("biggest", "largest", "bigger", "larger", "big", "large", "huge", "widest"),
+    "small": ("smallest", "littlest", "tiniest", "smaller", "small", "little", "tiny", "narrowest"),
+    "tall": ("tallest", "highest", "taller", "tall"),
+    "short": ("shortest", "lowest", "shorter", "short", "flattest"),
+    "any": ("any of the", "one of the", "either of the", "any one of the", "any", "either", "some"),
+}  # fmt: skip
+"""Words that single one out of several."""
+
+RELATIONS: dict[str, tuple[str, ...]] = {
+    "on": ("on top of", "onto the top of", "onto", "on to", "on", "upon", "over the top of", "atop", "above", "over"),
+    "in": ("into", "inside of", "inside", "in to", "in", "within"),
+    "to": ("all the way to", "over to", "across to", "up to", "until it reaches", "until it touches",
+           "until it covers", "until it hits", "until it gets to", "until it is at", "until it is over",
+           "towards", "toward", "to", "at", "against"),
+    "beside": ("next to", "beside", "close to", "near to", "near", "alongside", "adjacent to", "by"),
+    "left_of": ("to the left side of", "to the left of", "on the left of", "left of"),
+    "right_of": ("to the right side of", "to the right of", "on the right of", "right of"),
+    "behind": ("behind", "in back of", "beyond"),
+    "front_of": ("in front of", "before"),
+    "from": ("away from", "off of", "off", "from", "out of"),
+    "with": ("with", "using"),
+}  # fmt: skip
+"""Relation to its wordings."""
+
+UNTIL: tuple[str, ...] = (
+    "until it is", "until it sits", "until it rests", "until it lies", "so that it is", "so that it sits",
+    "so that it ends up", "so it is", "so it ends up", "so that it rests", "so that it lies", "so that it covers",
+    "so it sits", "so it lies", "till it is", "till it reaches", "till it sits", "until it lands", "until it rests",
+    "to be", "to lie", "to sit", "to rest", "to end up", "ends up", "end up",
+)  # fmt: skip
+"""Wordings before a relation that add nothing to it."""
+
+DIRECTIONS: dict[str, tuple[float, float]] = {
+    "to the left": (0.0, 1.0), "to your left": (0.0, 1.0), "leftwards": (0.0, 1.0), "leftward": (0.0, 1.0),
+    "left": (0.0, 1.0), "to the right": (0.0, -1.0), "to your right": (0.0, -1.0), "rightwards": (0.0, -1.0),
+    "rightward": (0.0, -1.0), "right": (0.0, -1.0),
+    "away from you": (1.0, 0.0), "away from the robot": (1.0, 0.0), "away from yourself": (1.0, 0.0),
+    "to the front": (1.0, 0.0), "forwards": (1.0, 0.0), "forward": (1.0, 0.0), "ahead": (1.0, 0.0),
+    "away": (1.0, 0.0), "straight on": (1.0, 0.0),
+    "towards the robot": (-1.0, 0.0), "toward the robot": (-1.0, 0.0), "closer to the robot": (-1.0, 0.0),
+    "towards you": (-1.0, 0.0), "toward you": (-1.0, 0.0), "towards yourself": (-1.0, 0.0),
+    "toward yourself": (-1.0, 0.0), "closer to you": (-1.0, 0.0), "nearer to you": (-1.0, 0.0),
+    "to the back": (-1.0, 0.0), "backwards": (-1.0, 0.0), "backward": (-1.0, 0.0), "back": (-1.0, 0.0),
+}  # fmt: skip
+"""Directions in the robot's frame: x forward, y left."""
+
+UNITS: dict[str, float] = {
+    "mm": 0.001, "millimetre": 0.001, "millimeter": 0.001, "cm": 0.01, "centimetre": 0.01, "centimeter": 0.01,
+    "dm": 0.1, "m": 1.0, "metre": 1.0, "meter": 1.0, "inch": 0.0254, "inche": 0.0254, "in": 0.0254,
+}  # fmt: skip
+"""Length units in metres; a plural s is taken off."""
+
+NUMBERS: dict[str, float] = {
+    "half": 0.5, "a": 1, "an": 1, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7,
+    "eight": 8, "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "fifteen": 15, "twenty": 20, "thirty": 30,
+    "forty": 40, "fifty": 50,
+}  # fmt: skip
+"""Number words."""
+
+PRONOUNS: frozenset[str] = frozenset(("it", "them", "this", "that"))
+DETERMINERS: frozenset[str] = frozenset(
+    "a an the this that these those my your its his her our their another single only".split()
+)
+FILLERS: frozenset[str] = frozenset(
+    """please kindly now just then robot gently carefully slowly quickly straight and you can could would will i me us
+    want like need must should to be is are was so which that colored coloured color colour shaped looking there here
+    of for go ahead up down high higher lower along across vertically horizontally safely firmly simply also all way
+    s it its way again little bit few lying standing located sitting placed side edge rim own has have some
+    help task try away further make sure ok okay hey hi well let let's lets we off table standing being by entire
+    whole very rather completely fully nicely direction distance about around roughly approximately exactly at""".split()
+)
+"""Words that carry nothing for us."""
+
+NEGATIONS: tuple[str, ...] = (
+    "without", "do not", "don't", "dont", "never", "not", "rather than", "instead of", "avoid",
+)  # fmt: skip
+"""From one of these to the end of its clause, what is said is what not to do."""
+
+IRREGULAR: dict[str, str] = {
+    "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",
+    "gave": "give", "given": "give", "laid": "lay", "slid": "slide", "swept": "sweep", "caught": "catch",
+    "made": "make", "left": "left", "rose": "rose",
+}  # fmt: skip
+"""Inflections that no rule gives; ``left`` and ``rose`` stay a side and a colour."""

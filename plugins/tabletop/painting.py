@@ -1,0 +1,34 @@
+"""Which colours things get: words that people can tell apart in any light, on this table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
+from gvla2.robot.task import TaskSite
+from gvla2_plugins.tabletop.placing import sample_until
+
+Rgb = tuple[float, float, float]
+
+
+def sample_colours(
+    rng: np.random.Generator, site: TaskSite, count: int, beside: Iterable[Rgb] = ()
+) -> tuple[str, ...]:
+    """``count`` colour words, each told apart from the others, from the table and from the colours ``beside``."""
+    taken = [*beside, *([site.table_rgb] if site.table_rgb is not None else [])]
+    names = [name for name in COLOURS if _apart(COLOURS[name], taken)]
+
+    def draw() -> tuple[str, ...] | None:
+        if len(names) < count:
+            return None
+        chosen = [names[i] for i in rng.choice(len(names), size=count, replace=False)]
+        clear = all(_apart(COLOURS[chosen[i]], [COLOURS[c] for c in chosen[:i]]) for i in range(count))
+        return tuple(chosen) if clear else None
+
+    return sample_until(draw, f"{count} colours")
+
+
+def _apart(rgb: Rgb, others: list[Rgb]) -> bool:
+    return not others or bool((colour_distance(np.array(others), rgb) >= TOLD_APART).all())

@@ -1,0 +1,119 @@
+"""Pick and lift: three cubes, one of them named by its colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import PickAndLiftConfig
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import (
+    in_reach,
+    inside,
+    planar,
+    sample_root,
+    sample_until,
+    vertical_span,
+)
+
+START_VOLUME = (0.30, 0.30, 0.03)
+"""The volume of the eased profile, standing on the table about the cube's starting place, metres."""
+
+SENSOR_HEIGHT, SENSOR_THICKNESS = 0.248, 0.05
+"""The sensor of the strict profile, metres above the table. The published fact is its height alone; we read it as
+a slab of 5 cm about that height that is tripped by any part of the cube, as a proximity sensor is."""
+
+
+class PickAndLift:
+    """Lift the cube of the named colour.
+
+    eased: the cube's centre has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting
+    place. strict: both fingers hold the cube and some part of it is in the sensor's slab.
+    """
+
+    def __init__(self, config: PickAndLiftConfig) -> None:
+        if config.cubes < 1 or config.size <= 0 or config.mass <= 0:
+            raise ConfigurationError(
+                f"task=pick_and_lift needs at least one cube of positive size and mass, got cubes={config.cubes}, "
+                f"size={config.size}, mass={config.mass}."
+            )
+        self._config = config
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{colour}`` is the cube's colour."""
+        return (
+            "pick up the {colour} cube and lift it up",
+            "lift the {colour} block off the table",
+            "grab the {colour} cube and raise it into the air",
+            "take the {colour} block and hold it up high",
+            "could you pick up the {colour} cube, please?",
+            "grasp the cube that is {colour} and lift it up to the target height",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; a given ``instruction`` decides the cube if it names the colour of exactly one."""
+        size = self._config.size
+        poses = sample_until(lambda: self._draw_poses(rng, site), f"{self._config.cubes} cubes")
+        colours = sample_colours(rng, site, self._config.cubes)
+        target = int(rng.integers(len(poses)))
+        sentence = self.instructions[int(rng.integers(len(self.instructions)))].format(colour=colours[target])
+        if instruction is not None:
+            sentence = instruction
+            named = [i for i, colour in enumerate(colours) if colour in colours_in(instruction)]
+            target = named[0] if len(named) == 1 else target
+        bodies = tuple(
+            Body(f"cube_{i}", (Primitive("box", (size, size, size), COLOURS[colour]),), pose, self._config.mass)
+            for i, (pose, colour) in enumerate(zip(poses, colours, strict=True))
+        )
+        body, start = f"cube_{target}", poses[target]
+        extents = np.full(3, size)
+
+        def eased(world: WorldState) -> bool:
+            offset = transform_points(np.linalg.inv(start), world.pose(body)[:3, 3])
+            above_table = world.pose(body)[2, 3] - site.table_height
+            within = np.abs(offset[:2]) <= 0.5 * np.asarray(START_VOLUME[:2])
+            return not (within.all() and above_table <= START_VOLUME[2])
+
+        def strict(world: WorldState) -> bool:
+            low, high = vertical_span(world.pose(body), extents)
+            sensor = site.table_height + SENSOR_HEIGHT
+            return (
+                world.held(body) and low <= sensor + SENSOR_THICKNESS / 2 and high >= sensor - SENSOR_THICKNESS / 2
+            )
+
+        return TaskInstance(
+            Layout(bodies),
+            sentence,
+            {"eased": eased, "strict": strict},
+            f"eased: the {colours[target]} cube has left its place on the table; "
+            f"strict: the fingers hold it about {SENSOR_HEIGHT} m above the table",
+        )
+
+    def _draw_poses(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:
+        """Poses (4, 4) of all cubes in the area about a random root; None when one is out of place."""
+        size = self._config.size
+        radius = size / np.sqrt(2.0)
+        root = sample_root(rng, site)
+        half = 0.5 * np.asarray(self._config.area) - radius
+        if (half < 0).any():
+            return None
+        spots = rng.uniform(-half, half, size=(self._config.cubes, 2))
+        yaws = rng.uniform(-np.pi, np.pi, size=self._config.cubes)
+        centres = transform_points(root, np.column_stack([spots, np.zeros(len(spots))]))[:, :2]
+        for i, centre in enumerate(centres):
+            apart = np.linalg.norm(centres[:i] - centre, axis=1) - 2 * radius
+            if not inside(site, centre, radius) or (apart < self._config.gap).any():
+                return None
+        # Reach last: it asks for inverse kinematics, which costs more than all the rest.
+        if not all(in_reach(site, centre, (size / 2, SENSOR_HEIGHT + size)) for centre in centres):
+            return None
+        return [
+            planar(centre, site.table_height + size / 2, float(yaw))
+            for centre, yaw in zip(centres, yaws, strict=True)
+        ]

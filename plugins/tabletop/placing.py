@@ -1,0 +1,73 @@
+"""Where things go: rejection sampling inside a site, and the geometry that referees measure with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.robot.task import TaskSite
+
+TRIES = 5000
+
+T = TypeVar("T")
+
+
+def sample_until(draw: Callable[[], T | None], what: str) -> T:
+    """The first draw that is not None; raises :class:`ConfigurationError` when there is none in many tries."""
+    for _ in range(TRIES):
+        sample = draw()
+        if sample is not None:
+            return sample
+    raise ConfigurationError(
+        f"No place was found for {what} in {TRIES} tries: it does not fit on the table within the arm's reach. "
+        "Make it smaller, or the distances shorter."
+    )
+
+
+def sample_root(rng: np.random.Generator, site: TaskSite) -> FloatArray:
+    """world_from_root (4, 4): uniform in the site's rectangle on the table, any yaw."""
+    half = 0.5 * np.asarray(site.size)
+    xy = np.asarray(site.centre) + rng.uniform(-half, half)
+    return planar(xy, site.table_height, float(rng.uniform(-np.pi, np.pi)))
+
+
+def planar(xy: Sequence[float] | FloatArray, z: float, yaw: float) -> FloatArray:
+    """(4, 4) pose upright at ``xy`` (2,) and ``z``, turned by ``yaw`` about z; metres and radians."""
+    return rigid(Rotation.from_euler("z", yaw).as_matrix(), (xy[0], xy[1], z))
+
+
+def inside(site: TaskSite, xy: FloatArray, radius: float) -> bool:
+    """Whether a disc about ``xy`` (2,) lies in the site's rectangle."""
+    off = np.abs(np.asarray(xy) - np.asarray(site.centre))
+    return bool((off + radius <= 0.5 * np.asarray(site.size)).all())
+
+
+def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:
+    """Whether the hand, pointing down, gets to ``xy`` (2,) at all ``heights`` above the table, metres."""
+    return all(site.reachable(np.array([xy[0], xy[1], site.table_height + h])) for h in heights)
+
+
+def boxes_overlap(one: FloatArray, one_size: FloatArray, other: FloatArray, other_size: FloatArray) -> bool:
+    """Whether two oriented boxes overlap: poses (4, 4) of their centres and full side lengths (3,), metres.
+
+    The separating axis test over the 15 candidate axes.
+    """
+    a, b = one[:3, :3], other[:3, :3]
+    crosses = [np.cross(a[:, i], b[:, j]) for i in range(3) for j in range(3)]
+    between = other[:3, 3] - one[:3, 3]
+    for axis in (*a.T, *b.T, *(c for c in crosses if np.linalg.norm(c) > 1e-6)):
+        reach = np.abs(axis @ a) @ np.asarray(one_size) + np.abs(axis @ b) @ np.asarray(other_size)
+        if abs(axis @ between) > 0.5 * reach:
+            return False
+    return True
+
+
+def vertical_span(pose: FloatArray, size: FloatArray) -> tuple[float, float]:
+    """Lowest and highest world z of an oriented box: its centre's pose (4, 4), full side lengths (3,)."""
+    half = 0.5 * float(np.abs(pose[2, :3]) @ np.asarray(size))
+    return float(pose[2, 3]) - half, float(pose[2, 3]) + half

@@ -1,0 +1,106 @@
+"""Push a block onto a square that is painted on the table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import PushBlockConfig
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
+
+PAINT = 0.0005
+"""Thickness of the painted square, metres."""
+
+CENTRE_VOLUME = 0.01
+"""Side of the strict profile's cube at the target's centre, metres."""
+
+ROOM_BEHIND = 0.08
+"""How far behind the block, seen from the target, the hand must reach to push it, metres."""
+
+
+class PushBlock:
+    """Push the block onto the target.
+
+    eased: the block's centre is above the painted square and the block lies on the table. strict: the block
+    overlaps a cube of 1 cm that stands at the target's centre.
+    """
+
+    def __init__(self, config: PushBlockConfig) -> None:
+        near, far = config.distance
+        if min(config.size, config.mass, config.target, near) <= 0 or near > far:
+            raise ConfigurationError(
+                "task=push_block needs positive size, mass, target and an increasing distance range, got "
+                f"size={config.size}, mass={config.mass}, target={config.target}, distance=({near}, {far})."
+            )
+        self._config = config
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{colour}`` is the block's colour, ``{target}`` the square's."""
+        return (
+            "push the {colour} block onto the {target} square",
+            "slide the {colour} cube to the {target} target",
+            "shove the {colour} block over to the {target} patch on the table",
+            "move the {colour} cube onto the {target} square by pushing it",
+            "without lifting it, push the {colour} block until it is on the {target} target",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; there is one block and one target, whatever ``instruction`` says."""
+        size, side, table = self._config.size, self._config.target, site.table_height
+        block, target = sample_until(lambda: self._draw_poses(rng, site), "a block and its target")
+        block_colour, target_colour = sample_colours(rng, site, 2)
+        template = self.instructions[int(rng.integers(len(self.instructions)))]
+        sentence = template.format(colour=block_colour, target=target_colour)
+        cube = Primitive("box", (size, size, size), COLOURS[block_colour])
+        paint = Primitive("box", (side, side, PAINT), COLOURS[target_colour], collides=False)
+        bodies = (
+            Body("block", (cube,), block, self._config.mass),
+            Body("target", (paint,), target, fixed=True),
+        )
+        volume = rigid(target[:3, :3], (target[0, 3], target[1, 3], table + CENTRE_VOLUME / 2))
+
+        def eased(world: WorldState) -> bool:
+            now = world.pose("block")[:3, 3]
+            offset = transform_points(invert_rigid(target), now)
+            return bool((np.abs(offset[:2]) <= side / 2).all() and now[2] < table + size)
+
+        def strict(world: WorldState) -> bool:
+            return boxes_overlap(
+                world.pose("block"), np.full(3, size), volume, np.full(3, CENTRE_VOLUME)
+            )
+
+        return TaskInstance(
+            Layout(bodies),
+            sentence if instruction is None else instruction,
+            {"eased": eased, "strict": strict},
+            f"eased: the {block_colour} block's centre is on the {target_colour} square; "
+            "strict: the block covers the square's centre",
+        )
+
+    def _draw_poses(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, FloatArray] | None:
+        """Poses (4, 4) of the block's and the paint's centre; None when one is out of place."""
+        size = self._config.size
+        root = sample_root(rng, site)
+        distance = float(rng.uniform(*self._config.distance))
+        direction, block_yaw, target_yaw = rng.uniform(-np.pi, np.pi, size=3)
+        start = root[:2, 3]
+        towards = np.array([np.cos(direction), np.sin(direction)])
+        goal = start + distance * towards
+        free = distance - (size + self._config.target) / np.sqrt(2.0) > 0
+        if not free or not inside(site, start, size / np.sqrt(2.0)):
+            return None
+        if not inside(site, goal, self._config.target / np.sqrt(2.0)):
+            return None
+        if not all(in_reach(site, xy, (size / 2, 0.15)) for xy in (start - ROOM_BEHIND * towards, goal)):
+            return None
+        return (
+            planar(start, site.table_height + size / 2, float(block_yaw)),
+            planar(goal, site.table_height + PAINT / 2, float(target_yaw)),
+        )

@@ -1,0 +1,219 @@
+"""The loop, with the real simulator, perceiver, planner, memory and verifier; faults are injected by wrappers."""
+
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.commands.run import CHOICES
+from gvla2.episode import EpisodeRequest, Parts, run_episode
+from gvla2.geometry.views import Views
+from gvla2.planning.contracts import Plan
+from gvla2.robot.task import Body, Joint
+
+ORDER = (
+    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn", "judge",
+)  # fmt: skip
+
+
+class Listener:
+    def __init__(self):
+        self.records, self.frames = {}, 0
+
+    def begin(self, stage):
+        pass
+
+    def stage(self, record, stage):
+        self.records[stage] = record
+
+    def frame(self, image):
+        self.frames += 1
+
+
+@pytest.fixture
+def parts_of(registry, compose_run):
+    """Build the parts of a run for some overrides; the robot and the memory are closed after the test."""
+    opened = []
+
+    def build(*overrides):
+        config = compose_run(*overrides)
+        kinds = ("robot", "task", "perceiver", "reconstructor", "memory", "planner", "verifier")
+        built = registry.build_all(config, kinds)
+        opened.extend((built["robot"], built["memory"]))
+        return Parts(**built, choices={kind: getattr(config, kind).name for kind in CHOICES})
+
+    yield build
+    for part in opened:
+        with closing(part):
+            pass
+
+
+class Wrapped:
+    """Another object with some of its methods replaced."""
+
+    def __init__(self, inner, **methods):
+        self._inner, self._methods = inner, methods
+
+    def __getattr__(self, name):
+        return self._methods.get(name) or getattr(self._inner, name)
+
+
+def test_an_episode_goes_through_every_stage_and_learns(parts_of):
+    parts, listener = parts_of(), Listener()
+    record = run_episode(parts, EpisodeRequest(seed=1), listener)
+    assert tuple(listener.records) == ORDER
+    assert record.failure is None, record.failure
+    assert record.judgement is not None
+    assert record.judgement.eased
+    assert record.verdict.outcome == "verified_success"
+    assert record.learned.added
+    assert listener.frames > 5
+    assert listener.records["learn"].judgement is None, "the referee must speak after everything is learnt"
+    # What was learnt is recalled next time, and shapes the plan's parameters as typed effects.
+    again = run_episode(parts, EpisodeRequest(seed=2), Listener())
+    assert {item.id for item in again.recalled.items} & set(record.learned.added)
+
+
+class Renamed:
+    """A task whose bodies, joints and sentences' origin carry no telling names."""
+
+    def __init__(self, inner):
+        self._inner = inner
+
+    instructions = ("anything",)
+
+    def sample(self, rng, site, instruction=None):
+        instance = self._inner.sample(rng, site, instruction)
+        names = {body.name: f"x{i}" for i, body in enumerate(instance.layout.bodies)}
+        joints = {joint.name: f"y{i}" for i, joint in enumerate(instance.layout.joints)}
+        bodies = tuple(_renamed_body(b, names) for b in instance.layout.bodies)
+        moved = tuple(_renamed_joint(j, names, joints) for j in instance.layout.joints)
+        back = _Renaming(names, joints)
+        succeeded = {p: (lambda world, f=f: f(back.of(world))) for p, f in instance.succeeded.items()}
+        layout = replace(instance.layout, bodies=bodies, joints=moved)
+        return replace(instance, layout=layout, succeeded=succeeded, goal="")
+
+
+def _renamed_body(body: Body, names) -> Body:
+    return replace(body, name=names[body.name])
+
+
+def _renamed_joint(joint: Joint, names, joints) -> Joint:
+    return replace(joint, name=joints[joint.name], parent=names[joint.parent], child=names[joint.child])
+
+
+class _Renaming:
+    def __init__(self, names, joints):
+        self.names, self.joints = names, joints
+
+    def of(self, world):
+        return Wrapped(
+            world,
+            pose=lambda body: world.pose(self.names[body]),
+            held=lambda body: world.held(self.names[body]),
+            joint=lambda name: world.joint(self.joints[name]),
+            peak=lambda name: world.peak(self.joints[name]),
+        )
+
+
+@pytest.mark.parametrize("task", ["pick_and_lift", "push_block", "lamp_on"])
+def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
+    parts = parts_of(f"task={task}", "memory=none")
+    plain = run_episode(parts, EpisodeRequest(seed=3), Listener())
+    blind = replace(parts, task=Renamed(parts.task), choices={**parts.choices, "task": "anything"})
+    renamed = run_episode(blind, EpisodeRequest(seed=3), Listener())
+    assert plain.plan.trajectory is not None, plain.failure
+    assert renamed.plan.trajectory.to_json() == plain.plan.trajectory.to_json()
+    assert renamed.judgement == plain.judgement
+    np.testing.assert_array_equal(renamed.report.joint_path, plain.report.joint_path)
+
+
+@pytest.mark.parametrize("sentence", ["juggle the walrus", "pick up the zeppelin", "", "\x00;DROP TABLE memory;--"])
+def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
+    record = run_episode(parts_of(), EpisodeRequest(seed=1, instruction=sentence), Listener())
+    assert record.failure is not None
+    assert record.failure.stage == "plan"
+    assert record.report is None
+    assert record.judgement is not None
+    assert not record.judgement.eased
+    assert record.learned is None or not record.learned.added
+
+
+def broken_views(observation, change):
+    views = Views(tuple(replace(v, **change(v)) for v in observation.views))
+    return replace(observation, views=views)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda view: {"depth": np.full_like(view.depth, np.nan)},
+        lambda view: {"depth": None},
+        lambda view: {"depth": np.zeros_like(view.depth), "image": np.zeros_like(view.image)},
+    ],
+    ids=["NaN depth", "no depth", "black and empty"],
+)
+def test_blind_cameras_are_a_failure_of_perception(parts_of, change):
+    parts = parts_of("memory=none")
+    robot = Wrapped(parts.robot, observe=lambda: broken_views(parts.robot.observe(), change))
+    record = run_episode(replace(parts, robot=robot), EpisodeRequest(seed=1), Listener())
+    assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
+    assert record.judgement is not None
+
+
+@pytest.mark.parametrize("answer", [None, "go left", Plan(trajectory=None)], ids=["None", "text", "nothing"])
+def test_rubbish_from_a_planner_is_named(parts_of, answer):
+    parts = parts_of("memory=none")
+    planner = Wrapped(parts.planner, plan=lambda request: answer)
+    record = run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1), Listener())
+    assert (record.failure.stage, record.failure.kind) == ("plan", "invalid_plan")
+
+
+def test_a_crashing_planner_is_recorded_and_raised(parts_of):
+    def crash(request):
+        raise ZeroDivisionError("the planner's own mistake")
+
+    parts, listener = parts_of("memory=none"), Listener()
+    broken = replace(parts, planner=Wrapped(parts.planner, plan=crash))
+    with pytest.raises(ZeroDivisionError):
+        run_episode(broken, EpisodeRequest(seed=1), listener)
+    assert listener.records["plan"].failure.kind == "crashed"
+
+
+def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
+    class Impatient(Listener):
+        def frame(self, image):
+            super().frame(image)
+            if self.frames == 3:
+                raise KeyboardInterrupt
+
+    parts, listener = parts_of(), Impatient()
+    with pytest.raises(KeyboardInterrupt):
+        run_episode(parts, EpisodeRequest(seed=1), listener)
+    assert listener.records["execute"].failure.kind == "interrupted"
+    assert "learn" not in listener.records
+    # The same robot and memory serve the next episode, which remembers nothing of the broken one.
+    record = run_episode(parts, EpisodeRequest(seed=1), Listener())
+    assert not record.recalled.items
+    assert record.failure is None
+
+
+def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_path):
+    path = tmp_path / "broken.db"
+    path.write_bytes(b"this is no database" * 100)
+    parts = parts_of(f"memory.url=sqlite:///{path}")
+    record = run_episode(parts, EpisodeRequest(seed=1), Listener())
+    assert record.judgement.eased
+    assert record.recalled.degraded
+    assert record.learned.degraded
+    assert len(record.notes) == 2
+    assert path.read_bytes() == b"this is no database" * 100
+
+
+def test_the_same_seed_twice_is_the_same_episode(parts_of):
+    parts = parts_of("memory=none")
+    first, second = (run_episode(parts, EpisodeRequest(seed=5), Listener()) for _ in range(2))
+    assert first.plan.trajectory.to_json() == second.plan.trajectory.to_json()
+    np.testing.assert_array_equal(first.report.joint_path, second.report.joint_path)
+    assert first.judgement == second.judgement

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.transform import look_along, rigid
+from gvla2.geometry.views import Observation, View, Views
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.refine import fit_box, masked_views, refine_scene
+
+SIZE = np.array([0.06, 0.04, 0.05])
+POSE = rigid(translation=(0.3, 0.1, 0.025))
+
+
+def box_mesh(size):
+    import trimesh
+
+    mesh = trimesh.creation.box(extents=size)
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+@pytest.fixture(scope="module")
+def observation():
+    vertices, faces = box_mesh(SIZE)
+    caster = RayCaster([Surface(vertices, faces, np.array([0.8, 0.1, 0.1]), 0)])
+    cameras = [
+        Camera.from_fov(0.7, look_along(position, np.array([0.3, 0.1, 0.0]) - position), 96, 96, name)
+        for name, position in (("left", np.array([0.3, 0.7, 0.6])), ("front", np.array([1.0, 0.1, 0.5])))
+    ]
+    images = caster.cast(cameras, {0: POSE})
+    views = tuple(View(c, i.image, i.depth) for c, i in zip(cameras, images, strict=True))
+    return Observation(Views(views), np.eye(4), np.zeros(7), 1.0, 0.08)
+
+
+def scene_of(extents):
+    seen = SceneObject("o1", "red box", "box", "red", POSE, np.asarray(extents), np.zeros((1, 3)))
+    patch = SceneObject("o2", "blue square", "region", "blue", np.eye(4), np.ones(3) * 0.1, np.zeros((1, 3)))
+    return Scene((seen, patch), 0.0, Box(np.full(3, -2.0), np.full(3, 2.0)))
+
+
+class FromDepth:
+    """Reconstructs by back-projecting what the masks show."""
+
+    def __init__(self):
+        self.seen = []
+
+    def reconstruct(self, views):
+        self.seen.append(views)
+        points = np.concatenate([v.points()[v.mask > 0.5] for v in views])
+        return Reconstruction(None, Mesh(points, np.zeros((0, 3), dtype=np.int64)))
+
+
+class Nothing:
+    def reconstruct(self, views):
+        return None
+
+
+def test_masks_are_the_silhouette(observation):
+    views = masked_views(observation, scene_of(SIZE).objects[0])
+    assert views is not None
+    for view in views:
+        np.testing.assert_array_equal(view.mask > 0.5, np.isfinite(view.depth))
+
+
+def test_too_large_a_box_is_refined_and_regions_are_left_alone(observation):
+    reconstructor = FromDepth()
+    scene, sentence = refine_scene(scene_of(SIZE * 1.25), observation, reconstructor)
+    assert len(reconstructor.seen) == 1
+    assert "red box" in sentence
+    # The cameras see the top and three sides: the two shown axes come right to the millimetre.
+    np.testing.assert_allclose(scene["o1"].extents[1:], SIZE[1:], atol=4e-3)
+    assert scene["o2"] == scene_of(SIZE)["o2"] or np.array_equal(scene["o2"].extents, np.ones(3) * 0.1)
+
+
+def test_without_a_reconstructor_nothing_changes(observation):
+    before = scene_of(SIZE)
+    after, sentence = refine_scene(before, observation, Nothing())
+    assert after is before
+    assert "No geometry was refined" in sentence
+
+
+def test_an_object_that_no_view_shows_is_left_alone(observation):
+    hidden = SceneObject(
+        "o9", "ghost", "box", "", rigid(translation=(5, 5, 5)), SIZE, np.zeros((1, 3))
+    )
+    assert masked_views(observation, hidden) is None
+
+
+def test_an_empty_reconstruction_is_refused():
+    assert fit_box(scene_of(SIZE).objects[0], Reconstruction(None, None)) is None
