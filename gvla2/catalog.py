@@ -196,10 +196,11 @@ def _fault_of_component(item: object, kind: str, taken: Mapping[str, Offer]) -> 
     """Why this is not a component to offer, or ""."""
     if not isinstance(item, Component):
         return f"returned {item!r}, which is not a Component."
-    name: Any = item.name  # what a plugin passes is not checked before here
+    name: Any = item.name  # nobody has checked before what a plugin passes
+    build: Any = item.build
     if not isinstance(name, str) or not _NAME.fullmatch(name) or name.lower() in _WORDS_OF_HYDRA:
         return f"the name {name!r} cannot be chosen on the command line; use letters, digits, '_' and '-'."
-    if not callable(item.build):
+    if not callable(build):
         return f"'{name}' has a build that cannot be called."
     unknown = [need for need in item.needs if need not in KINDS]
     if unknown:

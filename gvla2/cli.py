@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from difflib import get_close_matches
 from importlib import import_module
-from types import MappingProxyType
 
-COMMANDS: Mapping[str, str] = MappingProxyType(
-    {
-        "run": "run one episode, or many: observe, plan, execute, verify, learn",
-        "plugins": "list robots, planners, memories and all else that can be chosen, with options",
-        "doctor": "check this installation and say what to do about what is missing",
-    }
-)
-"""Sub-commands and what they do; each is a module of :mod:`gvla2.commands` with ``main(argv) -> status``."""
+from gvla2.commands import COMMANDS
 
 
 def main(argv: Sequence[str] | None = None) -> int:

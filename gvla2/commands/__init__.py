@@ -1,1 +1,13 @@
-"""The sub-commands, one file each."""
+"""The sub-commands, one file each; a command is a module with ``main(argv) -> exit status``."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "run": "run one episode, or many: observe, plan, execute, verify, learn",
+        "plugins": "list robots, planners, memories and all else that can be chosen, with options",
+        "doctor": "check this installation and say what to do about what is missing",
+    }
+)
+"""Sub-commands and what they do. Importing this loads none of them."""

@@ -215,7 +215,7 @@ def weights(composed: dict[str, DictConfig]) -> Iterator[Check]:
 def output_folders(composed: dict[str, DictConfig]) -> Iterator[Check]:
     """Whether runs can write their folders."""
     for name, config in composed.items():
-        top = Path(str(config.hydra.run.dir).split("/${", 1)[0]).absolute()
+        top = Path(str(config.hydra.run.dir)).absolute()
         folder = next(p for p in (top, *top.parents) if p.exists())
         try:
             with tempfile.TemporaryFile(dir=folder):

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gvla2.cli import COMMANDS
+from gvla2.commands import COMMANDS
 
 if TYPE_CHECKING:
     from gvla2.catalog import Registry

@@ -7,7 +7,7 @@ that its bounding box covers, and a shared depth buffer both ends rays early and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,12 +100,12 @@ class RayCaster:
         self._background = _as_bytes(np.array(background, dtype=np.float64))
         self._device = EmbreeDevice()
         self._trees = [_build_tree(self._device, surface) for surface in self._surfaces]
-        self._offsets = np.cumsum([0] + [len(s.faces) for s in self._surfaces])
-        self._anchors, self._normals = _face_planes(self._surfaces)
+        self._first_faces = np.cumsum([0] + [len(s.faces) for s in self._surfaces])
+        self._normals, self._plane_offsets = _face_planes(self._surfaces)
         self._rgb = np.concatenate(
             [np.broadcast_to(s.rgb, (len(s.faces), 3)) for s in self._surfaces] or [np.zeros((0, 3))]
-        )
-        self._ids = np.repeat([s.id for s in self._surfaces], np.diff(self._offsets)).astype(np.int32)
+        ).astype(np.float32)
+        self._ids = np.repeat([s.id for s in self._surfaces], np.diff(self._first_faces)).astype(np.int32)
         self._corners = [_corners(s.vertices) for s in self._surfaces]
 
     def cast(self, cameras: Sequence[Camera], world_from_surface: Mapping[int, ArrayLike]) -> list[RayImage]:
@@ -125,11 +125,11 @@ class RayCaster:
             else np.eye(4)
             for i in range(len(self._surfaces))
         ]
-        anchors, normals = self._pose_planes(poses)
-        return [self._cast_one(camera, poses, anchors, normals) for camera in cameras]
+        normals, offsets = self._pose_planes(poses)
+        return [self._cast_one(camera, poses, normals, offsets) for camera in cameras]
 
     def _cast_one(
-        self, camera: Camera, poses: Sequence[FloatArray], anchors: FloatArray, normals: FloatArray
+        self, camera: Camera, poses: Sequence[FloatArray], normals: FloatArray, offsets: FloatArray
     ) -> RayImage:
         size = (camera.height, camera.width)
         depth = np.full(size, np.inf, dtype=np.float32)
@@ -145,39 +145,41 @@ class RayCaster:
             )
             if window is None:
                 continue
-            directions = _directions(surface_from_camera[:3, :3] @ pixel_steps, window)
-            near, face = _intersect(
-                self._trees[index], surface_from_camera[:3, 3], directions, depth[window].ravel()
-            )
-            shape = depth[window].shape
-            depth[window] = near.reshape(shape)
-            np.copyto(
-                hits[window], (face + self._offsets[index]).reshape(shape), where=(face >= 0).reshape(shape)
-            )
-        colours = np.vstack([self._shade(camera, anchors, normals), self._background])
+            near, face = depth[window], hits[window]
+            surface_from_pixel = surface_from_camera[:3, :3] @ pixel_steps
+            for rows, rays in _rays(surface_from_pixel, window):
+                _intersect(
+                    self._trees[index],
+                    surface_from_camera[:3, 3],
+                    rays,
+                    near[rows],
+                    face[rows],
+                    self._first_faces[index],
+                )
+        colours = np.vstack([self._shade(camera, normals, offsets), self._background])
         ids = np.append(self._ids, np.int32(-1))
         depth[np.isinf(depth)] = np.nan
         return RayImage(np.take(colours, hits, axis=0), depth, np.take(ids, hits))
 
     def _pose_planes(self, poses: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """A point and the unit normal of each face, both (F, 3) in the world."""
-        anchors, normals = np.empty_like(self._anchors), np.empty_like(self._normals)
-        for pose, start, stop in zip(poses, self._offsets[:-1], self._offsets[1:], strict=True):
-            anchors[start:stop] = transform_points(pose, self._anchors[start:stop])
+        """The faces' planes in the world: unit normals n (F, 3) and offsets n . x (F,)."""
+        normals, offsets = np.empty_like(self._normals), np.empty_like(self._plane_offsets)
+        for pose, start, stop in zip(poses, self._first_faces[:-1], self._first_faces[1:], strict=True):
             normals[start:stop] = self._normals[start:stop] @ pose[:3, :3].T
-        return anchors, normals
+            offsets[start:stop] = self._plane_offsets[start:stop] + normals[start:stop] @ pose[:3, 3]
+        return normals, offsets
 
-    def _shade(self, camera: Camera, anchors: FloatArray, normals: FloatArray) -> NDArray[np.uint8]:
+    def _shade(self, camera: Camera, normals: FloatArray, offsets: FloatArray) -> NDArray[np.uint8]:
         """(F, 3) colours of whole faces; the side that faces the camera counts, however a face is wound."""
-        towards = np.einsum("ij,ij->i", normals, camera.position - anchors)
-        sky = 0.5 + 0.5 * np.copysign(normals[:, 2], normals[:, 2] * towards)
+        seen_from_front = normals @ camera.position >= offsets
+        sky = 0.5 + 0.5 * np.where(seen_from_front, normals[:, 2], -normals[:, 2])
         headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
         light = HEADLIGHT * headlight + SKY * sky
-        return _as_bytes(self._rgb * (AMBIENT + (1 - AMBIENT) * light)[:, None])
+        return _as_bytes(self._rgb * (AMBIENT + (1 - AMBIENT) * light.astype(np.float32))[:, None])
 
 
-def _as_bytes(rgb: FloatArray) -> NDArray[np.uint8]:
-    return np.clip(np.rint(255 * rgb), 0, 255).astype(np.uint8)
+def _as_bytes(rgb: NDArray[np.floating]) -> NDArray[np.uint8]:
+    return np.asarray(np.clip(np.rint(255 * rgb), 0, 255), dtype=np.uint8)
 
 
 def _build_tree(device: EmbreeDevice, surface: Surface) -> EmbreeScene:
@@ -199,15 +201,15 @@ def _corners(vertices: FloatArray) -> FloatArray:
 
 
 def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
-    """First vertices and unit normals of all faces, in the surfaces' frames; zero for a face without area."""
-    anchors, normals = [np.zeros((0, 3))], [np.zeros((0, 3))]
+    """All faces' unit normals n (F, 3) and offsets n . x (F,), in the surfaces' frames; 0 for a face without area."""
+    normals, offsets = [np.zeros((0, 3))], [np.zeros(0)]
     for surface in surfaces:
         a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
         cross = np.cross(b - a, c - a)
         length = np.linalg.norm(cross, axis=1, keepdims=True)
-        anchors.append(a)
         normals.append(np.divide(cross, length, out=np.zeros_like(cross), where=length > 0))
-    return np.concatenate(anchors), np.concatenate(normals)
+        offsets.append(np.einsum("ij,ij->i", normals[-1], a))
+    return np.concatenate(normals), np.concatenate(offsets)
 
 
 def _window(camera: Camera, corners: FloatArray) -> tuple[slice, slice] | None:
@@ -230,31 +232,38 @@ def _window(camera: Camera, corners: FloatArray) -> tuple[slice, slice] | None:
     return slice(low[1], high[1]), slice(low[0], high[0])
 
 
-def _directions(surface_from_pixel: FloatArray, window: tuple[slice, slice]) -> NDArray[np.float32]:
-    """(N, 3) ray directions in a surface's frame of a window's pixels, row by row.
+def _rays(
+    surface_from_pixel: FloatArray, window: tuple[slice, slice]
+) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+    """Ray directions (h, w, 3) in a surface's frame for some rows at a time of a window of pixels.
 
     They have z = 1 in the camera's frame, so that a ray's length is its depth. A direction is linear in u and
-    v: one addition a pixel, no product.
+    v: one addition a pixel, no product. The rows are counted from the window's first.
     """
     rows, columns = window
     across = np.arange(columns.start, columns.stop)[:, None] + 0.5
     down = np.arange(rows.start, rows.stop)[:, None] + 0.5
     along_row = (across * surface_from_pixel[:, 0] + surface_from_pixel[:, 2]).astype(np.float32)
     along_column = (down * surface_from_pixel[:, 1]).astype(np.float32)
-    return (along_column[:, None] + along_row[None]).reshape(-1, 3)
+    step = max(1, _CHUNK // len(along_row))
+    for start in range(0, len(along_column), step):
+        part = slice(start, start + step)
+        yield part, along_column[part, None] + along_row
 
 
 def _intersect(
-    tree: EmbreeScene, origin: FloatArray, directions: NDArray[np.float32], limit: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Depth of the nearest hit before ``limit`` (N,), else the limit, and the face hit, else -1; both (N,)."""
-    near = limit.copy()
-    face = np.empty(len(directions), dtype=np.int32)
-    origins = np.tile(origin.astype(np.float32), (min(_CHUNK, len(directions)), 1))
-    for start in range(0, len(directions), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        rays = directions[part]
-        answer = tree.run(origins[: len(rays)], rays, dists=near[part], output=True)
-        face[part] = answer["primID"]
-        near[part] = answer["tfar"]
-    return near, face
+    tree: EmbreeScene,
+    origin: FloatArray,
+    rays: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    hits: NDArray[np.int64],
+    first_face: int,
+) -> None:
+    """Where rays (h, w, 3) hit nearer than ``depth`` (h, w), put the new depth and face in ``depth`` and ``hits``."""
+    count = depth.size
+    origins = np.tile(origin.astype(np.float32), (count, 1))
+    answer = tree.run(origins, rays.reshape(count, 3), dists=depth.ravel(), output=True)
+    face = answer["primID"].reshape(depth.shape)
+    found = face >= 0
+    np.copyto(depth, answer["tfar"].reshape(depth.shape), where=found)
+    np.copyto(hits, face + first_face, where=found)

@@ -17,7 +17,7 @@ from urllib.parse import quote
 from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
-from sqlalchemy.pool import NullPool
+from sqlalchemy.pool import QueuePool
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.memory.records import SCHEMA_VERSION, tables
@@ -45,9 +45,13 @@ def database_path(url: str) -> Path:
 
 
 def make_engine(path: Path, busy_seconds: float) -> Engine:
-    """An engine that opens the file anew for each transaction, so that it survives forks and holds no lock."""
+    """An engine that keeps one connection open between transactions (it holds no lock then), and more for threads."""
     engine = create_engine(
-        URL.create("sqlite", database=str(path)), poolclass=NullPool, connect_args={"timeout": busy_seconds}
+        URL.create("sqlite", database=str(path)),
+        poolclass=QueuePool,
+        pool_size=1,
+        max_overflow=15,
+        connect_args={"timeout": busy_seconds, "check_same_thread": False},
     )
 
     @event.listens_for(engine, "connect")

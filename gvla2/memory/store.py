@@ -51,6 +51,7 @@ class Store:
             raise MemoryStoreError(f"The memory {self._path} was closed.")
         bind = self._engine.execution_options(**{WRITES: writes})
         with explained(self._path), Session(bind, expire_on_commit=False) as session, session.begin():
+            session.connection()  # takes the lock now, not at the first statement
             yield session
 
     def records(self, bank: str, states: Sequence[LifecycleState] | None = None) -> list[Record]:

@@ -15,7 +15,7 @@ class CheckLimits:
     * ``max_speed`` of the tool.
     * ``limit_margin`` to each joint's limit; ``joint_jump``: largest joint step between two samples (1 cm) of a
       straight move, beyond it the arm would flip; ``min_manipulability`` sqrt(det(J J^T)), 0 at a singularity.
-    * ``free_clearance`` where a planned move starts and ends (the motion planner keeps as much);
+    * ``free_clearance`` where a planned move starts and ends, so that the motion planner has room to leave and arrive;
       ``linear_clearance`` along straight moves.
     * ``sweep_step``: how far apart along a straight move clearance is looked at.
     """
@@ -27,7 +27,7 @@ class CheckLimits:
     limit_margin: float = 0.02
     joint_jump: float = 0.35
     min_manipulability: float = 0.01
-    free_clearance: float = 0.01
+    free_clearance: float = 0.005
     linear_clearance: float = 0.001
     sweep_step: float = 0.02
 

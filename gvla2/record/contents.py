@@ -15,7 +15,17 @@ from gvla2.robot.backend import Judgement
 from gvla2.robot.report import ExecutionReport
 
 Stage = Literal[
-    "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify", "learn", "judge"
+    "setup",
+    "observe",
+    "perceive",
+    "reconstruct",
+    "recall",
+    "plan",
+    "check",
+    "execute",
+    "verify",
+    "learn",
+    "judge",
 ]
 
 

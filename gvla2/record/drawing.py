@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,18 +62,24 @@ def shorten(text: str, limit: int) -> str:
 
 
 class Canvas:
-    """A camera picture (H, W, 3) uint8, enlarged by a whole factor to about ``width`` pixels.
+    """A camera picture (H, W, 3) uint8, enlarged to about ``width`` pixels: all of it by a whole factor, or ``part``.
 
-    All coordinates are pixels of the camera's image; they are enlarged here. Shapes go on a layer of their own,
-    labels above all shapes, in the order of the calls. Sizes (line widths, radii) are pixels of the result.
+    All coordinates are pixels of the camera's image; they are moved and enlarged here. Shapes go on a layer of
+    their own, labels above all shapes, in the order of the calls. Sizes (line widths, radii) are pixels of the
+    result.
     """
 
-    def __init__(self, image: NDArray[np.uint8], width: int = 512) -> None:
+    def __init__(self, image: NDArray[np.uint8], width: int = 512, part: Rect | None = None) -> None:
         height, given = image.shape[:2]
-        self.scale = max(1, round(width / given))
-        self.size = (given * self.scale, height * self.scale)
-        self._picture = Image.fromarray(np.ascontiguousarray(image)).convert("RGBA")
-        self._picture = self._picture.resize(self.size, Image.Resampling.LANCZOS)
+        self._part = part or Rect(0, 0, given, height)
+        shown = self._part.x1 - self._part.x0
+        self.scale = width / shown if part else float(max(1, round(width / given)))
+        self.size = (round(shown * self.scale), round((self._part.y1 - self._part.y0) * self.scale))
+        self._picture = Image.fromarray(np.ascontiguousarray(image)).resize(
+            self.size,
+            Image.Resampling.LANCZOS,
+            box=(self._part.x0, self._part.y0, self._part.x1, self._part.y1),
+        )
         self._layer = Image.new("RGBA", (self.size[0] * _SMOOTH, self.size[1] * _SMOOTH), (0, 0, 0, 0))
         self._draw = ImageDraw.Draw(self._layer)
         self._labels: list[tuple[str, Rect, Colour, str]] = []
@@ -122,20 +129,16 @@ class Canvas:
 
     def label(self, text: str, near: Rect, colour: Colour, badge: str = "") -> None:
         """A label beside ``near`` (image pixels), with a coloured ``badge`` before it."""
-        s = self.scale
-        self._labels.append(
-            (shorten(text, 34), Rect(near.x0 * s, near.y0 * s, near.x1 * s, near.y1 * s), colour, badge)
-        )
+        self._labels.append((shorten(text, 34), self._moved(near), colour, badge))
 
     def keep_clear(self, near: Rect) -> None:
         """Labels avoid this part (image pixels)."""
-        s = self.scale
-        self._taken.append(Rect(near.x0 * s, near.y0 * s, near.x1 * s, near.y1 * s))
+        self._taken.append(self._moved(near))
 
     def picture(self) -> Image.Image:
         """The annotated picture, RGB."""
         smooth = self._layer.resize(self.size, Image.Resampling.LANCZOS)
-        result = Image.alpha_composite(self._picture, smooth)
+        result = Image.alpha_composite(self._picture.convert("RGBA"), smooth)
         pen = ImageDraw.Draw(result, "RGBA")
         for text, at, ink in self._digits:
             pen.text(at, text, fill=(*ink, 255), font=font(12), anchor="mm")
@@ -148,7 +151,7 @@ class Canvas:
         self, pen: ImageDraw.ImageDraw, text: str, near: Rect, colour: Colour, badge: str, taken: list[Rect]
     ) -> Rect:
         face = font(14)
-        chip = 18.0 if badge else 0.0
+        chip = max(18.0, pen.textlength(badge, font=font(13)) + 10) if badge else 0.0
         width, height = pen.textlength(text, font=face) + 12 + chip, 20.0
         bounds = Rect(4, 4, self.size[0] - 4, self.size[1] - 4)
         spot = place(near, (width, height), taken, bounds)
@@ -158,19 +161,27 @@ class Canvas:
         )
         if spot.overlap(near.grown(8)) == 0:  # it had to move away: say what it belongs to
             pen.line([nearest, near.centre], fill=(*colour, 220), width=1)
-        pen.rounded_rectangle((spot.x0, spot.y0, spot.x1, spot.y1), 5, fill=(*INK, 205), outline=(*colour, 255))
+        pen.rounded_rectangle(
+            (spot.x0, spot.y0, spot.x1, spot.y1), 5, fill=(*INK, 205), outline=(*colour, 255)
+        )
         if badge:
             pen.rounded_rectangle((spot.x0, spot.y0, spot.x0 + chip, spot.y1), 5, fill=(*colour, 255))
             middle = (spot.x0 + chip / 2, spot.y0 + height / 2)
             pen.text(middle, badge, fill=(*INK, 255), font=font(13), anchor="mm")
         start = (spot.x0 + chip + 6, spot.y0 + height / 2)
-        pen.text(start, text, fill=(*PAPER, 255), font=face, anchor="lm", stroke_width=1, stroke_fill=(*INK, 255))
+        pen.text(
+            start, text, fill=(*PAPER, 255), font=face, anchor="lm", stroke_width=1, stroke_fill=(*INK, 255)
+        )
         return spot
+
+    def _moved(self, near: Rect) -> Rect:
+        s, x, y = self.scale, self._part.x0, self._part.y0
+        return Rect((near.x0 - x) * s, (near.y0 - y) * s, (near.x1 - x) * s, (near.y1 - y) * s)
 
     def _path(self, points: Sequence[Point]) -> list[Point]:
         factor = self.scale * _SMOOTH
         return [
-            (float(u) * factor, float(v) * factor)
+            ((float(u) - self._part.x0) * factor, (float(v) - self._part.y0) * factor)
             for u, v in points
             if np.isfinite(u) and np.isfinite(v) and abs(u) < _FAR and abs(v) < _FAR
         ]
@@ -179,7 +190,7 @@ class Canvas:
 def _dashes(path: Sequence[Point], length: float) -> list[list[Point]]:
     """The drawn pieces of a polyline dashed by ``length``; at most a few hundred."""
     pieces: list[list[Point]] = []
-    for (x0, y0), (x1, y1) in zip(path, path[1:], strict=False):
+    for (x0, y0), (x1, y1) in pairwise(path):
         distance = float(np.hypot(x1 - x0, y1 - y0))
         count = int(min(200, max(1, round(distance / (2 * length)))))
         for k in range(count):

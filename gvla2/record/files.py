@@ -72,7 +72,7 @@ def plain(value: object) -> Any:
     Arrays become lists, numpy scalars numbers, dataclasses and mappings objects with string keys, sets sorted
     lists, NaN and infinities null, enumerations their values, anything else its text.
     """
-    if value is None or isinstance(value, bool | int | str) and not isinstance(value, Enum):
+    if value is None or (isinstance(value, bool | int | str) and not isinstance(value, Enum)):
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else None

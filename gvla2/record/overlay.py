@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from PIL import Image
@@ -78,51 +78,39 @@ def plan_overlay(
     trajectory: Trajectory,
     start: FloatArray | None = None,
     scene: Scene | None = None,
-    width: int = 768,
+    width: int = 512,
 ) -> Image.Image:
-    """The waypoint path in the view: numbered dots, stage names, and what the gripper does.
+    """The waypoint path in the view: numbered dots (from 0, as in files and messages), stage names, grips.
 
     ``start`` (3,) is the tool's position before, metres. Light blue is an open gripper, orange a closed one; a
     dashed leg is a free motion, a whole one a straight line. With ``scene`` the path also casts a faint shadow on
-    the table, straight below it, so that height can be read.
+    the table, straight below it, so that height can be read. The picture shows the part of the view with the path
+    and the objects.
     """
-    canvas = Canvas(view.image, width)
-    camera = view.camera
-    stops = [np.asarray(w.xyz, dtype=np.float64) for w in trajectory]
-    path = ([np.asarray(start, dtype=np.float64)] if start is not None else []) + stops
+    camera, waypoints = view.camera, list(trajectory)
+    stops = [np.asarray(w.xyz, dtype=np.float64) for w in waypoints]
+    path = stops if start is None else [np.asarray(start, dtype=np.float64), *stops]
+    canvas = Canvas(view.image, width, _part(camera, path, scene))
     if scene is not None:
         _draw_shadow(canvas, camera, path, scene.table_height)
-    waypoints = list(trajectory)
     openings = [1.0, *(w.gripper for w in waypoints)]
-    if start is not None:
-        stops = path[1:]
     for k, waypoint in enumerate(waypoints):
-        origin = path[k] if start is not None else (path[k - 1] if k else None)
-        if origin is None:
+        before = k if start is not None else k - 1
+        if before < 0:
             continue
-        leg = _project(camera, np.linspace(origin, stops[k], 12))
-        colour = _grip_colour(openings[k])
+        leg = _project(camera, np.linspace(path[before], stops[k], 16))
         dash = 0.0 if waypoint.motion == "linear" else 7.0
-        canvas.line(leg, colour, width=3.5 if waypoint.carries else 2.5, dash=dash)
-    for first, names in _clusters(camera, waypoints, canvas.scale):
-        at = _project(camera, np.array([waypoints[first].xyz]))[0]
-        if not camera.inside(np.array(at)):
-            continue
-        numbers = "·".join(str(k + 1) for k in names)
-        last = waypoints[names[-1]]
+        canvas.line(leg, _grip_colour(openings[k]), width=3.5 if waypoint.carries else 2.5, dash=dash)
+        for point in leg:
+            canvas.keep_clear(around(*point, 4 / canvas.scale))
+    for at, members in _clusters(camera, waypoints, canvas.scale):
+        last = waypoints[members[-1]]
+        near = around(*at, 10 / canvas.scale)
+        numbers = "·".join(str(k) for k in members)
         canvas.dot(at, 9.5, PAPER if last.gripper > 0.5 else CLOSED_COLOUR, ring=INK, text=numbers)
-    for first, names in _clusters(camera, waypoints, canvas.scale):
-        at = _project(camera, np.array([waypoints[first].xyz]))[0]
-        if camera.inside(np.array(at)):
-            text = " / ".join(_stage_labels(waypoints, names))
-            canvas.label(text, around(*at, 10 / canvas.scale), _grip_colour(waypoints[names[-1]].gripper))
+        text = " / ".join(_stage_labels(waypoints, members))
+        canvas.label(text, near, _grip_colour(last.gripper), badge=numbers)
     return canvas.picture()
-
-
-def plan_labels(trajectory: Trajectory) -> list[str]:
-    """One short label a waypoint: its stage, and what the gripper does there."""
-    waypoints = list(trajectory)
-    return [_stage_labels(waypoints, [k])[0] for k in range(len(waypoints))]
 
 
 def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[str]:
@@ -135,20 +123,36 @@ def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[s
     return list(labels)
 
 
-def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: int) -> list[tuple[int, list[int]]]:
-    """Waypoints whose dots would cover one another, as (first, all of them)."""
-    clusters: list[tuple[int, list[int]]] = []
-    spots: Mapping[int, Point] = dict(
-        enumerate(_project(camera, np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3)))
-    )
-    for k, (u, v) in spots.items():
-        for first, names in clusters:
-            if np.hypot(spots[first][0] - u, spots[first][1] - v) * scale < 17:
-                names.append(k)
+def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> list[tuple[Point, list[int]]]:
+    """Waypoints in the picture, those together whose dots would cover one another: (pixel, all of them)."""
+    clusters: list[tuple[Point, list[int]]] = []
+    spots = _project(camera, np.array([w.xyz for w in waypoints], dtype=np.float64).reshape(-1, 3))
+    for k, (u, v) in enumerate(spots):
+        if not camera.inside(np.array([u, v])):
+            continue
+        for at, members in clusters:
+            if np.hypot(at[0] - u, at[1] - v) * scale < 17:
+                members.append(k)
                 break
         else:
-            clusters.append((k, [k]))
+            clusters.append(((u, v), [k]))
     return clusters
+
+
+def _part(camera: Camera, path: Sequence[FloatArray], scene: Scene | None) -> Rect:
+    """A square of the image with the path and the objects, and some space about them; at least half the image."""
+    points = [*path, *(corner for o in (scene.objects if scene else ()) for corner in o.corners())]
+    whole = min(camera.width, camera.height)
+    uv, _ = camera.project(np.array(points, dtype=np.float64).reshape(-1, 3))
+    uv = uv[camera.inside(uv)]
+    if not len(uv):
+        return Rect(0, 0, camera.width, camera.height)
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    side = float(np.clip((high - low).max() * 1.2, 0.5 * whole, whole))
+    middle = (low + high) / 2
+    x = float(np.clip(middle[0] - side / 2, 0, camera.width - side))
+    y = float(np.clip(middle[1] - side / 2, 0, camera.height - side))
+    return Rect(x, y, x + side, y + side)
 
 
 def _grip_colour(opening: float) -> Colour:

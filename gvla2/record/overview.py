@@ -48,20 +48,23 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
                 f"{episode_folder(folder, index).name}/index.html",
                 title,
                 tone,
-                wording.summary_line(record),
+                " · ".join(wording.details(record)),
                 _thumbnail(episode_folder(folder, index)),
             )
         )
     judged = [r.judgement for r in episodes if r.judgement is not None]
+    whole = len(episodes) if judged else 0  # without a referee's word an episode counts as not succeeded
     ruled = [
         (r.verdict.outcome == "verified_success", r.judgement.eased)
         for r in episodes
-        if r.judgement is not None and r.verdict is not None and r.verdict.outcome in ("verified_success", "verified_fail")
+        if r.judgement is not None
+        and r.verdict is not None
+        and r.verdict.outcome in ("verified_success", "verified_fail")
     ]
     counts = [
         ("episodes", str(len(episodes)), "info"),
-        ("referee: eased", _share(sum(j.eased for j in judged), len(judged)), "good"),
-        ("referee: strict", _share(sum(j.strict for j in judged), len(judged)), "good"),
+        ("referee: eased", _share(sum(j.eased for j in judged), whole), "good"),
+        ("referee: strict", _share(sum(j.strict for j in judged), whole), "good"),
         ("verifier agrees with the referee", _share(sum(a == b for a, b in ruled), len(ruled)), "info"),
     ]
     html = render("overview.html.jinja", rows=rows, counts=counts, command=command)

@@ -65,8 +65,8 @@ def render(template: str, **values: Any) -> str:
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment.globals.update(
         # The package's own files go in as they are; all that a run brings along is escaped.
-        style=Markup(_source("page.css")),  # noqa: S704
-        script=Markup(script),  # noqa: S704
+        style=Markup(_source("page.css")),
+        script=Markup(script),
         script_digest=digest,
         data_uri=data_uri,
         svg=Markup,
@@ -80,6 +80,7 @@ def render(template: str, **values: Any) -> str:
         mm=lambda metres: wording.number(1000 * metres, 1),
         position=lambda xyz: ", ".join(wording.number(float(v), 3) for v in xyz),
         counted=wording.count,
+        called=sections.called,
     )
     return environment.get_template(template).render(**values)
 

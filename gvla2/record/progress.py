@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
@@ -10,7 +11,7 @@ from rich.status import Status
 from rich.text import Text
 
 from gvla2.record.contents import EpisodeRecord, Stage
-from gvla2.record.wording import finding, one_line, state, summary_line
+from gvla2.record.wording import finding, headline, one_line, state, summary_line
 
 __all__ = ["Progress", "summary_line"]
 
@@ -46,7 +47,7 @@ class Progress:
         if not self._quiet:
             self._console.print(Text(self._printable(text, 400), style=style), soft_wrap=True)
 
-    def started(self, stage: Stage) -> None:
+    def begin(self, stage: Stage) -> None:
         """A stage begins."""
         self._stop()
         self._began = time.monotonic()
@@ -54,7 +55,7 @@ class Progress:
             self._status = self._console.status(Text(stage, style="cyan"), spinner="line")
             self._status.start()
 
-    def finished(self, record: EpisodeRecord, stage: Stage) -> None:
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
         """A stage ended, well or not; ``record`` already holds what it found (and its seconds in ``timings``)."""
         self._stop()
         if self._quiet:
@@ -69,6 +70,15 @@ class Progress:
             self._printable(finding(record, stage)),
         )
         self._console.print(line, soft_wrap=True)
+
+    def finish(self, record: EpisodeRecord, folder: Path) -> None:
+        """The episode is over: its outcome on one line, and where to look."""
+        self._stop()
+        if self._quiet:
+            return
+        tone = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow"}[headline(record)[1]]
+        self.say(summary_line(record), tone if self._live else "")
+        self.say(f"-> {folder / 'index.html'}")
 
     def close(self) -> None:
         """Take the spinner away; safe to call twice."""

@@ -16,6 +16,7 @@ from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png
 from gvla2.record.files import make_folder, write_bytes, write_json, write_text
+from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
 from gvla2.record.pictures import (
     Pictures,
@@ -29,6 +30,8 @@ from gvla2.record.pictures import (
 from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
 from gvla2.record.topdown import side_map, top_map
+
+__all__ = ["RunRecorder", "write_index"]
 
 _log = logging.getLogger(__name__)
 
@@ -67,7 +70,7 @@ class RunRecorder:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
         try:
             self._reel.add(image)
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             self._complain("A frame of the animation", error)
 
     def stage(self, record: EpisodeRecord, stage: str) -> None:
@@ -102,7 +105,9 @@ class RunRecorder:
         plan = record.plan.trajectory if record.plan else None
         if seen is not None:
             self._once("before", seen, "The picture before", lambda: self._photograph(seen, "before"))
-            self._once("depth", seen, "The depth pictures", lambda: self._save("depth.png", depth_sheet(seen)))
+            self._once(
+                "depth", seen, "The depth pictures", lambda: self._save("depth.png", depth_sheet(seen))
+            )
             self._once("cameras", (seen, scene), "The cameras' pictures", lambda: self._show_cameras(record))
         if seen is not None and scene is not None:
             self._once(
@@ -112,7 +117,9 @@ class RunRecorder:
                 lambda: self._save("perception.png", perception_sheet(seen, scene)),
             )
         if seen is not None and plan is not None:
-            self._once("plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record))
+            self._once(
+                "plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record)
+            )
         if scene is not None:
             self._once("maps", (scene, plan, seen), "The maps", lambda: self._draw_maps(record))
         after = record.after
@@ -157,7 +164,11 @@ class RunRecorder:
         """Run ``make`` unless it ran for these very inputs before; records are frozen, so identity tells."""
         parts = source if isinstance(source, tuple) else (source,)
         before = self._written.get(key)
-        if before is not None and len(before) == len(parts) and all(a is b for a, b in zip(before, parts, strict=True)):
+        if (
+            before is not None
+            and len(before) == len(parts)
+            and all(a is b for a, b in zip(before, parts, strict=True))
+        ):
             return
         self._written[key] = parts
         self._try(what, make)
@@ -165,7 +176,7 @@ class RunRecorder:
     def _try(self, what: str, make: Callable[[], object]) -> None:
         try:
             make()
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             self._complain(what, error)
 
     def _complain(self, what: str, error: Exception) -> None:

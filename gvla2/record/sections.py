@@ -28,6 +28,7 @@ CHECKS: tuple[tuple[CheckName, str], ...] = (
 """The six checks and what each asks."""
 
 ANCHORS: dict[Stage, str] = {
+    "setup": "top",
     "observe": "seen",
     "perceive": "seen",
     "reconstruct": "refined",
@@ -37,6 +38,7 @@ ANCHORS: dict[Stage, str] = {
     "execute": "done",
     "verify": "judged",
     "learn": "learnt",
+    "judge": "judged",
 }
 
 
@@ -68,7 +70,6 @@ class ObjectRow:
     """One scene object: ``marker`` is its colour in the pictures, ``swatch`` the colour that was seen."""
 
     number: int
-    id: str
     marker: str
     swatch: str
     label: str
@@ -103,7 +104,7 @@ class CheckCard:
 
 
 def steps(record: EpisodeRecord) -> list[Step]:
-    """The stages from observe to learn."""
+    """All stages, in the order they run."""
     total = sum(v for v in record.timings.values() if math.isfinite(v)) or 1.0
     return [
         Step(
@@ -128,7 +129,12 @@ def _motion_tile(record: EpisodeRecord) -> Tile:
     if record.report is not None:
         done = record.report.completed
         note = "What the robot reports about its own motion. Carried out is not yet succeeded."
-        return Tile(title, "Yes" if done else "Not to the end", "good" if done else "bad", f"{executed(record)}. {note}")
+        return Tile(
+            title,
+            "Yes" if done else "Not to the end",
+            "good" if done else "bad",
+            f"{executed(record)}. {note}",
+        )
     if record.plan is not None and record.plan.abstention is not None:
         return Tile(title, "Declined", "unsure", "The planner gave a reason and nothing was moved.")
     if record.checks is not None and not record.checks.passed:
@@ -171,7 +177,9 @@ def story(record: EpisodeRecord) -> str:
     parts: list[str] = []
     if record.scene is not None:
         seen = listing((o.label or o.id for o in record.scene.objects), 5)
-        parts.append(f"The robot saw {count(len(record.scene.objects), 'object')}{f' ({seen})' if seen else ''}.")
+        parts.append(
+            f"The robot saw {count(len(record.scene.objects), 'object')}{f' ({seen})' if seen else ''}."
+        )
     if record.recalled is not None and record.recalled.items:
         parts.append(f"Memory offered {count(len(record.recalled.items), 'record')}.")
     plan = record.plan
@@ -206,7 +214,6 @@ def object_rows(scene: Scene, plan: Plan | None) -> list[ObjectRow]:
         rows.append(
             ObjectRow(
                 number=k + 1,
-                id=thing.id,
                 marker=css_colour(marker_colour(k)),
                 swatch=css_colour((round(rgb[0]), round(rgb[1]), round(rgb[2]))),
                 label=thing.label or thing.id,
@@ -221,6 +228,12 @@ def object_rows(scene: Scene, plan: Plan | None) -> list[ObjectRow]:
             )
         )
     return rows
+
+
+def called(object_id: str, scene: Scene | None) -> str:
+    """The label of the scene object with this id; the id itself ("table") where there is none."""
+    things = scene.objects if scene is not None else ()
+    return next((o.label or o.id for o in things if o.id == object_id), object_id)
 
 
 def terms(item: MemoryItem) -> list[Term]:
@@ -262,7 +275,9 @@ def ranked_candidates(plan: Plan) -> list[tuple[Candidate, float, bool]]:
     order = sorted(plan.candidates, key=lambda c: (bool(c.rejected), -_finite(c.score)))
     largest = max((_finite(c.score) for c in order), default=0.0)
     chosen = order[0] if order and not order[0].rejected and plan.trajectory is not None else None
-    return [(c, 100 * max(0.0, _finite(c.score)) / largest if largest > 0 else 0.0, c is chosen) for c in order]
+    return [
+        (c, 100 * max(0.0, _finite(c.score)) / largest if largest > 0 else 0.0, c is chosen) for c in order
+    ]
 
 
 def check_cards(checks: CheckReport) -> list[CheckCard]:

@@ -47,9 +47,7 @@ def depth_picture(depth: NDArray[np.float32], width: int = 512) -> Image.Image:
     return picture
 
 
-def contact_sheet(
-    tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8
-) -> Image.Image:
+def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, gap: int = 8) -> Image.Image:
     """Titled pictures in rows on a white sheet, all cells as large as the largest picture."""
     columns = max(1, min(columns, len(tiles)))
     width = max((tile.width for _, tile in tiles), default=1)

@@ -71,8 +71,16 @@ STAGE_FILES: tuple[tuple[str, str, Writer], ...] = (
         lambda r: trajectory_json(r.plan.trajectory) if r.plan and r.plan.trajectory is not None else None,
     ),
     ("checks.json", "findings of the six checks", lambda r: r.checks.to_json() if r.checks else None),
-    ("report.json", "the execution, waypoint by waypoint", lambda r: r.report.to_json() if r.report else None),
-    ("scene_after.json", "the scene perceived afterwards", lambda r: scene_json(r.after_scene) if r.after_scene else None),
+    (
+        "report.json",
+        "the execution, waypoint by waypoint",
+        lambda r: r.report.to_json() if r.report else None,
+    ),
+    (
+        "scene_after.json",
+        "the scene perceived afterwards",
+        lambda r: scene_json(r.after_scene) if r.after_scene else None,
+    ),
     ("verdict.json", "the verifier's verdict", lambda r: asdict(r.verdict) if r.verdict else None),
     ("learned.json", "what memory learnt", lambda r: asdict(r.learned) if r.learned else None),
 )

@@ -61,7 +61,9 @@ def _map(
     outlines = [_outline(thing) @ axes.T for thing in scene.objects]
     shown = [*outlines, stops @ axes.T]
     if kind == "side":
-        shown.append(np.array([[outline[:, 0].mean(), scene.table_height] for outline in outlines]).reshape(-1, 2))
+        shown.append(
+            np.array([[outline[:, 0].mean(), scene.table_height] for outline in outlines]).reshape(-1, 2)
+        )
     frame = _window(shown, scene, axes)
     parts = [_ground(scene, frame, axes, kind)]
     parts += [_footprint(k, thing, frame.to_svg(outlines[k])) for k, thing in enumerate(scene.objects)]
@@ -70,12 +72,12 @@ def _map(
         parts.append(_path(frame.to_svg(path @ axes.T), trajectory, start is not None))
         parts.append(_dots(frame.to_svg(stops @ axes.T), trajectory, dots))
     parts.append(_labels(scene, [frame.to_svg(o) for o in outlines], dots, frame))
-    parts.append(_scale_bar(frame))
     title = "The table from above" if kind == "top" else "The table from the side"
     return (
         f'<svg class="map" role="img" aria-label="{title}" xmlns="http://www.w3.org/2000/svg" '
         f'viewBox="0 0 {_WIDTH:.0f} {frame.height + 34:.1f}">'
-        f"<title>{title}</title>{''.join(parts)}{_compass(frame, kind)}</svg>"
+        f'<title>{title}</title><svg width="{_WIDTH:.0f}" height="{frame.height:.1f}">{"".join(parts)}</svg>'
+        f"{_scale_bar(frame)}{_compass(frame, kind)}</svg>"
     )
 
 
@@ -91,7 +93,8 @@ def _outline(thing: SceneObject) -> FloatArray:
         return transform_points(
             thing.world_from_object, 0.5 * np.vstack([ring, upright, side]) * thing.extents
         )
-    ends = np.vstack([ring + [0, 0, 1], ring - [0, 0, 1]])
+    up = np.array([0.0, 0.0, 1.0])
+    ends = np.vstack([ring + up, ring - up])
     return transform_points(thing.world_from_object, 0.5 * ends * thing.extents)
 
 
@@ -157,7 +160,11 @@ def _ground(scene: Scene, frame: _Frame, axes: FloatArray, kind: str) -> str:
         for a, b in (((x0, y0), (x1, y0)), ((x1, y0), (x1, y1)), ((x1, y1), (x0, y1)), ((x0, y1), (x0, y0))):
             clipped = _clip(a, b, height)
             if clipped:
-                parts.append('<line class="map-edge" x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"/>'.format(*clipped))
+                parts.append(
+                    '<line class="map-edge" x1="{:.1f}" y1="{:.1f}" x2="{:.1f}" y2="{:.1f}"/>'.format(
+                        *clipped
+                    )
+                )
     return "".join(parts)
 
 
@@ -213,7 +220,7 @@ def _dots(points: FloatArray, trajectory: Trajectory | None, taken: list[Rect]) 
     waypoints, parts = tuple(trajectory or ()), []
     for names in clusters:
         x, y = (float(v) for v in points[names[0]])
-        text = "·".join(str(k + 1) for k in names)
+        text = "·".join(str(k) for k in names)
         half = 8.5 + 3.6 * max(0, len(text) - 2)
         kind = "map-dot-open" if waypoints[names[-1]].gripper > 0.5 else "map-dot-closed"
         stages = escape(" / ".join(dict.fromkeys(waypoints[k].stage for k in names)))
@@ -233,7 +240,7 @@ def _labels(scene: Scene, outlines: Sequence[FloatArray], dots: Sequence[Rect], 
     parts = []
     for k, (thing, near) in enumerate(zip(scene.objects, boxes, strict=True)):
         text = shorten(thing.label or thing.id, 26)
-        size = (7.0 * len(text) + 24, 18.0)
+        size = (7.8 * len(text) + 24, 18.0)
         others = [box for box in taken if box is not near]
         spot = place(near, size, others, bounds)
         taken.append(spot)

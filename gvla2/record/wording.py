@@ -31,7 +31,7 @@ def one_line(text: str, limit: int = 160) -> str:
 
 
 def count(number: int, one: str, many: str = "") -> str:
-    """"1 waypoint", "8 waypoints"."""
+    """A number with its noun: "1 waypoint", "8 waypoints"."""
     return f"{number} {one if number == 1 else many or one + 's'}"
 
 
@@ -57,7 +57,9 @@ def seconds(value: float | None) -> str:
     """Wall time, "0.4 s"."""
     if value is None or not math.isfinite(value):
         return "–"
-    return f"{value:.0f} s" if value >= 100 else f"{value:.1f} s" if value >= 0.095 else f"{1000 * value:.0f} ms"
+    return (
+        f"{value:.0f} s" if value >= 100 else f"{value:.1f} s" if value >= 0.095 else f"{1000 * value:.0f} ms"
+    )
 
 
 def state(record: EpisodeRecord, stage: Stage) -> State:
@@ -97,6 +99,10 @@ def state(record: EpisodeRecord, stage: Stage) -> State:
             if record.learned is None:
                 return "skipped"
             return "warn" if record.learned.degraded else "done"
+        case "judge":
+            if record.judgement is None:
+                return "skipped"
+            return "done" if record.judgement.eased else "warn"
 
 
 def finding(record: EpisodeRecord, stage: Stage) -> str:
@@ -126,13 +132,12 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
         case "execute":
             return executed(record)
         case "verify":
-            verdict = record.verdict
-            if verdict is None:
-                return ""
-            score = "" if verdict.outcome == "unavailable" else f" {verdict.quality:.2f}"
-            return verdict.outcome + score
+            return judged(record)
         case "learn":
             return _learnt(record)
+        case "judge":
+            judgement = record.judgement
+            return f"eased {_yes(judgement.eased)}, strict {_yes(judgement.strict)}" if judgement else ""
 
 
 def executed(record: EpisodeRecord) -> str:
@@ -145,8 +150,16 @@ def executed(record: EpisodeRecord) -> str:
     text = f"{done} of {count(planned, 'waypoint')}"
     abort = report.abort
     if abort is not None:
-        text += f", stopped at {abort.index + 1} ({one_line(abort.stage, 24)}): {abort.abort}"
+        text += f", stopped at {abort.index} ({one_line(abort.stage, 24)}): {abort.abort}"
     return text
+
+
+def judged(record: EpisodeRecord) -> str:
+    """The verifier's outcome and quality: "verified_success 0.93"."""
+    verdict = record.verdict
+    if verdict is None:
+        return ""
+    return verdict.outcome + ("" if verdict.outcome == "unavailable" else f" {number(verdict.quality, 2)}")
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure"]]:
@@ -154,10 +167,12 @@ def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure
     if record.plan is not None and record.plan.abstention is not None:
         return "Declined, nothing moved", "unsure"
     if record.judgement is not None and record.report is not None:
-        return ("Succeeded", "good") if record.judgement.eased else ("Not achieved", "bad")
+        if not record.judgement.eased:
+            return "Not achieved", "bad"
+        return "Succeeded" if record.judgement.strict else "Succeeded (eased)", "good"
     if record.checks is not None and not record.checks.passed and record.report is None:
         return "Rejected before motion", "bad"
-    if record.failure is not None:
+    if record.failure is not None and record.failure.stage not in ("verify", "judge"):
         return f"Stopped at {record.failure.stage}", "bad"
     if record.verdict is not None and record.verdict.outcome != "unavailable":
         word = OUTCOMES[record.verdict.outcome]
@@ -171,12 +186,17 @@ def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure
 
 
 def summary_line(record: EpisodeRecord) -> str:
-    """The episode on one line: outcome, referee, verifier, waypoints, wall time, and what went wrong."""
-    parts = [headline(record)[0]]
+    """The episode on one line: outcome, referee, verifier, waypoints, what went wrong, and wall time."""
+    return " | ".join([headline(record)[0], *details(record)])
+
+
+def details(record: EpisodeRecord) -> list[str]:
+    """What stands behind the headline, in short pieces."""
+    parts: list[str] = []
     if record.judgement is not None:
-        parts.append(f"referee eased {_yes(record.judgement.eased)}, strict {_yes(record.judgement.strict)}")
+        parts.append(f"referee: {finding(record, 'judge')}")
     if record.verdict is not None:
-        parts.append(f"verifier {finding(record, 'verify')}")
+        parts.append(f"verifier: {judged(record)}")
     if record.report is not None:
         parts.append(executed(record))
     if record.failure is not None:
@@ -185,7 +205,7 @@ def summary_line(record: EpisodeRecord) -> str:
         parts.append(f"{record.plan.abstention.kind}: {one_line(record.plan.abstention.message)}")
     if record.timings:
         parts.append(seconds(sum(record.timings.values())))
-    return " | ".join(parts)
+    return parts
 
 
 def _yes(value: bool) -> str:

@@ -221,7 +221,7 @@ def _scene_key(scene: Scene) -> tuple[object, ...]:
 
 
 def _attachment_key(attached: Attachment | None) -> tuple[object, ...] | None:
-    return attached and (*_object_key(attached.object), attached.tcp_from_object.tobytes())
+    return None if attached is None else (*_object_key(attached.object), attached.tcp_from_object.tobytes())
 
 
 def _bisecting(count: int) -> NDArray[np.intp]:

@@ -52,7 +52,7 @@ def execute(
     arm: ArmModel,
     planner: MotionPlanner,
     driver: Driver,
-    listener: ExecutionListener = ExecutionListener(),
+    listener: ExecutionListener | None = None,
     options: ExecutorOptions = ExecutorOptions(),
 ) -> ExecutionReport:
     """Move through the waypoints; stops at the first that fails, with the reason in its report.
@@ -64,7 +64,7 @@ def execute(
     A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the
     waypoint under way is reported as ``interrupted`` and the exception passed on.
     """
-    return _Run(trajectory, scene, arm, planner, driver, listener, options).through()
+    return _Run(trajectory, scene, arm, planner, driver, listener or ExecutionListener(), options).through()
 
 
 @dataclass

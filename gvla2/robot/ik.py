@@ -40,7 +40,7 @@ class InverseKinematics:
         self._positions, self._rotations = poses[:, :3, 3], poses[:, :3, :3]
 
     def solve(self, world_from_tcp: FloatArray, near: FloatArray | None = None) -> IKSolution | None:
-        """The solution nearest to ``near`` (home by default), joint limits counted as distance; None if none is found."""
+        """The solution nearest to ``near`` (home by default), away from joint limits; None if none is found."""
         found = self.solutions(world_from_tcp, near, count=1)
         return found[0] if found else None
 
@@ -132,7 +132,7 @@ class InverseKinematics:
     def _away(self, joints: FloatArray, jacobian: FloatArray, gain: float = 0.2) -> FloatArray:
         """A small motion away from near limits that leaves the tool where it is (spare joints only)."""
         kinematics = self._kinematics
-        if kinematics.dof <= 6 or kinematics.limit_distance(joints) > _COMFORT:
+        if kinematics.dof <= 6 or kinematics.limit_distance(joints) > 2 * _COMFORT:
             return np.zeros(kinematics.dof)
         push = np.maximum(0.0, 2 * _COMFORT - (joints - kinematics.low))
         push -= np.maximum(0.0, 2 * _COMFORT - (kinematics.high - joints))

@@ -135,7 +135,7 @@ class _Query:
         # A goal in another posture may be easy to get to, but only by waving the arm about: it comes last.
         nearest = min(self._away(g) for g in goals)
         handy = [g for g in goals if self._away(g) <= 1.5 * nearest + 0.5]
-        for choice in (handy, goals):
+        for choice in (handy, goals) if len(handy) < len(goals) else (goals,):
             found = self._direct(choice) or self._search(choice)
             if found is not None:
                 return found

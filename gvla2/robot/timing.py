@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -52,7 +53,7 @@ def time_path(
         return path[:1].copy()
     tool = None if tool_positions is None else tool_positions(grid)
     slow = 1.0
-    for _ in range(6):
+    for _ in range(12):
         samples = _sample(grid, where, tool, limits, dt, slow)
         excess = _excess(samples, dt, limits)
         if excess <= 1.0:
@@ -102,9 +103,9 @@ def _sample(
 
     # Constant acceleration between grid points: the mean of both speeds gives the time.
     times = np.concatenate([[0.0], np.cumsum(2.0 * ds / np.maximum(velocity[1:] + velocity[:-1], 1e-9))])
-    half = max(1, int(round(0.5 * limits.blend / dt)))
+    half = max(1, round(0.5 * limits.blend / dt))
     count = int(np.ceil(times[-1] / dt)) + 1
-    ticks = np.arange(-2 * half, count + 2 * half) * dt
+    ticks = dt * np.arange(-2 * half, count + 2 * half, dtype=np.float64)
     along = _along(ticks, times, where, velocity)
     raw = np.stack([np.interp(along, where, column) for column in grid.T], axis=1)
     window = 2 * half + 1
@@ -129,4 +130,4 @@ def _excess(samples: FloatArray, dt: float, limits: MotionLimits) -> float:
     acceleration = np.diff(velocity, axis=0) / dt
     fast = float((np.abs(velocity) / limits.velocity).max())
     hard = float((np.abs(acceleration) / limits.acceleration).max())
-    return max(fast, np.sqrt(hard)) - 1e-6
+    return max(fast, math.sqrt(hard)) - 1e-6

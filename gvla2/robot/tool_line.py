@@ -11,8 +11,9 @@ from gvla2.robot.kinematics import Kinematics, import_pinocchio
 
 _TURN_STEP = 0.05  # radians of tool rotation a step, when the turn is what is long
 _JUMP = (
-    8.0  # a joint may move this many radians a metre, or a radian, of tool motion; more is a branch change
+    0.1  # radians a joint may move in a step; beyond, the step is halved: swings pass, branch changes don't
 )
+_HALVINGS = 4
 
 
 def trace_line(
@@ -20,21 +21,30 @@ def trace_line(
 ) -> list[FloatArray] | None:
     """Joints (dof,) from ``start`` to the tool pose ``target`` (4, 4): position linear, rotation by slerp.
 
+    Points are at most ``step`` metres apart, closer where a joint swings fast.
     None when the line leaves the arm's reach or its joint limits, or when a joint would have to jump.
     """
     pin = import_pinocchio()
     begin = kinematics.forward(start)
     shift = target[:3, 3] - begin[:3, 3]
     turn = Rotation.from_matrix(target[:3, :3] @ begin[:3, :3].T).as_rotvec()
-    length, angle = float(np.linalg.norm(shift)), float(np.linalg.norm(turn))
-    count = max(1, int(np.ceil(max(length / step, angle / _TURN_STEP))))
-    limit = _JUMP * (length + angle) / count + 0.01
+
+    def along(share: float) -> FloatArray:
+        rotation = Rotation.from_rotvec(share * turn).as_matrix()
+        return rigid(rotation @ begin[:3, :3], begin[:3, 3] + share * shift)
+
+    steps = max(np.linalg.norm(shift) / step, np.linalg.norm(turn) / _TURN_STEP)
+    count = max(1, int(np.ceil(steps - 1e-9)))
     path = [np.clip(start, kinematics.low, kinematics.high)]
-    rotations = Rotation.from_rotvec(np.linspace(0.0, 1.0, count + 1)[:, None] * turn).as_matrix()
-    for k in range(1, count + 1):
-        pose = rigid(rotations[k] @ begin[:3, :3], begin[:3, 3] + shift * (k / count))
-        joints = ik.track(path[-1], pin.SE3(pose))
-        if joints is None or np.abs(joints - path[-1]).max() > limit:
+    at, size = 0.0, 1.0 / count
+    while at < 1.0 - 1e-9:
+        to = min(1.0, at + size)
+        joints = ik.track(path[-1], pin.SE3(along(to)))
+        if joints is not None and np.abs(joints - path[-1]).max() <= _JUMP:
+            path.append(joints)
+            at, size = to, min(2.0 * size, 1.0 / count)
+        elif size * count > 0.5**_HALVINGS + 1e-9:
+            size *= 0.5
+        else:
             return None
-        path.append(joints)
     return path

@@ -1,1 +1,33 @@
-"""Conformance checks for plugin authors: one a kind."""
+"""Conformance checks for plugin authors: one a kind.
+
+    def test_my_planner() -> None:
+        check_planner(MyPlanner(MyConfig()))
+
+Each raises :class:`ConformanceError` with the sentence of the contract that is broken. They build small real
+inputs: two cubes on a table seen by ray casting, their scene, and a gantry for an arm.
+"""
+
+from gvla2.testing.component import CHECKS, check_component
+from gvla2.testing.conformance import ConformanceError
+from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
+from gvla2.testing.planning import check_perceiver, check_planner
+from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
+from gvla2.testing.robot import check_robot, check_task
+
+__all__ = [
+    "CHECKS",
+    "ConformanceError",
+    "check_component",
+    "check_embedder",
+    "check_fusion",
+    "check_memory",
+    "check_perceiver",
+    "check_planner",
+    "check_prior",
+    "check_reconstructor",
+    "check_renderer",
+    "check_retriever",
+    "check_robot",
+    "check_task",
+    "check_verifier",
+]

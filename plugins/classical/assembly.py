@@ -6,43 +6,68 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-
-from gvla2_plugins.classical.clusters import LIGHTNESS
+from gvla2_plugins.classical.clusters import alike
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.things import GOOD, Thing, shape_thing
 
+from gvla2.geometry.transform import FloatArray
+
 FRAGMENT_REACH = 0.10  # metres between the middles of two fragments of one thing
-FRAGMENT_LIKE = 12.0
+IN_HAND = 0.05  # metres from the fingertips to what they may hold
 TOUCH = 0.008  # metres between a thing and what carries it
 
 
 def assemble(
-    frames: Sequence[Frame], pixels: Pixels, labels: IntArray, min_points: int, gap: float
+    frames: Sequence[Frame], pixels: Pixels, labels: IntArray, min_points: int, gap: float, hand: FloatArray
 ) -> list[Thing]:
-    """Solids of the labelled pixels (N,), -1 for none; what carries each is set."""
+    """Solids of the labelled pixels (N,), -1 for none; what carries each is set.
+
+    ``hand`` (3,) is the point between the fingertips: what is there may hang in the air.
+    """
     clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
     clusters = [c for c in clusters if len(c) >= min_points]
     things = [shape_thing(frames, pixels, members, gap) for members in clusters]
-    things = _join_fragments(frames, pixels, things, gap)
+    things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
         parts += [replace(p, group=group) for p in _take_apart(frames, pixels, thing, min_points, gap)]
-    return rest_on_each_other(parts)
+    return rest_on_each_other(parts, hand)
+
+
+def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
+    """The things without scraps: small pieces that lie on, and look like, a solid that is already found."""
+    ordered = sorted(things, key=lambda t: -len(t.members))
+    kept: list[Thing] = []
+    for thing in ordered:
+        look = np.median(pixels.look[thing.members], axis=0)
+        for k, other in enumerate(kept):
+            if len(thing.members) > 0.35 * len(other.members) or other.agreement < GOOD:
+                continue
+            height = thing.points[:, 2]
+            on_it = other.covers(thing.points[:, :2], TOUCH) & (
+                np.abs(height - other.centre[2]) < 0.5 * other.extents[2] + TOUCH
+            )
+            if on_it.mean() > 0.8 and alike(look, np.median(pixels.look[other.members], axis=0)):
+                members = np.sort(np.concatenate([other.members, thing.members]))
+                kept[k] = replace(other, members=members, points=pixels.points[members])
+                break
+        else:
+            kept.append(thing)
+    return kept
 
 
 def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing], gap: float) -> list[Thing]:
     """Pieces of one look whose gap no camera saw through, and that one solid explains: a cube behind a finger."""
     things = list(things)
-    weights = np.array([1.0, 1.0, LIGHTNESS])
     i = 0
     while i < len(things):
         for j in range(i + 1, len(things)):
             a, b = things[i], things[j]
             one, other = (np.median(t.points, axis=0) for t in (a, b))
-            looks = [np.median(pixels.look[t.members], axis=0) * weights for t in (a, b)]
-            if np.linalg.norm(one - other) > FRAGMENT_REACH or np.linalg.norm(looks[0] - looks[1]) > FRAGMENT_LIKE:
+            looks = [np.median(pixels.look[t.members], axis=0) for t in (a, b)]
+            if np.linalg.norm(one - other) > FRAGMENT_REACH or not alike(*looks):
                 continue
             line = one + np.linspace(0.0, 1.0, 16)[:, None] * (other - one)
             if seen_through(frames, line, margin=0.015).any():
@@ -72,16 +97,23 @@ def _take_apart(
     return parts if better > thing.agreement + 0.05 else [thing]
 
 
-def rest_on_each_other(things: Sequence[Thing]) -> list[Thing]:
-    """The things with ``on`` set, and the lower face of what stands on another brought down to that one's top."""
+def rest_on_each_other(things: Sequence[Thing], hand: FloatArray) -> list[Thing]:
+    """The things with ``on`` set, and the lower face of what stands on another brought down to that one's top.
+
+    What hangs in the air away from the hand is carried by what is under it, on something too thin to be seen.
+    """
     placed = list(things)
     order = sorted(range(len(placed)), key=lambda k: placed[k].top)
     for k in order:
         thing = placed[k]
         below = [j for j in order if j != k and _carries(placed[j], thing)]
+        if not below and thing.floating and not _near(thing, hand):
+            below = [j for j in order if j != k and _under(placed[j], thing)]
         if below:
             carrier = max(below, key=lambda j: placed[j].top)
-            placed[k] = replace(thing if thing.floating else thing.resting_at(placed[carrier].top), on=carrier)
+            placed[k] = replace(
+                thing if thing.floating else thing.resting_at(placed[carrier].top), on=carrier
+            )
     return placed
 
 
@@ -91,5 +123,19 @@ def _carries(lower: Thing, upper: Thing) -> bool:
         return False
     if upper.floating and upper.bottom > lower.top + TOUCH:
         return False
-    middle = upper.centre[None, :2]
-    return bool(lower.covers(middle)[0] or upper.covers(lower.centre[None, :2])[0] and upper.floating)
+    return _over_one_another(lower, upper)
+
+
+def _under(lower: Thing, upper: Thing) -> bool:
+    return lower.top < upper.bottom + TOUCH and _over_one_another(lower, upper)
+
+
+def _over_one_another(lower: Thing, upper: Thing) -> bool:
+    over = lower.covers(upper.centre[None, :2])[0]
+    return bool(over or (upper.floating and upper.covers(lower.centre[None, :2])[0]))
+
+
+def _near(thing: Thing, hand: FloatArray) -> bool:
+    """Whether the hand may hold the thing."""
+    high = thing.bottom - IN_HAND < hand[2] < thing.top + IN_HAND
+    return bool(high and thing.covers(hand[None, :2], IN_HAND)[0])

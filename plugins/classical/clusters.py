@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from gvla2_plugins.classical.frames import Frame
+from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, convolve
 from scipy.sparse import coo_matrix
@@ -16,11 +18,10 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
+from gvla2.planning.colours import LIGHTNESS_WEIGHT
 
-LIGHTNESS = 0.35  # share of lightness when looks of whole pieces are compared: views light them differently
-LIKE = 15.0  # mean looks of pieces of one thing differ by less
+LIKE = 14.0  # hues of pieces of one thing differ by less
+SHADED = 0.62  # L* + 16 of a thing's darkest face, over that of its lightest, is more
 SAME_FACE = 2.5  # neighbouring pixels of one flat face differ by less, in look
 FACE_PIXELS = 12  # fewer do not tell a face's normal
 PARALLEL = 0.9  # cosine of the angle between normals that count as one orientation
@@ -95,20 +96,24 @@ def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, least: int
     keys, counts = np.unique(pieces[votes // count] * count + votes % count, return_counts=True)
     keys = np.stack([keys // count, keys % count], axis=1)
     small = np.minimum(sampled[keys[:, 0]], sampled[keys[:, 1]])
-    alike = np.linalg.norm(looks[keys[:, 0]] - looks[keys[:, 1]], axis=1) < LIKE
-    joined = keys[alike & (counts >= np.maximum(2, 0.12 * small))]
+    like = alike(looks[keys[:, 0]], looks[keys[:, 1]])
+    joined = keys[like & (counts >= np.maximum(2, 0.12 * small))]
     things = _components(len(sizes), joined)[pieces]
     things[sizes[pieces] < least] = -1
     return things
 
 
 def piece_looks(pixels: Pixels, pieces: IntArray) -> FloatArray:
-    """(P, 3) mean look of each piece, lightness weighted down."""
+    """(P, 3) mean look of each piece."""
     sizes = np.maximum(1, np.bincount(pieces))
-    weights = [1.0, 1.0, LIGHTNESS]
-    return np.stack(
-        [np.bincount(pieces, weights=pixels.look[:, k]) / sizes * weights[k] for k in range(3)], axis=1
-    )
+    return np.stack([np.bincount(pieces, weights=pixels.look[:, k]) / sizes for k in range(3)], axis=1)
+
+
+def alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
+    """(...,) bool: looks (..., 3) that light alone may tell apart: one hue, lightness within what slope can do."""
+    hue = np.linalg.norm(one[..., :2] - other[..., :2], axis=-1)
+    lightness = [look[..., 2] / LIGHTNESS_WEIGHT + 16.0 for look in (one, other)]
+    return np.asarray((hue < LIKE) & (np.minimum(*lightness) > SHADED * np.maximum(*lightness)))
 
 
 def grow_down(
@@ -130,8 +135,8 @@ def grow_down(
         band = binary_dilation(mask, np.ones((3, 3), bool), iterations=steps + 1)
         look = np.full((*mask.shape, 3), np.nan)
         look[band] = appearance_of(frame.image[band] / 255.0)
-        across = _alike(look[:, :-1], look[:, 1:], 0.5 * colour_step)
-        down = _alike(look[:-1], look[1:], 0.5 * colour_step)
+        across = _close(look[:, :-1], look[:, 1:], 0.5 * colour_step)
+        down = _close(look[:-1], look[1:], 0.5 * colour_step)
         for _ in range(steps):
             beside = np.zeros_like(current)
             beside[:, 1:] |= current[:, :-1] & across
@@ -146,7 +151,7 @@ def grow_down(
     return grown
 
 
-def _alike(one: FloatArray, other: FloatArray, step: float) -> NDArray[np.bool_]:
+def _close(one: FloatArray, other: FloatArray, step: float) -> NDArray[np.bool_]:
     difference = one - other
     return np.asarray(np.einsum("ijk,ijk->ij", difference, difference) < step**2)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.things import Thing
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Shape
-from gvla2_plugins.classical.pixels import IntArray, Pixels
-from gvla2_plugins.classical.things import Thing
 
 SURE = 12.0  # by how much the second nearest colour word must be further away to be ruled out
 
@@ -60,11 +60,18 @@ def is_post(thing: Thing) -> bool:
     return bool(thing.extents[2] > 3.5 * max(thing.extents[:2]) and max(thing.extents[:2]) < 0.05)
 
 
+def is_held_up(thing: Thing, carrier: Thing | None) -> bool:
+    """Up on a post, seen or too thin to be seen."""
+    return carrier is not None and (
+        is_post(carrier) or (thing.floating and thing.bottom > carrier.top + 0.01)
+    )
+
+
 def parents(things: Sequence[Thing]) -> list[int]:
     """Index of the thing that each is a part of, or -1.
 
-    A button belongs to what it stands on, a post on a foot to the foot, what sits on a post to what the post
-    belongs to, a lid to the round thing under it, and what a split by height made to the lowest of its parts.
+    A button belongs to what it stands on, a post on a foot to the foot, what is held up to what the post belongs
+    to, a lid to the round thing under it, and what a split by height made to the lowest of its parts.
     """
     found = []
     for k, thing in enumerate(things):
@@ -72,18 +79,28 @@ def parents(things: Sequence[Thing]) -> list[int]:
         siblings = [j for j, other in enumerate(things) if other.group == thing.group and j != k]
         lowest = min(siblings, key=lambda j: things[j].bottom, default=-1)
         parent = -1
-        if carrier is not None and (is_button(thing, carrier) or is_post(thing) or is_post(carrier)):
-            parent = thing.on
-        elif carrier is not None and _is_lid(thing, carrier):
+        if carrier is not None and (
+            is_button(thing, carrier)
+            or is_post(thing)
+            or is_held_up(thing, carrier)
+            or _is_lid(thing, carrier)
+        ):
             parent = thing.on
         elif lowest >= 0 and things[lowest].bottom < thing.bottom - 1e-4:
             parent = lowest
         found.append(parent)
-    for k in range(len(found)):  # parts of parts belong to the whole
+    for k in range(len(found)):  # parts of parts belong to the whole, save a button's own housing
         for _ in range(len(found)):
-            if found[k] >= 0 and found[found[k]] >= 0 and not is_button(things[k], things[found[k]]):
-                found[k] = found[found[k]]
+            above = found[found[k]] if found[k] >= 0 else -1
+            carrier = things[found[k]] if found[k] >= 0 else None
+            if above < 0 or is_button(things[k], carrier):
+                break
+            found[k] = above
     return found
+
+
+def _stands_up(thing: Thing, carrier: Thing) -> bool:
+    return is_post(thing) or is_held_up(thing, carrier)
 
 
 def _is_lid(thing: Thing, carrier: Thing) -> bool:
@@ -95,16 +112,16 @@ def _is_lid(thing: Thing, carrier: Thing) -> bool:
 def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
     """The plain word for it, without its colour."""
     carrier = things[thing.on] if thing.on >= 0 else None
-    width, depth, height = thing.extents
+    width, _, height = thing.extents
     if is_button(thing, carrier):
         return "button"
     if parent >= 0 and carrier is not None and _is_lid(thing, carrier):
         return "lid"
     if is_post(thing):
         return "post"
-    if carrier is not None and is_post(carrier):
-        return "lamp shade" if carrier.on >= 0 else "top"
-    if any(other.on >= 0 and things[other.on] is thing and is_post(other) for other in things):
+    if is_held_up(thing, carrier):
+        return "lamp shade" if parent >= 0 and not is_post(things[parent]) else "top"
+    if any(other.on >= 0 and things[other.on] is thing and _stands_up(other, thing) for other in things):
         return "lamp base"
     if thing.hollow:
         if thing.kind == "cylinder":

@@ -6,11 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-
-from gvla2.errors import PerceptionError
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.geometry.views import Observation
-from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
@@ -22,7 +17,14 @@ from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
 
-BORDER = 0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole
+from gvla2.errors import PerceptionError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Box, Scene, SceneObject
+
+BORDER = (
+    0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole
+)
 PAINT = 0.001  # the thickness that a painted patch is given
 MOST_POINTS = 4000  # points kept of one object
 
@@ -37,7 +39,15 @@ class ClassicalPerceiver:
     def __init__(self, config: ClassicalConfig) -> None:
         wrong = [
             name
-            for name in ("plane_tolerance", "max_tilt", "min_height", "jump", "colour_step", "gap", "min_region")
+            for name in (
+                "plane_tolerance",
+                "max_tilt",
+                "min_height",
+                "jump",
+                "colour_step",
+                "gap",
+                "min_region",
+            )
             if not getattr(config, name) > 0
         ]
         if wrong or config.min_points < 4 or config.robot_margin < 0:
@@ -60,15 +70,17 @@ class ClassicalPerceiver:
         frames, notes = usable_frames(observation.views, config.robot_margin)
         table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
         frames = [frame.moved(table.table_from_world) for frame in frames]
-        pixels, things, painted, patches = self._find(frames, table, workspace)
+        hand = transform_points(table.table_from_world, observation.world_from_tcp[:3, 3])
+        pixels, things, painted, patches = self._find(frames, table, workspace, hand)
         objects = _name_things(pixels, things) + _name_patches(painted, patches)
         world = [_into_world(o, table) for o in objects]
         world, lost = _inside(world, workspace)
-        notes += lost + [_carried_note(world, o) for o in world if _carried_note(world, o)]
-        return Scene(_numbered(world), table.height, workspace, "classical", tuple(notes))
+        ordered, new_id = _numbered(world)
+        notes += lost + _carried_notes(things, new_id)
+        return Scene(ordered, table.height, workspace, "classical", tuple(notes))
 
     def _find(
-        self, frames: Sequence[Frame], table: Table, workspace: Box
+        self, frames: Sequence[Frame], table: Table, workspace: Box, hand: FloatArray
     ) -> tuple[Pixels, list[Thing], Pixels, list[Patch]]:
         config = self._config
         rise = max(config.min_height, 3.3 * table.noise)
@@ -77,7 +89,9 @@ class ClassicalPerceiver:
         for frame in frames:
             world = transform_points(world_from_table, frame.points)
             with np.errstate(invalid="ignore"):
-                beside = ((world[..., :2] > workspace.low[:2] - BORDER) & (world[..., :2] < workspace.high[:2] + BORDER))
+                beside = (world[..., :2] > workspace.low[:2] - BORDER) & (
+                    world[..., :2] < workspace.high[:2] + BORDER
+                )
                 inside = beside.all(axis=-1) & (world[..., 2] < workspace.high[2])
                 height = frame.points[..., 2]
                 raised.append(without_specks(inside & (height > rise)))
@@ -89,7 +103,7 @@ class ClassicalPerceiver:
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
             labels = join_across_views(pixels, pieces, reach=0.004 + 1.5 * table.noise)
-            things = assemble(frames, pixels, labels, config.min_points, config.gap)
+            things = assemble(frames, pixels, labels, config.min_points, config.gap, hand)
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(
@@ -111,7 +125,16 @@ def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:
         points = evenly(thing.points, MOST_POINTS)
         objects.append(
             SceneObject(
-                f"thing{k}", label, shape_of(thing), colour, thing.pose, thing.extents, points, rgb, parent, confidence
+                f"thing{k}",
+                label,
+                shape_of(thing),
+                colour,
+                thing.pose,
+                thing.extents,
+                points,
+                rgb,
+                parent,
+                confidence,
             )
         )
     return objects
@@ -148,19 +171,13 @@ def _into_world(thing: SceneObject, table: Table) -> SceneObject:
 
 def _inside(objects: list[SceneObject], workspace: Box) -> tuple[list[SceneObject], list[str]]:
     """Objects whose middle lies over the workspace; a sentence about the others."""
-    inside = [
-        o for o in objects if ((o.centre >= workspace.low) & (o.centre <= workspace.high))[:2].all()
-    ]
+    inside = [o for o in objects if ((o.centre >= workspace.low) & (o.centre <= workspace.high))[:2].all()]
     lost = len(objects) - len(inside)
     return inside, [f"{lost} thing(s) beside the workspace were left out."] if lost else []
 
 
-def _carried_note(objects: Sequence[SceneObject], thing: SceneObject) -> str:
-    return ""
-
-
-def _numbered(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
-    """Ids o1, o2, ... by x, then y, then height, to the millimetre."""
+def _numbered(objects: Sequence[SceneObject]) -> tuple[tuple[SceneObject, ...], dict[str, str]]:
+    """Ids o1, o2, ... by x, then y, then height, to the millimetre; and the new ids by the old ones."""
 
     def place(thing: SceneObject) -> tuple[float, ...]:
         centre: FloatArray = np.round(thing.centre, 3)
@@ -168,4 +185,18 @@ def _numbered(objects: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
 
     ordered = sorted(objects, key=place)
     ids = {thing.id: f"o{k + 1}" for k, thing in enumerate(ordered)}
-    return tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered)
+    return tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered), ids
+
+
+def _carried_notes(things: Sequence[Thing], ids: dict[str, str]) -> list[str]:
+    """What stands on what, and what hangs in the air."""
+    notes = []
+    for k, thing in enumerate(things):
+        own, carrier = ids.get(f"thing{k}"), ids.get(f"thing{thing.on}")
+        if own and carrier and thing.floating and things[thing.on].top < thing.bottom - 0.01:
+            notes.append(f"{own} is above {carrier}, on something that is not seen.")
+        elif own and carrier:
+            notes.append(f"{own} stands on {carrier}.")
+        elif own and thing.floating:
+            notes.append(f"{own} does not stand on anything that is seen.")
+    return sorted(notes)

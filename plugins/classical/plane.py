@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from gvla2_plugins.classical.frames import Frame
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.planning.scene import Box
-from gvla2_plugins.classical.frames import Frame
 
 HYPOTHESES = 96
 SAMPLE = 2000
@@ -30,7 +30,9 @@ class Table:
     noise: float
 
 
-def find_table(frames: Sequence[Frame], workspace: Box, tolerance: float, max_tilt: float, seed: int) -> Table:
+def find_table(
+    frames: Sequence[Frame], workspace: Box, tolerance: float, max_tilt: float, seed: int
+) -> Table:
     """The table under ``workspace``, from frames in the world's frame.
 
     Raises :class:`PerceptionError` when too few points are there, or no level plane carries enough of them.
@@ -58,7 +60,9 @@ def find_table(frames: Sequence[Frame], workspace: Box, tolerance: float, max_ti
     offsets = np.einsum("ij,ij->i", normals, anchors)
     counts = (np.abs(sample @ normals.T - offsets) < tolerance).sum(axis=0)
     best = int(np.argmax(counts))
-    normal, offset = _settle(points[:: max(1, len(points) // SETTLE)], normals[best], float(offsets[best]), tolerance)
+    normal, offset = _settle(
+        points[:: max(1, len(points) // SETTLE)], normals[best], float(offsets[best]), tolerance
+    )
     residual = points @ normal - offset
     inliers = np.abs(residual) < tolerance
     if inliers.sum() < max(200, LEAST_SHARE * len(points)) or normal[2] < np.cos(max_tilt):

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 
@@ -86,28 +85,34 @@ def fit_solid(
     start: Sequence[float] | FloatArray,
     surface: FloatArray,
     free: FloatArray,
+    rays: FloatArray | None = None,
     *,
     hold: Sequence[int] = (),
+    limits: tuple[Sequence[float], Sequence[float]] | None = None,
     filled: bool = False,
     tolerance: float = 0.005,
     steps: int = 14,
 ) -> Fit:
     """Damped Gauss-Newton from ``start`` (P,) with a robust loss.
 
-    ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``hold`` indices of parameters that
-    stay. With ``filled`` the seen points may also lie inside, as those of a painted patch do.
+    ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
+    that hit the solid, which must reach into it somewhere, however wrong their depth is; ``hold`` indices of
+    parameters that stay, ``limits`` their least and greatest values. With ``filled`` the seen points may also lie inside, as those of a painted patch do.
     """
     parameters = np.asarray(start, dtype=np.float64).copy()
     moving = [i for i in range(len(parameters)) if i not in hold]
-    share = np.concatenate(
-        [np.full(len(surface), 1.0 / max(1, len(surface))), np.full(len(free), 1.0 / max(1, len(free)))]
-    )
-    points = np.concatenate([surface, free])
+    rays = np.zeros((0, 1, 3)) if rays is None else rays
+    counts = (len(surface), len(free), len(rays))
+    share = np.repeat([1.0 / max(1, count) for count in counts], counts)
+    points = np.concatenate([surface, free, rays.reshape(-1, 3)])
+    first_free, first_ray = counts[0], counts[0] + counts[1]
 
     def errors(candidates: FloatArray) -> FloatArray:
         value = distance(candidates, points)
-        seen, outside = value[:, : len(surface)], value[:, len(surface) :]
-        return np.concatenate([np.maximum(seen, 0.0) if filled else seen, np.minimum(outside, 0.0)], axis=1)
+        seen, outside = value[:, :first_free], value[:, first_free:first_ray]
+        reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
+        seen = np.maximum(seen, 0.0) if filled else seen
+        return np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1)
 
     step_size = 1e-5
     damping = 1e-3
@@ -126,6 +131,7 @@ def fit_solid(
             move = np.clip(move, -0.1, 0.1)
             trial = parameters.copy()
             trial[moving] += move
+            trial = trial if limits is None else np.clip(trial, *limits)
             trial_error = errors(trial[None])[0]
             trial_cost = float(share @ _loss(trial_error))
             if trial_cost < cost:
@@ -138,8 +144,8 @@ def fit_solid(
         parameters, error, cost, damping = trial, trial_error, trial_cost, max(1e-6, damping / 4.0)
         if gain < 1e-3 * cost + 1e-13:
             break
-    on = np.abs(error[: len(surface)]) < tolerance
-    inside = error[len(surface) :] < -tolerance
+    on = np.abs(error[:first_free]) < tolerance
+    inside = error[first_free:first_ray] < -tolerance
     agreement = float(on.mean() if len(surface) else 0.0) - float(inside.mean() if len(free) else 0.0)
     return Fit(parameters, cost, max(0.0, agreement))
 
@@ -154,12 +160,23 @@ def _loss(error: FloatArray) -> FloatArray:
     size = np.abs(error)
     huber = np.where(size < HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER))
     ceiling = HUBER * (LARGE - 0.5 * HUBER)
-    return np.where(size < LARGE, huber, ceiling + HUBER * LARGE * 0.5 * (1.0 - (LARGE / np.maximum(size, LARGE)) ** 2))
+    return np.where(
+        size < LARGE, huber, ceiling + HUBER * LARGE * 0.5 * (1.0 - (LARGE / np.maximum(size, LARGE)) ** 2)
+    )
 
 
 def evenly(points: FloatArray, most: int) -> FloatArray:
     """At most about ``most`` rows, taken at even steps: the same ones every time."""
     return points[:: max(1, -(-len(points) // most))]
+
+
+def spread_out(points: FloatArray, most: int, spacing: float = 0.003) -> FloatArray:
+    """At most about ``most`` rows, one a cube of side ``spacing`` metres: near cameras do not outvote far ones."""
+    cells = np.floor(points / spacing).astype(np.int64)
+    cells -= cells.min(axis=0)
+    size = cells.max(axis=0) + 1
+    _, first = np.unique((cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2], return_index=True)
+    return evenly(points[np.sort(first)], most)
 
 
 def narrow_yaw(xy: FloatArray, trim: float = 1.0) -> tuple[float, FloatArray, FloatArray]:
@@ -174,10 +191,3 @@ def narrow_yaw(xy: FloatArray, trim: float = 1.0) -> tuple[float, FloatArray, Fl
     best = int(np.argmin((high - low).prod(axis=1)))
     middle = 0.5 * (low[best] + high[best]) @ axes[best]
     return float(yaws[best]), middle, high[best] - low[best]
-
-
-def as_mask(indices: NDArray[np.int64], size: int) -> NDArray[np.bool_]:
-    """(size,) bool, true at ``indices``."""
-    mask = np.zeros(size, dtype=bool)
-    mask[indices] = True
-    return mask

@@ -7,13 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
-
-from gvla2.geometry.transform import FloatArray, rigid
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.solids import (
+    Distance,
     Fit,
     box_distance,
     cylinder_distance,
@@ -21,15 +18,23 @@ from gvla2_plugins.classical.solids import (
     fit_solid,
     narrow_yaw,
     sphere_distance,
+    spread_out,
 )
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_erosion
+
+from gvla2.geometry.transform import FloatArray, rigid
 
 Kind = Literal["box", "cylinder", "sphere", "other"]
 
 GOOD = 0.82  # agreement from which one solid explains a thing
-MOST_SEEN, MOST_FREE = 420, 420  # points a fit looks at
+MOST_SEEN = 420  # points a fit looks at
+MOST_FREE, MOST_RAYS = 150, 40  # free points and outermost rays of one view
 BEFORE = 0.006  # metres in front of a measured surface where a ray is certainly free
+ALONG = np.linspace(-0.006, 0.010, 9)  # metres about a measured depth, along the ray
 THIN = 2e-3
-ROUND = 0.93  # a round solid must explain the points better than a box by this factor of the cost
+FACE = 0.008  # a seen thing thinner than this, upright, may be one face of something
+ROUND = 1.12  # a round solid, which has fewer parameters, is taken up to this factor of a box's cost
 
 
 @dataclass(frozen=True)
@@ -98,23 +103,34 @@ def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap:
     margin = 0.012
     low = np.array([*(points[:, :2].min(axis=0) - margin), bottom - (margin if floating else 0.0)])
     high = np.array([*(points[:, :2].max(axis=0) + margin), highest + margin])
-    free = evenly(free_points(frames, pixels, members, low, high), MOST_FREE)
-    seen = evenly(points, MOST_SEEN)
+    free, rays = silhouette(frames, pixels, members, low, high)
+    seen = spread_out(points, MOST_SEEN)
 
-    box_hold = () if floating else (6,)
-    box = fit_solid(box_distance, [*middle, yaw, *lengths, highest, bottom], seen, free, hold=box_hold)
-    width, depth, top, base = box.parameters[3:7]
-    fits: dict[Kind, Fit] = {"box": box}
+    base, tops = (bottom - 0.01, bottom + 0.006), (highest - 0.012, highest + 0.006)
+    sides, everywhere = (0.5 * THIN, 3.0), (-10.0, 10.0)
+
+    def fitted(distance: Distance, start: Sequence[float], ranges: Sequence[tuple[float, float]]) -> Fit:
+        hold = () if floating or distance is sphere_distance else (len(start) - 1,)
+        limits = ([r[0] for r in ranges], [r[1] for r in ranges])
+        return fit_solid(distance, start, seen, free, rays, hold=hold, limits=limits)
+
+    fits: dict[Kind, Fit] = {}
+    place = [everywhere] * 2
+    fits["box"] = fitted(
+        box_distance,
+        [*middle, yaw, *lengths, highest, bottom],
+        [*place, everywhere, sides, sides, tops, base],
+    )
+    width, depth, top = fits["box"].parameters[3:6]
     if max(width, depth) < 1.35 * min(width, depth):
         diameter = float(np.mean(lengths))
-        fits["cylinder"] = fit_solid(
-            cylinder_distance, [*middle, diameter, highest, bottom], seen, free, hold=() if floating else (4,)
+        fits["cylinder"] = fitted(
+            cylinder_distance, [*middle, diameter, highest, bottom], [*place, sides, tops, base]
         )
-        tall = (top - base) / diameter
-        if 0.6 < tall < 1.5:
+        if 0.6 < (top - bottom) / diameter < 1.5:
             start = [*middle, highest - 0.5 * diameter, diameter]
-            fits["sphere"] = fit_solid(sphere_distance, start, seen, free)
-    kind: Kind = min(fits, key=lambda name: fits[name].cost / (1.0 if name == "box" else ROUND))
+            fits["sphere"] = fitted(sphere_distance, start, [*place, everywhere, sides])
+    kind: Kind = min(fits, key=lambda name: fits[name].cost * (ROUND if name == "box" else 1.0))
     fit = fits[kind]
     yaw, centre, extents = _upright(kind, fit.parameters)
     if not _sane(centre, extents, low, high):
@@ -127,14 +143,17 @@ def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap:
     thing = Thing(
         kind, members, points, centre, yaw, extents, fit.agreement, floating=floating, lowest=float(lowest)
     )
+    thing = _completed(frames, pixels, thing)
     return replace(thing, hollow=_is_hollow(thing))
 
 
-def free_points(
+def silhouette(
     frames: Sequence[Frame], pixels: Pixels, members: IntArray, low: FloatArray, high: FloatArray
-) -> FloatArray:
-    """(M, 3) points within ``low``, ``high`` (3,) on rays just beside the thing, before anything they hit."""
-    found = [np.zeros((0, 3))]
+) -> tuple[FloatArray, FloatArray]:
+    """What the outline says: points (M, 3) within ``low``, ``high`` (3,) that are free, since rays just beside the
+    thing passed them before they hit anything; and points (R, S, 3) along the outermost rays that hit it.
+    """
+    free, rim = [np.zeros((0, 3))], [np.zeros((0, len(ALONG), 3))]
     reach = 0.5 * float(np.linalg.norm(high - low)) + 0.01
     middle = 0.5 * (low + high)
     for number, frame in enumerate(frames):
@@ -149,11 +168,44 @@ def free_points(
         mask[rows - r0, columns - c0] = True
         ring = binary_dilation(mask, iterations=2) & ~mask & np.isfinite(depth)
         rays, limit = frame.rays[window][ring], depth[ring] - BEFORE  # (R, 3), (R,)
-        near = (middle - frame.origin) @ rays.T / (rays**2).sum(axis=1)
-        steps = near[:, None] + np.linspace(-1, 1, 14) * (reach / np.linalg.norm(rays, axis=1))[:, None]
+        length = np.linalg.norm(rays, axis=1)
+        steps = (((middle - frame.origin) @ rays.T) / length**2)[:, None]
+        steps = steps + np.linspace(-1, 1, 14) * (reach / length)[:, None]
         samples = (frame.origin + rays[:, None] * steps[..., None])[steps < limit[:, None]]
-        found.append(samples[((samples > low) & (samples < high)).all(axis=1)])
-    return np.concatenate(found)
+        free.append(evenly(samples[((samples > low) & (samples < high)).all(axis=1)], MOST_FREE))
+        edge = mask & ~binary_erosion(mask)
+        along = depth[edge][:, None] + ALONG
+        rim.append(evenly(frame.origin + frame.rays[window][edge][:, None] * along[..., None], MOST_RAYS))
+    return np.concatenate(free), np.concatenate(rim)
+
+
+def _completed(frames: Sequence[Frame], pixels: Pixels, thing: Thing) -> Thing:
+    """A box of which one upright face alone was seen is taken to be as deep as it is wide, where that is not known
+    to be free: the hand hides the rest of what it holds.
+    """
+    narrow = int(np.argmin(thing.extents[:2]))
+    wide = float(thing.extents[1 - narrow])
+    if (
+        thing.kind not in ("box", "other")
+        or thing.extents[narrow] > FACE
+        or min(wide, thing.extents[2]) < 3 * FACE
+    ):
+        return thing
+    normal = thing.pose[:3, narrow]
+    views = np.unique(pixels.view[thing.members])
+    away = thing.centre - np.mean([frames[v].origin for v in views], axis=0)
+    normal = normal if normal @ away > 0 else -normal
+    depths = np.linspace(0.3, 0.9, 4) * wide
+    behind = evenly(thing.points, 60)[:, None] + depths[:, None] * normal  # (60, 4, 3)
+    if seen_through(frames, behind.reshape(-1, 3)).mean() > 0.1:
+        return thing
+    extents = thing.extents.copy()
+    extents[narrow] = wide
+    centre = thing.centre + 0.5 * (wide - thing.extents[narrow]) * normal
+    yaw, extents[0], extents[1] = upright_rectangle(thing.yaw, extents[0], extents[1])
+    return replace(
+        thing, kind="box", centre=centre, extents=extents, yaw=yaw, agreement=0.7 * thing.agreement
+    )
 
 
 def _hangs(frames: Sequence[Frame], points: FloatArray, lowest: float, gap: float) -> bool:
@@ -172,7 +224,11 @@ def _upright(kind: Kind, parameters: FloatArray) -> tuple[float, FloatArray, Flo
         return 0.0, parameters[:3], np.full(3, abs(parameters[3]))
     if kind == "cylinder":
         cx, cy, diameter, top, bottom = parameters
-        return 0.0, np.array([cx, cy, 0.5 * (top + bottom)]), np.array([abs(diameter), abs(diameter), top - bottom])
+        return (
+            0.0,
+            np.array([cx, cy, 0.5 * (top + bottom)]),
+            np.array([abs(diameter), abs(diameter), top - bottom]),
+        )
     cx, cy, yaw, width, depth, top, bottom = parameters
     yaw, width, depth = upright_rectangle(yaw, width, depth)
     return yaw, np.array([cx, cy, 0.5 * (top + bottom)]), np.array([width, depth, top - bottom])
@@ -196,10 +252,11 @@ def _sane(centre: FloatArray, extents: FloatArray, low: FloatArray, high: FloatA
 
 
 def _is_hollow(thing: Thing) -> bool:
-    """Points well inside the walls and well under the rim: one looks into a cup, a box, a tray."""
+    """Points well inside the walls and well under a rim: one looks into a cup, a box, a tray."""
     if thing.kind == "sphere" or thing.extents[2] < 0.02:
         return False
     depth = min(0.02, 0.4 * float(thing.extents[2]))
     inner = thing.covers(thing.points[:, :2], margin=-0.2 * float(thing.extents[:2].min()))
     deep = thing.points[:, 2] < thing.top - depth
-    return bool((inner & deep).mean() > 0.12)
+    rim = thing.points[:, 2] > thing.top - 0.3 * depth
+    return bool((inner & deep).mean() > 0.12 and (rim & inner).sum() < 0.25 * rim.sum())

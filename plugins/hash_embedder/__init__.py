@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class HashEmbedderConfig(ComponentConfig):
-    """Options of the ``hash`` embedder: ``dimension`` of the vectors; n-grams of ``shortest`` to ``longest`` characters."""
+    """Options of the ``hash`` embedder: the vectors' ``dimension``, the ``shortest`` and ``longest`` n-grams."""
 
     dimension: int = 512
     shortest: int = 3

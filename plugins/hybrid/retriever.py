@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from gvla2_plugins.hybrid.words import bm25, coverage, topic_words
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
 from gvla2.memory.scoring import score_terms, signature_distance
-from gvla2_plugins.hybrid.words import bm25, coverage, topic_words
 
 if TYPE_CHECKING:
     from gvla2_plugins.hybrid import HybridConfig
@@ -21,6 +22,7 @@ class HybridRetriever:
 
     def __init__(self, config: HybridConfig) -> None:
         self._config = config
+        self._words = lru_cache(maxsize=20_000)(lambda text: tuple(topic_words(text)))
 
     def rank(
         self, task: MemoryTask, candidates: Candidates, query_embedding: NDArray[np.float32]
@@ -43,7 +45,7 @@ class HybridRetriever:
             return (), "The query has no word to search by."
         # BM25's statistics are those of the whole bank, whatever the skill asked for.
         documents = [
-            topic_words(f"{q} {c}") for q, c in zip(candidates.queries, candidates.contents, strict=True)
+            self._words(f"{q} {c}") for q, c in zip(candidates.queries, candidates.contents, strict=True)
         ]
         lexical = bm25(query, documents)
         lexical = lexical / max(float(lexical.max()), 1e-9)

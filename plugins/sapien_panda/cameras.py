@@ -76,6 +76,4 @@ def _merge(camera: Camera, robot: RayImage, things: RayImage) -> View:
     depth = np.where(nearer, robot.depth, things.depth)
     with np.errstate(invalid="ignore"):
         mask = np.abs(depth - robot.depth) <= EXPLAINED
-    return View(
-        camera, np.where(nearer[..., None], robot.image, things.image), depth, robot_mask=mask
-    )
+    return View(camera, np.where(nearer[..., None], robot.image, things.image), depth, robot_mask=mask)

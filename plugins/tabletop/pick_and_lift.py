@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-
-from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PickAndLiftConfig
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.placing import (
@@ -18,6 +13,11 @@ from gvla2_plugins.tabletop.placing import (
     sample_until,
     vertical_span,
 )
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 
 START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the eased profile, standing on the table about the cube's starting place, metres."""
@@ -68,7 +68,9 @@ class PickAndLift:
             named = [i for i, colour in enumerate(colours) if colour in colours_in(instruction)]
             target = named[0] if len(named) == 1 else target
         bodies = tuple(
-            Body(f"cube_{i}", (Primitive("box", (size, size, size), COLOURS[colour]),), pose, self._config.mass)
+            Body(
+                f"cube_{i}", (Primitive("box", (size, size, size), COLOURS[colour]),), pose, self._config.mass
+            )
             for i, (pose, colour) in enumerate(zip(poses, colours, strict=True))
         )
         body, start = f"cube_{target}", poses[target]
@@ -84,7 +86,9 @@ class PickAndLift:
             low, high = vertical_span(world.pose(body), extents)
             sensor = site.table_height + SENSOR_HEIGHT
             return (
-                world.held(body) and low <= sensor + SENSOR_THICKNESS / 2 and high >= sensor - SENSOR_THICKNESS / 2
+                world.held(body)
+                and low <= sensor + SENSOR_THICKNESS / 2
+                and high >= sensor - SENSOR_THICKNESS / 2
             )
 
         return TaskInstance(

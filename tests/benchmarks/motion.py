@@ -1,4 +1,4 @@
-"""How fast the Panda's inverse kinematics, collision checks and motion planning are. Run: python tests/benchmarks/motion.py"""
+"""How fast the Panda's kinematics, collision checks and motion planning are: python tests/benchmarks/motion.py."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import invert_rigid, look_along, rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.planning.colours import COLOURS, colour_distance
+from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
 from gvla2.planning.scene import Box, Scene, SceneObject
 
 TABLE_TOP = 0.752
@@ -73,12 +73,25 @@ def put_lamp(xy, yaw, colour, scale=1.0) -> list[Truth]:
     def at(along):
         return (xy[0] + c * along * scale, xy[1] + s * along * scale)
 
-    base, post, shade = np.array([0.16, 0.08, 0.010]), np.array([0.014, 0.014, 0.055]), np.array([0.06, 0.06, 0.035])
+    base, post, shade = (
+        np.array([0.16, 0.08, 0.010]),
+        np.array([0.014, 0.014, 0.055]),
+        np.array([0.06, 0.06, 0.035]),
+    )
     base, post, shade = base * [scale, scale, 1], post * scale, shade * scale
     return [
         put("box", base, xy, yaw, "", ("lamp base", "plate"), 0.0, LAMP_RGB[0]),
         put("cylinder", post, at(0.045), yaw, "", ("post",), base[2], LAMP_RGB[1]),
-        put("cylinder", shade, at(0.045), yaw, "", ("lamp shade", "disc"), base[2] + post[2], LAMP_RGB[2]),
+        put(
+            "cylinder",
+            shade,
+            at(0.045),
+            yaw,
+            "",
+            ("lamp shade", "disc", "cylinder"),
+            base[2] + post[2],
+            LAMP_RGB[2],
+        ),
         put("cylinder", (0.033 * scale, 0.033 * scale, 0.014), at(-0.045), yaw, colour, ("button",), base[2]),
     ]
 
@@ -147,7 +160,13 @@ def render(
         if camera.name in blind:
             depth, image = np.full_like(depth, np.nan), np.zeros_like(image)
         views.append(View(camera, image, depth, robot_mask=seen.ids == ROBOT_ID))
-    return Observation(Views(tuple(views)), rigid([[1, 0, 0], [0, -1, 0], [0, 0, -1]], (0.28, 0, 1.47)), np.zeros(7), 1.0, 0.08)
+    return Observation(
+        Views(tuple(views)),
+        rigid([[1, 0, 0], [0, -1, 0], [0, 0, -1]], (0.28, 0, 1.47)),
+        np.zeros(7),
+        1.0,
+        0.08,
+    )
 
 
 KINDS = ("cube", "cube", "cube", "box", "cylinder", "ball", "disc", "plate", "bottle", "region", "lamp")
@@ -196,7 +215,8 @@ def _make(kind, xy, yaw, colour, scale, rng) -> list[Truth]:
         return [put("cylinder", (0.07 * scale, 0.07 * scale, 0.2 * scale), xy, 0.0, colour, ("bottle",))]
     if kind == "region":
         return [put_region((0.1 * scale, 0.1 * scale), xy, yaw, colour)]
-    return put_lamp(xy, yaw, colour, scale)
+    apart = [n for n, rgb in COLOURS.items() if (colour_distance(np.array(LAMP_RGB), rgb) > TOLD_APART).all()]
+    return put_lamp(xy, yaw, colour if colour in apart else str(rng.choice(apart)), scale)
 
 
 @dataclass
@@ -217,30 +237,34 @@ class Tally:
     complaints: list[str] = field(default_factory=list)
 
 
-def visible(truth: Truth, truths: list[Truth]) -> bool:
+def visible(truth: Truth) -> bool:
     """Posts of a lamp are nearly hidden by shade and base: not counted when missed."""
     return "post" not in truth.nouns
 
 
 def compare(truths: list[Truth], scene: Scene, tally: Tally, name: str = "") -> None:
     """Match by the distance of the centres (at most 3 cm) and sum up."""
-    expected = [t for t in truths]
+    expected = list(truths)
     gaps = np.array([[np.linalg.norm(o.centre - t.centre) for o in scene.objects] for t in expected])
     rows, columns = linear_sum_assignment(gaps) if gaps.size else ((), ())
     pairs = [(r, c) for r, c in zip(rows, columns, strict=True) if gaps[r, c] < 0.03]
     matched = {r for r, _ in pairs}
-    tally.truths += sum(visible(t, truths) for t in expected)
-    tally.found += sum(visible(expected[r], truths) for r, _ in pairs)
+    tally.truths += sum(visible(t) for t in expected)
+    tally.found += sum(visible(expected[r]) for r, _ in pairs)
     tally.spurious += len(scene.objects) - len(pairs)
     for r, t in enumerate(expected):
-        if r not in matched and visible(t, truths):
-            tally.complaints.append(f"{name}: missed {t.colour} {t.kind} {np.round(t.size, 3)} at {np.round(t.centre, 3)}")
+        if r not in matched and visible(t):
+            tally.complaints.append(
+                f"{name}: missed {t.colour} {t.kind} {np.round(t.size, 3)} at {np.round(t.centre, 3)}"
+            )
     for c, o in enumerate(scene.objects):
         if c not in {column for _, column in pairs}:
-            tally.complaints.append(f"{name}: spurious {o.label} {np.round(o.extents, 3)} at {np.round(o.centre, 3)}")
+            tally.complaints.append(
+                f"{name}: spurious {o.label} {np.round(o.extents, 3)} at {np.round(o.centre, 3)}"
+            )
     for r, c in pairs:
         t, o = expected[r], scene.objects[c]
-        if not visible(t, truths):
+        if not visible(t):
             continue
         tally.centres.append(1000 * float(gaps[r, c]))
         tally.extents.append(1000 * extent_error(t, o))
@@ -254,9 +278,14 @@ def compare(truths: list[Truth], scene: Scene, tally: Tally, name: str = "") -> 
         tally.labels.append(noun in t.nouns)
         if t.colour:
             tally.colours.append(o.colour == t.colour)
-        if gaps[r, c] > 0.004 or extent_error(t, o) > 0.006 or not tally.labels[-1] or (t.colour and o.colour != t.colour):
+        if (
+            gaps[r, c] > 0.004
+            or extent_error(t, o) > 0.006
+            or not tally.labels[-1]
+            or (t.colour and o.colour != t.colour)
+        ):
             tally.complaints.append(
-                f"{name}: {t.colour} {t.nouns} {np.round(t.size, 4)} at {np.round(t.centre, 3)} yaw {t.yaw:.2f} seen as "
+                f"{name}: {t.colour} {t.nouns} {np.round(t.size, 4)} at {np.round(t.centre, 3)} yaw {t.yaw:.2f} is "
                 f"{o.label} [{o.shape}] {np.round(o.extents, 4)} at {np.round(o.centre, 3)} conf {o.confidence}"
             )
 

@@ -63,7 +63,11 @@ def run_task(job: tuple[str, int, list[str]]) -> list[dict]:
                     "instruction": record.instruction,
                 }
             )
-            print(f"  {task} seed {seed}: {'ok' if rows[-1]['eased'] else 'FAILED'}", file=sys.stderr, flush=True)
+            print(
+                f"  {task} seed {seed}: {'ok' if rows[-1]['eased'] else 'FAILED'}",
+                file=sys.stderr,
+                flush=True,
+            )
     return rows
 
 
@@ -74,7 +78,9 @@ def main() -> None:
     seeds = int(named.get("seeds", 20))
     with get_context("spawn").Pool(2) as pool:
         results = pool.map(run_task, [(task, seeds, overrides) for task in tasks], chunksize=1)
-    print(f"{'task':16} {'eased':>8} {'95 % interval':>14} {'strict':>8} {'verifier agrees':>16} {'s/episode':>10}")
+    print(
+        f"{'task':16} {'eased':>8} {'95 % interval':>14} {'strict':>8} {'verifier agrees':>16} {'s/episode':>10}"
+    )
     motion = []
     for task, rows in zip(tasks, results, strict=True):
         eased = sum(r["eased"] for r in rows)

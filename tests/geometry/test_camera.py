@@ -99,7 +99,7 @@ def test_a_pose_that_is_not_rigid_is_refused(pose: np.ndarray, words: str) -> No
 
 
 @pytest.mark.parametrize("K", [np.zeros((3, 3)), np.diag([-1.0, 1, 1]), np.full((3, 3), np.nan), np.eye(2)])
-def test_a_singular_or_malformed_K_is_refused(K: np.ndarray) -> None:
+def test_a_singular_or_malformed_intrinsic_matrix_is_refused(K: np.ndarray) -> None:
     with pytest.raises(GeometryError, match="K"):
         Camera(K, np.eye(4), 4, 4)
 

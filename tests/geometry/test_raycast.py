@@ -94,7 +94,11 @@ def test_the_nearest_surface_wins_whatever_the_order() -> None:
 
 
 def test_a_view_of_nothing_is_all_nan_and_background() -> None:
-    for surfaces in ([], [box((0.1, 0.1, 0.1))], [Surface(np.zeros((0, 3)), np.zeros((0, 3), int), GREEN, 1)]):
+    for surfaces in (
+        [],
+        [box((0.1, 0.1, 0.1))],
+        [Surface(np.zeros((0, 3)), np.zeros((0, 3), int), GREEN, 1)],
+    ):
         caster = RayCaster(surfaces, background=(1.0, 0.0, 0.5))
         poses = {0: rigid(translation=(-9.0, 0, 0))} if surfaces else {}  # behind the camera
         [seen] = caster.cast([camera_at(2.0)], poses)
@@ -141,9 +145,21 @@ def test_faces_have_colours_of_their_own_and_winding_does_not_matter() -> None:
     assert (c.image[c.ids == 0][:, 1:] == 0).all()
 
 
+@pytest.mark.parametrize("distance", [0.7, 1.0, 1.3, 2.0, 2.9])
+def test_no_ray_slips_between_the_triangles_of_a_surface(distance: float) -> None:
+    # Square on, the diagonal of the face runs exactly through the centres of pixels.
+    [seen] = RayCaster([box((0.2, 0.9, 0.9))]).cast([camera_at(distance, 64)], {})
+    hit = np.isfinite(seen.depth)
+    rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+    assert hit[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].all()
+    assert np.allclose(seen.depth[hit], distance - 0.1, atol=1e-5)
+
+
 def test_a_face_without_area_is_never_hit() -> None:
     vertices = np.array([[0.0, -1, 0], [0, 1, 0], [0, 0, 0]])
-    [seen] = RayCaster([Surface(vertices, np.array([[0, 1, 2], [0, 0, 0]]), GREEN, 0)]).cast([camera_at(1)], {})
+    [seen] = RayCaster([Surface(vertices, np.array([[0, 1, 2], [0, 0, 0]]), GREEN, 0)]).cast(
+        [camera_at(1)], {}
+    )
     assert (seen.ids == -1).all()
 
 

@@ -1,0 +1,55 @@
+"""A plugin without a distribution: register a component by hand, compose a configuration, build, check.
+
+For a plugin that everybody can install see examples/third_party.
+
+    python examples/03_a_planner_of_your_own.py planner.height=0.3
+"""
+
+import sys
+from dataclasses import dataclass
+
+from hydra import compose, initialize_config_module
+
+from gvla2 import Component, ComponentConfig
+from gvla2.catalog import Offer, Registry
+from gvla2.commands.primary import PRIMARY
+from gvla2.hydra_bridge import register
+from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.plugins import KINDS, Plugin, load_plugins
+from gvla2.testing import check_planner
+from gvla2.testing.inputs import plan_request
+
+
+@dataclass
+class RiseConfig(ComponentConfig):
+    """Options of ``rise``: ``height`` in metres."""
+
+    height: float = 0.1
+
+
+class RisePlanner:
+    """Raises the hand, whatever it is asked."""
+
+    def __init__(self, config: RiseConfig) -> None:
+        self.height = config.height
+
+    def plan(self, request: PlanRequest) -> Plan:
+        x, y, z = (float(v) for v in request.start[:3, 3])
+        steps = (0.5 * self.height, self.height)
+        return Plan(Trajectory(tuple(Waypoint((x, y, z + s), 1.0, "rise") for s in steps)), "rise")
+
+
+installed = load_plugins()
+offers = {kind: installed.offers(kind) for kind in KINDS}
+offers["planner"]["rise"] = Offer(Component("rise", RiseConfig, RisePlanner), Plugin("example"))
+registry = Registry(offers, installed.plugins)
+
+register(registry, PRIMARY)
+with initialize_config_module("gvla2.conf", version_base="1.3"):
+    config = compose("run", overrides=["planner=rise", *sys.argv[1:]])
+
+planner = registry.build(config, "planner")
+check_planner(planner)  # raises a ConformanceError that says what is wrong
+print("rise is a planner.")
+print(planner.plan(plan_request()).trajectory.xyzg().round(3))

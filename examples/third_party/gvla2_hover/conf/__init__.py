@@ -1,0 +1,1 @@
+"""Presets: `gvla2 run planner=hover_high`."""

@@ -1,0 +1,209 @@
+"""From an episode to what memory is asked and told: task, lessons, transcript. No language model; all of it repeats.
+
+Lessons are worded so that the next episode of the same kind words them alike: numbers live in the typed effects,
+where a merge can pool them.
+"""
+
+from __future__ import annotations
+
+import math
+
+import gvla2
+from gvla2.diagnosis import approach_of, diagnose, theme_of
+from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+from gvla2.planning.effects import Effect
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.record.contents import EpisodeRecord
+
+TRANSCRIPT_LIMIT = 8000
+SKILL_WORDS = {
+    "pick": "Pick up (grasp and lift)",
+    "place": "Place (put down on or into a goal)",
+    "push": "Push (slide to a goal)",
+    "press": "Press (push down, switch on)",
+}
+KEY_PARAMETERS = {
+    "pick": ("grasp_depth", "lift_height", "standoff"),
+    "place": ("place_height", "grasp_depth", "transit_clearance"),
+    "push": ("push_overshoot", "push_height", "standoff"),
+    "press": ("press_depth", "standoff"),
+}
+"""The parameters of each skill that decide most; as many as a recall shows hints at a time."""
+MOST_PARAMETERS = 3
+
+
+def memory_task(record: EpisodeRecord) -> MemoryTask:
+    """What memory is asked: the instruction, the scene's signature and, once there is a plan, its skill.
+
+    The signature has ``objects`` (count), ``table_height`` and, for the object that it is about,
+    ``theme_length``, ``theme_width`` and ``theme_height``, metres. Before there is a plan that object is the one
+    whose label the instruction's words fit best; where that is unclear the three are left out.
+    """
+    skill = record.plan.skill if record.plan is not None else ""
+    if record.scene is None:
+        return MemoryTask(record.instruction, skill=skill)
+    theme = theme_of(record) or _mentioned(record.instruction, record.scene)
+    signature = {
+        "objects": float(len(record.scene.obstacles())),
+        "table_height": float(record.scene.table_height),
+    }
+    if theme is not None:
+        width, length = sorted(float(v) for v in theme.extents[:2])
+        signature |= {"theme_length": length, "theme_width": width, "theme_height": float(theme.extents[2])}
+    return MemoryTask(record.instruction, signature, skill)
+
+
+def memory_episode(record: EpisodeRecord, verdict: Verdict) -> MemoryEpisode:
+    """What memory is told: the lessons of the episode in the light of its verdict, and where they come from."""
+    return MemoryEpisode(
+        task=memory_task(record),
+        lessons=tuple(_lessons(record, verdict)),
+        transcript=transcript(record),
+        recalled=record.recalled or MemoryContext(),
+        source=record.episode_id,
+        provenance={**record.choices, "gvla2": gvla2.__version__},
+    )
+
+
+def transcript(record: EpisodeRecord) -> str:
+    """The episode in words: what was seen, planned, checked and executed; at most 8000 characters."""
+    lines = [f"Instruction: {record.instruction}"]
+    if record.scene is not None:
+        lines += ["Seen:", *(f"- {_seen(thing)}" for thing in record.scene.objects)]
+    if record.recalled is not None and record.recalled.items:
+        lines.append(f"Recalled: {', '.join(item.id for item in record.recalled.items)}")
+    if record.plan is not None:
+        lines += _planned(record)
+    if record.checks is not None:
+        lines.append(
+            "Checks: passed" if record.checks.passed else f"Checks: {' '.join(record.checks.reasons)}"
+        )
+    if record.report is not None:
+        lines.append("Executed:")
+        for done in record.report.waypoints:
+            felt = f", contact of {', '.join(done.contacts)}" if done.contacts else ""
+            held = {True: ", holding", False: ", empty", None: ""}[done.held]
+            stop = f", STOPPED ({done.abort}): {done.message}" if done.abort else ""
+            lines.append(
+                f"- {done.index} {done.stage}: {1e3 * done.error:.0f} mm off, fingers "
+                f"{1e3 * done.gripper_width:.0f} mm apart{held}{felt}{stop}"
+            )
+    if record.after_scene is not None:
+        lines += ["Seen at the end:", *(f"- {_seen(thing)}" for thing in record.after_scene.objects)]
+    if record.failure is not None:
+        lines.append(f"Ended at {record.failure.stage}: {record.failure.message}")
+    text = "\n".join(lines)
+    return text if len(text) <= TRANSCRIPT_LIMIT else text[: TRANSCRIPT_LIMIT - 1] + "…"
+
+
+def _lessons(record: EpisodeRecord, verdict: Verdict) -> list[Lesson]:
+    if record.plan is None:
+        return []
+    if record.report is None or not record.report.waypoints or record.plan.trajectory is None:
+        return _not_executed(record)
+    if verdict.outcome == "verified_success":
+        return _from_success(record)
+    return _from_failure(record, certain=verdict.outcome == "verified_fail")
+
+
+def _not_executed(record: EpisodeRecord) -> list[Lesson]:
+    """Nothing moved, so nothing was learnt about moving; only how the planner takes such an instruction."""
+    assert record.plan is not None
+    if record.plan.abstention is not None:
+        what = f"the planner abstained ({record.plan.abstention.kind})"
+    elif record.checks is not None and not record.checks.passed:
+        kinds = sorted({f.kind or f.check for f in record.checks.findings if not f.passed})
+        what = f"the plan was rejected before any motion ({', '.join(kinds)})"
+    else:
+        return []
+    return [Lesson("tool_usage", f"{_subject(record)}: {what}. Nothing was executed.")]
+
+
+def _from_success(record: EpisodeRecord) -> list[Lesson]:
+    """What worked: one hint a key parameter, with its value as a prior; the order of stages without any."""
+    assert record.plan is not None
+    plan, subject, trajectory = record.plan, _subject(record), record.plan.trajectory
+    assert trajectory is not None
+    usable = [n for n, v in plan.parameters.items() if math.isfinite(v)]
+    ranked = KEY_PARAMETERS.get(plan.skill, tuple(sorted(usable)))
+    chosen = [n for n in ranked if n in usable][:MOST_PARAMETERS]
+    if not chosen:
+        stages = list(dict.fromkeys(w.stage for w in trajectory))
+        return [Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")]
+    return [
+        Lesson(
+            "procedural_hint",
+            f"{subject}: this {name.replace('_', ' ')} succeeded.",
+            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill).to_json(),
+        )
+        for name in chosen
+    ]
+
+
+def _from_failure(record: EpisodeRecord, *, certain: bool) -> list[Lesson]:
+    """What to avoid: diagnosed causes; or, for a certain failure without any, that it failed and how it ended."""
+    assert record.plan is not None
+    assert record.report is not None
+    subject = _subject(record)
+    lessons = [
+        Lesson(
+            "failure_avoidance",
+            f"{subject}: failed because {signal.words}.",
+            signal.effect.to_json() if signal.effect else None,
+        )
+        for signal in diagnose(record)
+    ]
+    if lessons or not certain:
+        return lessons
+    stopped = record.report.abort
+    how = f"it stopped at '{stopped.stage}' ({stopped.abort})" if stopped else "it ran to its end"
+    words = f"{subject}: the goal was not reached although {how}; do not expect the same motion to work."
+    return [Lesson("failure_avoidance", words.replace("although it stopped", "and it stopped"))]
+
+
+def _subject(record: EpisodeRecord) -> str:
+    """Skill, size class and shape, and approach: the kind of episode, without this one's colours and numbers."""
+    assert record.plan is not None
+    plan, theme = record.plan, theme_of(record)
+    words = SKILL_WORDS.get(plan.skill, plan.skill.capitalize() or "Follow an instruction")
+    if theme is None:
+        return words
+    shape = "object" if theme.shape == "other" else theme.shape
+    approach = approach_of(plan)
+    return f"{words} a {_size_class(theme)} {shape}" + (f" from the {approach}" if approach else "")
+
+
+def _size_class(thing: SceneObject) -> str:
+    largest = float(max(thing.extents))
+    for name, limit in (("tiny", 0.03), ("small", 0.075), ("medium", 0.15)):
+        if largest < limit:
+            return name
+    return "large"
+
+
+def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
+    """The one solid object whose label and colour share most words with the instruction; None when tied."""
+    solids = scene.obstacles()
+    if len(solids) == 1:
+        return solids[0]
+    said = set(instruction.casefold().replace(",", " ").replace(".", " ").split())
+    hits = [len(said & {*thing.label.casefold().split(), thing.colour.casefold()} - {""}) for thing in solids]
+    best = max(hits, default=0)
+    return solids[hits.index(best)] if best > 0 and hits.count(best) == 1 else None
+
+
+def _seen(thing: SceneObject) -> str:
+    place = ", ".join(f"{v:.3f}" for v in thing.centre)
+    size = " x ".join(f"{v:.3f}" for v in thing.extents)
+    return f"{thing.id}: {thing.label} ({thing.shape}, {size} m) at ({place})"
+
+
+def _planned(record: EpisodeRecord) -> list[str]:
+    assert record.plan is not None
+    plan = record.plan
+    if plan.abstention is not None:
+        return [f"Planner abstained ({plan.abstention.kind}): {plan.abstention.message}"]
+    roles = ", ".join(f"{role} {name}" for role, name in sorted(plan.roles.items()))
+    numbers = ", ".join(f"{name} {value:.4g}" for name, value in sorted(plan.parameters.items()))
+    stages = ", ".join(w.stage for w in plan.trajectory) if plan.trajectory else "none"
+    return [f"Plan: {plan.skill} ({roles}); {numbers or 'no parameters'}; stages: {stages}"]

@@ -1,0 +1,66 @@
+"""Conformance of the component itself: name, options, laziness, and on request what it builds."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from gvla2.catalog import assemble, structured
+from gvla2.component import Component
+from gvla2.discovery import Offering, Plugin
+from gvla2.kinds import KINDS, kind_of
+from gvla2.testing.conformance import allowed, require, require_members, require_type
+from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
+from gvla2.testing.planning import check_perceiver, check_planner
+from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
+from gvla2.testing.robot import check_robot, check_task
+
+CHECKS: Mapping[str, Callable[[Any], None]] = {
+    "robot": check_robot,
+    "task": check_task,
+    "perceiver": check_perceiver,
+    "reconstructor": check_reconstructor,
+    "prior": check_prior,
+    "fusion": check_fusion,
+    "renderer": check_renderer,
+    "memory": check_memory,
+    "retriever": check_retriever,
+    "embedder": check_embedder,
+    "planner": check_planner,
+    "verifier": check_verifier,
+}
+"""The check of each kind, called with its defaults."""
+
+
+def check_component(component: Component[Any], kind: str = "", **needs: object) -> None:
+    """Whether gvla2 would accept the component, and whether its options survive YAML and worker processes.
+
+    With ``kind`` it is also built with its default options (and ``needs``, by kind) and put to its kind's check.
+    """
+    require_type(component, Component, "What a hook returns")
+    anywhere = KINDS[kind_of(kind).name] if kind else next(iter(KINDS.values()))
+    problems = assemble([], [Offering(Plugin("checked"), anywhere.hook, (component,))]).problems
+    require(not problems, problems[0].message if problems else "")
+    require(
+        component.summary, f"'{component.name}' has no summary: give its build a docstring, or pass summary=."
+    )
+    node = structured(component)
+    try:
+        options = OmegaConf.create(OmegaConf.to_yaml(node))
+        OmegaConf.merge(node, options)
+    except OmegaConfBaseException as error:
+        require(False, f"The options of '{component.name}' do not survive YAML: {error}")
+    with allowed(f"Pickling {component.config.__name__}, which sweeps over several processes do,"):
+        pickle.loads(pickle.dumps(component.config))
+    if not kind:
+        return
+    lacking = set(component.needs) - set(needs)
+    require(not lacking, f"'{component.name}' needs {', '.join(sorted(lacking))}: pass them by keyword.")
+    with allowed(f"Building '{component.name}' with its default options"):
+        made = component.build(OmegaConf.to_object(node), **needs)
+    require_members(made, kind)
+    CHECKS[kind](made)

@@ -1,0 +1,178 @@
+"""Small real inputs for checks: a table with boxes on it, seen by ray casting, and what follows from it.
+
+Arrays are read-only: a component that writes into its input fails at once. Metres, world frame, z up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gvla2.evidence import RobotEvidence
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import SH_C0, Gaussians
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.transform import FloatArray, look_along, rigid, transform_points
+from gvla2.geometry.views import Observation, View, Views
+from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.testing.gantry import Gantry
+
+TABLE = 0.62
+WORKSPACE = Box(np.array([-0.1, -0.45, TABLE]), np.array([0.7, 0.45, TABLE + 0.8]))
+INSTRUCTION = "lift the red cube"
+
+_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Block:
+    """A box on the table: ``side`` lengths, ``centre`` (x, y) and its turn about z."""
+
+    label: str
+    colour: str
+    rgb: tuple[float, float, float]
+    side: float
+    centre: tuple[float, float]
+    yaw: float
+
+    @property
+    def world_from_block(self) -> FloatArray:
+        """(4, 4), standing on the table."""
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        return rigid([[c, -s, 0], [s, c, 0], [0, 0, 1]], (*self.centre, TABLE + 0.5 * self.side))
+
+    def surface(self, index: int) -> Surface:
+        """Its triangles in the world frame."""
+        vertices = transform_points(self.world_from_block, _CORNERS * self.side)
+        return Surface(vertices, _FACES, np.array(self.rgb), index)
+
+
+RED = Block("red cube", "red", (0.85, 0.10, 0.10), 0.052, (0.30, -0.08), 0.4)
+BLUE = Block("blue cube", "blue", (0.10, 0.20, 0.85), 0.047, (0.34, 0.12), -0.2)
+
+
+def cameras(size: int = 96) -> list[Camera]:
+    """Three square cameras around the table that look at the blocks."""
+    target = np.array([0.32, 0.02, TABLE + 0.02])
+    places = ([0.95, 0.05, TABLE + 0.65], [0.05, 0.55, TABLE + 0.7], [0.05, -0.5, TABLE + 0.7])
+    return [
+        Camera.from_fov(0.7, look_along(p, target - np.array(p)), size, size, f"camera_{i}")
+        for i, p in enumerate(places)
+    ]
+
+
+def views(size: int = 96, masked: Block | None = None) -> Views:
+    """RGB-D views of the table and both blocks; with ``masked`` each has that block's silhouette."""
+    plane = Surface(
+        np.array([[-2.0, -2, TABLE], [2, -2, TABLE], [2, 2, TABLE], [-2, 2, TABLE]]),
+        np.array([[0, 1, 2], [0, 2, 3]]),
+        np.array([0.62, 0.55, 0.45]),
+        0,
+    )
+    caster = RayCaster([plane, RED.surface(1), BLUE.surface(2)])
+    wanted = {None: -1, RED: 1, BLUE: 2}[masked]
+    made = []
+    for camera, seen in zip(cameras(size), caster.cast(cameras(size), {}), strict=True):
+        mask = (seen.ids == wanted).astype(np.float32) if masked else None
+        for array in (seen.image, seen.depth, mask):
+            if array is not None:
+                array.setflags(write=False)
+        made.append(View(camera, seen.image, seen.depth, mask, np.zeros((size, size), dtype=np.bool_)))
+    return Views(tuple(made))
+
+
+def gantry() -> Gantry:
+    """An arm over the table."""
+    return Gantry(WORKSPACE)
+
+
+def observation(size: int = 96) -> Observation:
+    """The views, and the gantry's hand at home, open."""
+    arm = gantry()
+    return Observation(views(size), arm.forward(arm.home), arm.home, 1.0, arm.hand.max_width)
+
+
+def scene(*blocks: Block) -> Scene:
+    """What a flawless perceiver would make of the blocks; both of them when none is named."""
+    rng = np.random.default_rng(7)
+    objects = []
+    for block in blocks or (RED, BLUE):
+        points = rng.uniform(-0.5, 0.5, (300, 3))
+        axis = rng.integers(0, 3, 300)
+        points[np.arange(300), axis] = np.sign(points[np.arange(300), axis]) * 0.5
+        seen = transform_points(block.world_from_block, points * block.side)
+        seen.setflags(write=False)
+        objects.append(
+            SceneObject(
+                id=block.label.replace(" ", "_"),
+                label=block.label,
+                shape="box",
+                colour=block.colour,
+                world_from_object=block.world_from_block,
+                extents=np.full(3, block.side),
+                points=seen,
+                rgb=np.array(block.rgb),
+            )
+        )
+    return Scene(tuple(objects), TABLE, WORKSPACE, perceiver="testing")
+
+
+def plan_request(instruction: str = INSTRUCTION) -> PlanRequest:
+    """Everything a planner gets, for the two blocks and the gantry."""
+    arm, seen = gantry(), observation(48)
+    return PlanRequest(instruction, scene(), arm, seen.world_from_tcp, seen.joints, seen)
+
+
+def evidence(lifted: bool = True) -> RobotEvidence:
+    """Evidence of one lift: the red block ends in the hand 20 cm up, or where it was with an empty hand."""
+    before = scene()
+    cube = before["red_cube"]
+    up = cube.centre + np.array([0.0, 0.0, 0.2])
+    points = [cube.centre + np.array([0.0, 0.0, 0.1]), cube.centre, up]
+    waypoints = tuple(
+        Waypoint((float(p[0]), float(p[1]), float(p[2])), g, stage)
+        for p, g, stage in zip(points, (1.0, 0.0, 0.0), ("approach", "grasp", "lift"), strict=True)
+    )
+    reports = tuple(
+        WaypointReport(i, w.stage, w.xyz, w.xyz, 0.001, RED.side if lifted else 0.0, lifted and i > 0)
+        for i, w in enumerate(waypoints)
+    )
+    pose = cube.world_from_object.copy()
+    pose[:3, 3] = up
+    risen = replace(cube, world_from_object=pose, points=cube.points + np.array([0.0, 0.0, 0.2]))
+    return RobotEvidence(
+        instruction=INSTRUCTION,
+        transcript="approach, grasp, lift: carried out",
+        before=before,
+        after=before.with_object(risen) if lifted else before,
+        plan=Plan(Trajectory(waypoints), "pick", {"theme": cube.id}, {"lift_height": 0.2}),
+        checks=CheckReport(),
+        report=ExecutionReport(reports, 3.0),
+        gripper_width=RED.side if lifted else 0.0,
+    )
+
+
+def ball(
+    count: int = 400, radius: float = 0.05, rgb: tuple[float, float, float] = (0.9, 0.2, 0.1)
+) -> Gaussians:
+    """Opaque round Gaussians that fill a ball about the origin."""
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    centres = directions * radius * rng.uniform(0, 1, (count, 1)) ** (1 / 3)
+    return Gaussians(
+        centres=centres.astype(np.float32),
+        log_scales=np.full((count, 3), np.log(0.2 * radius), dtype=np.float32),
+        rotations=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (count, 1)),
+        opacity_logits=np.full(count, 4.0, dtype=np.float32),
+        sh_dc=np.tile(((np.array(rgb) - 0.5) / SH_C0).astype(np.float32), (count, 1)),
+    )

@@ -1,0 +1,227 @@
+"""Conformance of memories, retrievers, embedders and verifiers."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from gvla2.memory.contracts import (
+    Candidates,
+    Embedder,
+    Evidence,
+    Learned,
+    Lesson,
+    Memory,
+    MemoryContext,
+    MemoryEpisode,
+    MemoryTask,
+    RecordType,
+    Retriever,
+    Verdict,
+    Verifier,
+)
+from gvla2.planning.effects import Effect
+from gvla2.testing import inputs
+from gvla2.testing.conformance import (
+    allowed,
+    require,
+    require_array,
+    require_members,
+    require_share,
+    require_type,
+)
+
+LONGEST_TEXT = 100_000
+"""No text block for a planner may be longer, in characters."""
+
+
+def check_memory(memory: Memory) -> None:
+    """Recall from nothing, learn from three verdicts, recall again, close twice.
+
+    It writes into the memory: hand over one with a store of its own.
+    """
+    require_members(memory, "memory")
+    task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05, "objects": 2.0}, "pick")
+    lessons = (
+        Lesson("procedural_hint", "Close the fingers around the middle of a small cube before lifting."),
+        Lesson(
+            "failure_avoidance", "Do not lift less than 0.2 m.", Effect("bound", "lift_height", 0.2).to_json()
+        ),
+    )
+    for step, verdict in enumerate(
+        (
+            None,
+            Verdict.from_criteria({"done": 1.0, "safe": 0.9}, ("it rose",), "testing"),
+            Verdict.from_criteria({"done": 0.0, "safe": 0.2}, ("it slipped",), "testing"),
+            Verdict.unavailable("nobody looked", "testing"),
+        )
+    ):
+        with allowed("recall()"):
+            context = memory.recall(task)
+        _check_context(context)
+        if verdict is None:
+            continue
+        episode = MemoryEpisode(task, lessons, "approach, grasp, lift", context, f"check-{step}")
+        with allowed(f"learn() from a verdict '{verdict.outcome}'"):
+            learned = memory.learn(episode, verdict)
+        require_type(learned, Learned, "learn()'s answer")
+        require(learned.discarded >= 0, "discarded is a count.")
+    with allowed("recall() of an empty query"):
+        _check_context(memory.recall(MemoryTask("")))
+    with allowed("close(), called twice,"):
+        memory.close()
+        memory.close()
+
+
+def _check_context(context: object) -> None:
+    require_type(context, MemoryContext, "recall()'s answer")
+    assert isinstance(context, MemoryContext)
+    require(
+        len(context.text) <= LONGEST_TEXT,
+        f"The text block must be bounded, got {len(context.text)} characters.",
+    )
+    ids = [item.id for item in context.items]
+    require(len(set(ids)) == len(ids), f"A record was recalled twice: {ids}.")
+    require(not (context.abstained and context.items), "A memory that abstains recalls nothing.")
+    for item in context.items:
+        require_share(item.confidence, f"Record '{item.id}': confidence")
+        total = sum(item.terms.values())
+        require(
+            abs(total - item.score) < 1e-6,
+            f"Record '{item.id}': its terms sum to {total:.6f}, its score is {item.score:.6f}.",
+        )
+        json.dumps(item.effect)
+
+
+def candidates(embedder: Embedder | None = None) -> tuple[Candidates, np.ndarray]:
+    """Five records, of which two are about the built-in task, and the embedding of its query."""
+    contents = [
+        "grasp the cube deep and lift it 0.25 m",
+        "lift the red cube slowly",
+        "push the block with closed fingers",
+        "press the lamp's button",
+        "the fingers slipped off the cube: grasp deeper",
+    ]
+    if embedder is not None:
+        table = embedder.embed([*contents, inputs.INSTRUCTION])
+    else:
+        table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
+        table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
+        table /= np.linalg.norm(table, axis=1, keepdims=True)
+    table = table.copy()
+    table.setflags(write=False)
+    hint: RecordType = "procedural_hint"
+    return Candidates(
+        ids=[f"r{i}" for i in range(5)],
+        contents=contents,
+        queries=[
+            "lift the cube",
+            "lift the red cube",
+            "push the block",
+            "switch on the lamp",
+            "lift the cube",
+        ],
+        embeddings=table[:5],
+        confidence=np.array([0.9, 0.95, 0.8, 0.3, 0.7]),
+        outcomes=["verified_success", "verified_success", "verified_success", "uncertain", "verified_fail"],
+        types=[hint, hint, hint, hint, "failure_avoidance"],
+        ages=np.array([0.0, 1.0, 2.0, 300.0, 5.0]),
+        usage=np.array([3, 5, 0, 0, 1]),
+        conflicts=np.array([0, 0, 1, 4, 0]),
+        signatures=[{"theme.width": 0.05}, {"theme.width": 0.052}, {}, {}, {"theme.width": 0.047}],
+        skills=["pick", "pick", "push", "press", "pick"],
+    ), table[5]
+
+
+def check_retriever(retriever: Retriever) -> None:
+    """Five records, a query near two of them; then none, and a query that matches nothing."""
+    require_members(retriever, "retriever")
+    some, query = candidates()
+    none = Candidates(
+        [], [], [], some.embeddings[:0], some.confidence[:0], [], [], some.ages[:0], some.usage[:0],
+        some.conflicts[:0], [], [],
+    )  # fmt: skip
+    task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05}, "pick")
+    for what, (records, words, vector) in {
+        "five records": (some, task, query),
+        "no record": (none, task, query),
+        "an empty query": (some, MemoryTask(""), np.zeros_like(query)),
+    }.items():
+        with allowed(f"rank() of {what}"):
+            rows, reason = retriever.rank(words, records, vector)
+        require_type(reason, str, f"rank()'s reason for {what}")
+        require(not (reason and rows), f"rank() of {what}: a retriever that abstains returns no rows.")
+        found = [r.row for r in rows]
+        require(len(set(found)) == len(found), f"rank() of {what}: a row comes twice: {found}.")
+        require(all(0 <= r < len(records.ids) for r in found), f"rank() of {what}: no such row: {found}.")
+        scores = [r.score for r in rows]
+        require(np.isfinite(scores).all(), f"rank() of {what}: scores must be finite, got {scores}.")
+        require(scores == sorted(scores, reverse=True), f"rank() of {what}: best first, got {scores}.")
+        for r in rows:
+            total = sum(r.terms.values())
+            require(
+                abs(total - r.score) < 1e-6, f"Row {r.row}: terms sum to {total:.6f}, score {r.score:.6f}."
+            )
+
+
+def check_embedder(embedder: Embedder) -> None:
+    """Unit rows, a zero row for an empty text, the same vector whatever else is in the batch."""
+    require_members(embedder, "embedder")
+    require(isinstance(embedder.model, str) and embedder.model, "model must be a name that is not empty.")
+    texts = ["lift the red cube", "", "die rote Dose anheben", "lift the red cube"]
+    with allowed("embed()"):
+        table = require_array(embedder.embed(texts), (4, None), "embed()'s answer")
+        alone = require_array(embedder.embed(texts[:1]), (1, table.shape[1]), "embed() of one text")
+        require_array(embedder.embed([]), (0, table.shape[1]), "embed() of no text")
+    require(table.dtype == np.float32, f"Vectors must be float32, got {table.dtype}.")
+    lengths = np.linalg.norm(table, axis=1)
+    require(
+        np.allclose(lengths[[0, 2, 3]], 1, atol=1e-4), f"Rows must have length 1, got {lengths.round(4)}."
+    )
+    require(lengths[1] == 0, f"An empty text gives a zero row, got length {lengths[1]:.4f}.")
+    require(np.allclose(table[0], table[3], atol=1e-5), "Equal texts must get equal vectors.")
+    require(np.allclose(table[0], alone[0], atol=1e-5), "A vector must not depend on the rest of the batch.")
+
+
+def check_verifier(verifier: Verifier) -> None:
+    """A lift that worked, one that did not, a software task, and no evidence at all."""
+    require_members(verifier, "verifier")
+    verdicts = {}
+    for what, shown in {
+        "a lift that worked": inputs.evidence(lifted=True),
+        "a lift that failed": inputs.evidence(lifted=False),
+        "a software task": Evidence("list the files", "ls: exit status 0", {"exit_status": 0}),
+        "empty evidence": Evidence(""),
+    }.items():
+        with allowed(f"verify() of {what}"):
+            verdicts[what] = verifier.verify(shown)
+        _check_verdict(verdicts[what], what)
+    worked, failed = verdicts["a lift that worked"], verdicts["a lift that failed"]
+    if "unavailable" not in (worked.outcome, failed.outcome):
+        require(
+            worked.quality >= failed.quality,
+            f"A lift that failed is judged better ({failed.quality:.2f}) than one that worked ({worked.quality:.2f}).",
+        )
+
+
+def _check_verdict(verdict: object, what: str) -> None:
+    """The outcome follows from the quality; that may lie below the criteria's mean (a gate), so it is not asked."""
+    require_type(verdict, Verdict, f"verify()'s answer to {what}")
+    assert isinstance(verdict, Verdict)
+    if verdict.outcome == "unavailable":
+        require(verdict.reasons, f"{what}: a verifier that cannot judge says why.")
+        return
+    require_share(verdict.quality, f"{what}: quality")
+    for name, score in verdict.criteria.items():
+        require_share(score, f"{what}: criterion '{name}'")
+    due = Verdict.from_criteria({"all": verdict.quality})
+    require(
+        verdict.outcome == due.outcome,
+        f"{what}: a quality of {verdict.quality:.3f} is '{due.outcome}', not '{verdict.outcome}'.",
+    )
+    require(
+        abs(verdict.confidence - due.confidence) < 1e-6,
+        f"{what}: a quality of {verdict.quality:.3f} has the confidence {due.confidence:.3f} = 2|R - .5|, "
+        f"not {verdict.confidence:.3f}.",
+    )

@@ -1,0 +1,149 @@
+"""Conformance of perceivers and planners."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import isfinite
+
+import numpy as np
+
+from gvla2.errors import PerceptionError
+from gvla2.geometry.views import Views
+from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
+from gvla2.planning.effects import Effect
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
+from gvla2.testing import inputs
+from gvla2.testing.conformance import (
+    allowed,
+    require,
+    require_array,
+    require_members,
+    require_rigid,
+    require_share,
+    require_type,
+)
+
+
+def check_perceiver(perceiver: Perceiver, *, finds: bool = True) -> None:
+    """Two cubes on a table, three cameras; then a table that cannot be seen.
+
+    ``finds`` asks that an object is reported within 3 cm of each cube and the table within 2 cm; turn it off
+    for a perceiver that needs trained weights to see.
+    """
+    require_members(perceiver, "perceiver")
+    with allowed("perceive()", *(() if finds else (PerceptionError,))):
+        try:
+            scene = perceiver.perceive(inputs.observation(), inputs.INSTRUCTION, inputs.WORKSPACE)
+        except PerceptionError:
+            if finds:
+                raise
+            scene = None
+    if scene is not None:
+        _check_scene(scene)
+    if finds and scene is not None:
+        error = abs(scene.table_height - inputs.TABLE)
+        require(error < 0.02, f"The table's height is off by {error:.3f} m.")
+        for block in (inputs.RED, inputs.BLUE):
+            centre = block.world_from_block[:3, 3]
+            gap = min((float(np.linalg.norm(o.centre - centre)) for o in scene.objects), default=np.inf)
+            require(
+                gap < 0.03,
+                f"No object lies within 3 cm of the {block.label}; the nearest is {gap:.3f} m off.",
+            )
+    seen = inputs.observation(48)
+    blind = Views(tuple(replace(v, depth=np.full((48, 48), np.nan, dtype=np.float32)) for v in seen.views))
+    with allowed("perceive() without any valid depth", PerceptionError):
+        try:
+            _check_scene(perceiver.perceive(replace(seen, views=blind), "", inputs.WORKSPACE))
+        except PerceptionError:
+            return
+
+
+def _check_scene(scene: object) -> None:
+    require_type(scene, Scene, "perceive()'s answer")
+    assert isinstance(scene, Scene)
+    ids = [o.id for o in scene.objects]
+    require(len(set(ids)) == len(ids), f"Ids of objects must be unique, got {ids}.")
+    require(isfinite(scene.table_height), "table_height must be finite.")
+    for thing in scene.objects:
+        what = f"Object '{thing.id}'"
+        require(thing.id and thing.label, f"{what}: id and label must not be empty.")
+        require_rigid(thing.world_from_object, f"{what}: world_from_object")
+        extents = require_array(thing.extents, (3,), f"{what}: extents")
+        require((extents >= 0).all(), f"{what}: extents must not be negative, got {extents}.")
+        require_array(thing.points, (None, 3), f"{what}: points")
+        require_share(thing.confidence, f"{what}: confidence")
+        require(
+            not thing.parent or thing.parent in ids,
+            f"{what}: its parent '{thing.parent}' is not in the scene.",
+        )
+
+
+def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
+    """A request that can be followed, ones that cannot, advice, and a second try after a rejection.
+
+    ``request`` replaces the built-in one (two cubes on a table under a gantry), for a planner of other scenes.
+    """
+    require_members(planner, "planner")
+    asked = request or inputs.plan_request()
+    effects = (
+        Effect("bound", "lift_height", 0.2, ">="),
+        Effect("prior", "no_such_parameter", 1.0, count=3),
+        Effect("forbid", "approach:side"),
+    )
+    for what, variant in {
+        "": asked,
+        " for an empty instruction": replace(asked, instruction=""),
+        " for words without meaning": replace(asked, instruction="flumber the grond wibbly"),
+        " for an empty scene": replace(asked, scene=replace(asked.scene, objects=())),
+        " with advice": replace(asked, advice=Advice("Lift higher.", effects)),
+        " after a rejection": replace(asked, rejections=("waypoint 1 is out of reach",)),
+    }.items():
+        with allowed(f"plan(){what}"):
+            plan = planner.plan(variant)
+        _check_plan(plan, variant, what)
+
+
+def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
+    require_type(plan, Plan, f"plan()'s answer{what}")
+    assert isinstance(plan, Plan)
+    require(
+        (plan.trajectory is None) == (plan.abstention is not None),
+        f"plan(){what}: a plan has either a trajectory or an abstention, never both or neither.",
+    )
+    if plan.abstention is not None:
+        require_type(plan.abstention, Abstention, f"The abstention{what}")
+        require(
+            plan.abstention.kind and plan.abstention.message,
+            f"An abstention{what} needs a kind and a message.",
+        )
+    ids = {o.id for o in request.scene.objects}
+    for role, name in plan.roles.items():
+        require(
+            name in ids,
+            f"plan(){what}: role '{role}' names '{name}', which is not in the scene {sorted(ids)}.",
+        )
+    for name, value in plan.parameters.items():
+        require(isfinite(value), f"plan(){what}: parameter '{name}' is {value}.")
+    if plan.trajectory is None:
+        return
+    count = len(plan.trajectory)
+    require(
+        MIN_WAYPOINTS <= count <= MAX_WAYPOINTS,
+        f"plan(){what}: a trajectory has {MIN_WAYPOINTS} to {MAX_WAYPOINTS} waypoints, got {count}.",
+    )
+    for i, waypoint in enumerate(plan.trajectory):
+        where = f"plan(){what}: waypoint {i}"
+        require_array(waypoint.xyz, (3,), f"{where}: xyz")
+        require_share(waypoint.gripper, f"{where}: gripper")
+        require(waypoint.frame == "world", f"{where}: its frame is '{waypoint.frame}', not 'world'.")
+        require(
+            waypoint.speed > 0 and waypoint.tolerance > 0, f"{where}: speed and tolerance must be positive."
+        )
+        unknown = (waypoint.allowed_contacts | ({waypoint.carries} - {""})) - ids - {"table"}
+        require(not unknown, f"{where}: it names {sorted(unknown)}, which are not in the scene.")
+    for i, pose in enumerate(plan.trajectory.poses(request.start)):
+        require_rigid(pose, f"plan(){what}: the resolved pose of waypoint {i}")
+    json.dumps(plan.trajectory.to_json())

@@ -1,0 +1,218 @@
+"""Conformance of tasks and robot backends."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.robot.backend import ExecutionListener, Judgement, RobotBackend
+from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
+from gvla2.testing.conformance import (
+    ConformanceError,
+    allowed,
+    require,
+    require_array,
+    require_members,
+    require_rigid,
+    require_share,
+    require_type,
+)
+
+SEEDS = (0, 1, 2, 17, 4242)
+SITE = TaskSite(centre=(0.25, 0.0), size=(0.65, 0.91), table_height=0.752, reachable=lambda point: True)
+
+
+class _AtRest:
+    """The state of a layout that nobody has touched."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._poses = {body.name: body.world_from_body for body in layout.bodies}
+        self._travel = {joint.name: joint.rest for joint in layout.joints}
+
+    def pose(self, body: str) -> FloatArray:
+        return self._poses[body]
+
+    def joint(self, name: str) -> float:
+        return self._travel[name]
+
+    def peak(self, name: str) -> float:
+        return self._travel[name]
+
+    def held(self, body: str) -> bool:
+        if body not in self._poses:
+            raise KeyError(body)
+        return False
+
+
+def check_task(task: Task, site: TaskSite = SITE) -> None:
+    """Sampling: repeatable by seed, varied over seeds, physically sound, and not done before it began."""
+    require_members(task, "task")
+    require(
+        len(set(task.instructions)) >= 4, f"A task has at least four paraphrases, got {task.instructions}."
+    )
+    first = []
+    for seed in SEEDS:
+        with allowed(f"sample() of seed {seed}"):
+            instance = task.sample(np.random.default_rng(seed), site)
+            again = task.sample(np.random.default_rng(seed), site)
+        _check_instance(instance, site)
+        require(_places(instance) == _places(again), f"Seed {seed} must give the same layout each time.")
+        require(
+            instance.instruction == again.instruction, f"Seed {seed} must give the same sentence each time."
+        )
+        first.append(_places(instance))
+        with allowed("sample() with an instruction"):
+            worded = task.sample(np.random.default_rng(seed), site, "do the thing with words of my own")
+        require(worded.instruction == "do the thing with words of my own", "A given instruction is kept.")
+        require(_places(worded) == _places(instance), "An instruction must not change the seed's layout.")
+    require(len(set(first)) > 1, f"The seeds {SEEDS} all give the same layout.")
+
+
+def _places(instance: TaskInstance) -> tuple[bytes, ...]:
+    return tuple(np.round(b.world_from_body, 9).tobytes() for b in instance.layout.bodies)
+
+
+def _check_instance(instance: object, site: TaskSite) -> None:
+    require_type(instance, TaskInstance, "sample()'s answer")
+    assert isinstance(instance, TaskInstance)
+    require(
+        instance.instruction and "{" not in instance.instruction, "An instruction is a finished sentence."
+    )
+    names = [body.name for body in instance.layout.bodies]
+    require(names and len(set(names)) == len(names), f"Bodies need unique names, got {names}.")
+    for body in instance.layout.bodies:
+        _check_body(body, site)
+    for joint in instance.layout.joints:
+        require(
+            {joint.parent, joint.child} <= set(names),
+            f"Joint '{joint.name}' joins bodies that are not there.",
+        )
+        require(
+            joint.limits[0] < joint.limits[1],
+            f"Joint '{joint.name}': its limits {joint.limits} are no range.",
+        )
+        length = float(np.linalg.norm(joint.axis))
+        require(abs(length - 1) < 1e-6, f"Joint '{joint.name}': its axis has length {length:.4f}, not 1.")
+    require(
+        set(instance.succeeded) == {"eased", "strict"},
+        "A task has the success profiles 'eased' and 'strict'.",
+    )
+    for profile, done in instance.succeeded.items():
+        with allowed(f"The predicate '{profile}'"):
+            value = done(_AtRest(instance.layout))
+        require_type(value, (bool, np.bool_), f"The predicate '{profile}'")
+        require(not value, f"The task is already done ({profile}) before anything moved.")
+
+
+def _check_body(body: Body, site: TaskSite) -> None:
+    what = f"Body '{body.name}'"
+    require_rigid(body.world_from_body, f"{what}: world_from_body")
+    require(body.solids, f"{what} has no solids.")
+    require(body.fixed or body.mass > 0, f"{what} can move, so its mass must be positive.")
+    for solid in body.solids:
+        require(min(solid.size) > 0, f"{what}: a solid of size {solid.size}.")
+        require(all(0 <= c <= 1 for c in solid.rgb), f"{what}: the colour {solid.rgb} leaves [0, 1].")
+        require_rigid(solid.body_from_shape, f"{what}: body_from_shape")
+        if solid.collides and not body.fixed:
+            pose = body.world_from_body @ solid.body_from_shape
+            half = 0.5 * np.asarray(solid.size)
+            lowest = pose[2, 3] - float(np.abs(pose[2, :3]) @ half)
+            if solid.kind == "sphere":
+                lowest = pose[2, 3] - half[0]
+            require(
+                lowest > site.table_height - 0.002,
+                f"{what} reaches {site.table_height - lowest:.4f} m into the table.",
+            )
+
+
+def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = True) -> None:
+    """Reset, observe, move by five centimetres, judge, close twice.
+
+    ``task`` is laid out by a simulator. ``move=False`` leaves the motion out, for a robot that is armed.
+    """
+    require_members(robot, "robot")
+    try:
+        with allowed("reset()"):
+            instance = robot.reset(task, seed=3)
+        require_type(instance, (TaskInstance, type(None)), "reset()'s answer")
+        with allowed("observe()"):
+            seen = robot.observe()
+        _check_observation(robot, seen)
+        if move:
+            _check_motion(robot, seen)
+        with allowed("judge()"):
+            require_type(robot.judge(), (Judgement, type(None)), "judge()'s answer")
+    finally:
+        robot.close()
+    with allowed("close(), called twice,"):
+        robot.close()
+
+
+def _check_observation(robot: RobotBackend, seen: object) -> None:
+    require_type(seen, Observation, "observe()'s answer")
+    assert isinstance(seen, Observation)
+    require_rigid(seen.world_from_tcp, "world_from_tcp")
+    require_share(seen.gripper, "gripper")
+    require(
+        0 <= seen.gripper_width <= robot.arm.hand.max_width + 0.01, f"gripper_width is {seen.gripper_width}."
+    )
+    joints = require_array(seen.joints, robot.arm.home.shape, "joints")
+    pose = robot.arm.forward(joints)
+    require_rigid(pose, "arm.forward()'s answer")
+    gap = float(np.linalg.norm(pose[:3, 3] - seen.world_from_tcp[:3, 3]))
+    require(gap < 0.01, f"The measured hand and the arm's model are {gap:.3f} m apart.")
+    solved = robot.arm.inverse(pose, joints)
+    if solved is None:
+        raise ConformanceError("arm.inverse() does not reach the pose that the arm is in.")
+    back = float(np.linalg.norm(robot.arm.forward(solved.joints)[:3, 3] - pose[:3, 3]))
+    require(back < 0.002, f"arm.forward(arm.inverse(pose)) is {back:.4f} m off.")
+    require(any(view.depth is not None for view in seen.views), "At least one camera must measure depth.")
+
+
+def _check_motion(robot: RobotBackend, seen: Observation) -> None:
+    start = seen.world_from_tcp[:3, 3]
+    goal = _near_goal(robot, seen)
+    if goal is None:
+        raise ConformanceError(
+            "arm.line() finds no straight move of 5 cm from where the arm is, in no direction."
+        )
+    path = Trajectory(
+        (
+            Waypoint(_xyz(start), seen.gripper, "start"),
+            Waypoint(_xyz(goal), seen.gripper, "move", motion="linear", speed=0.1),
+        )
+    )
+    scene = Scene((), float(robot.arm.workspace.low[2]), robot.arm.workspace)
+    heard: list[WaypointReport] = []
+    with allowed("execute()"):
+        report = robot.execute(path, scene, ExecutionListener(waypoint=heard.append))
+    require_type(report, ExecutionReport, "execute()'s answer")
+    require(len(report.waypoints) == len(heard), "The listener hears of each waypoint once.")
+    json.dumps(report.to_json())
+    stopped = report.abort
+    require(stopped is None, f"A free move of 5 cm was aborted: {stopped and stopped.message}")
+    last = report.waypoints[-1]
+    off = float(np.linalg.norm(np.array(last.reached) - goal))
+    require(off < 0.02, f"The hand ended {off:.3f} m from its target.")
+    moved = float(np.linalg.norm(robot.observe().world_from_tcp[:3, 3] - np.array(last.reached)))
+    require(moved < 0.01, f"observe() sees the hand {moved:.3f} m from where execute() says it ended.")
+
+
+def _near_goal(robot: RobotBackend, seen: Observation) -> FloatArray | None:
+    """A point (3,) 5 cm off that the tool reaches on a straight line: sideways, down, forward or up."""
+    for step in np.array([[0, 1, 0], [0, -1, 0], [0, 0, -1], [1, 0, 0], [-1, 0, 0], [0, 0, 1]]) * 0.05:
+        pose = seen.world_from_tcp.copy()
+        pose[:3, 3] += step
+        if robot.arm.workspace.contains(pose[:3, 3]) and robot.arm.line(seen.joints, pose) is not None:
+            return np.asarray(pose[:3, 3])
+    return None
+
+
+def _xyz(point: FloatArray) -> tuple[float, float, float]:
+    return float(point[0]), float(point[1]), float(point[2])

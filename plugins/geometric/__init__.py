@@ -1,0 +1,39 @@
+"""The geometric verifier: what the robot itself could see and feel, judged by rules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.memory.contracts import Verifier
+
+
+@dataclass
+class GeometricConfig(ComponentConfig):
+    """Options of the ``geometric`` verifier, metres.
+
+    A thing that is found within ``same_place`` of where it was has not moved; one that is ``risen`` higher was
+    lifted; fingers further apart than ``empty_width`` hold something; ``margin`` is how far outside a goal's
+    footprint a centre may lie and still count as inside (perception is that coarse).
+    """
+
+    same_place: float = 0.02
+    risen: float = 0.03
+    empty_width: float = 0.001
+    margin: float = 0.005
+
+
+def _build(config: GeometricConfig) -> Verifier:
+    """Judges robot episodes by the execution report and the scenes perceived before and after."""
+    from gvla2_plugins.geometric.verifier import GeometricVerifier
+
+    return GeometricVerifier(config)
+
+
+@hookimpl
+def gvla2_verifiers() -> list[Component[Verifier]]:
+    """The one verifier of this plugin."""
+    return [Component("geometric", GeometricConfig, _build)]

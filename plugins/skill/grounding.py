@@ -1,0 +1,229 @@
+"""From phrases to scene objects: which one is meant, or a typed reason why none is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from gvla2_plugins.skill import lexicon
+from gvla2_plugins.skill.phrases import Phrase
+from gvla2_plugins.skill.words import noun_class, tokenise
+
+from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.scene import Scene, SceneObject
+
+TIE = 0.9
+"""Objects that fit this share of the best fit are as good as the best: only a selector parts them."""
+NEAR_COLOUR = 0.7
+BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
+"""A round thing no wider, whose top is no higher above the table, may be a button, metres."""
+
+
+@dataclass(frozen=True)
+class Grounded:
+    """The object meant, how well it fits in [0, 1], and what had to be assumed."""
+
+    object: SceneObject
+    score: float
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Fit:
+    object: SceneObject
+    score: float
+    near_colour: bool = False
+
+
+def ground(
+    phrase: Phrase, scene: Scene, *, movable: bool = False, exclude: frozenset[str] = frozenset()
+) -> Grounded | Abstention:
+    """The one object of the scene that a phrase means.
+
+    ``movable`` leaves painted regions out; ``exclude`` are ids it cannot be. Abstains with ``nothing_matches`` or
+    ``ambiguous``.
+    """
+    pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
+    noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
+    fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, noun, o)) > 0]
+    fits = _colour_filter(phrase.colour, fits)
+    return _single(phrase, fits, scene)
+
+
+def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
+    """The button that a phrase means, also where the phrase names the lamp that the button works."""
+    phrase = phrase or Phrase("")
+    buttons = [_Fit(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
+    if phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun):
+        found = ground(phrase, scene, movable=True)
+        if isinstance(found, Grounded) and not any(b.object.id == found.object.id for b in buttons):
+            return Abstention(
+                "nothing_matches", f"'{found.object.label}' is nothing to press; {_inventory(scene)}."
+            )
+        return found
+    owners = [o for o in scene.objects if "lamp" in _label_classes(o)]
+    of_lamp = [b for b in buttons if b.object.parent in {o.id for o in owners}]
+    if (phrase.noun == "lamp" or (phrase.owner and phrase.owner.noun == "lamp")) and of_lamp:
+        buttons = of_lamp
+    coloured = _colour_filter(phrase.colour, buttons)
+    if phrase.noun == "lamp" and not coloured and phrase.colour:
+        # "the red lamp": the colour may be the lamp's instead of its button's.
+        red = {f.object.id for f in _colour_filter(phrase.colour, [_Fit(o, 1.0) for o in owners])}
+        coloured = [b for b in buttons if b.object.parent in red]
+    return _single(phrase if phrase.text else Phrase("a button"), coloured, scene)
+
+
+def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
+    """How well the phrase's noun fits an object, in [0, 1]: by its label first, then by its shape."""
+    sure = 0.9 + 0.1 * thing.confidence
+    if set(phrase.unknown) & set(tokenise(thing.label)):
+        return sure
+    if not noun:
+        anything = not phrase.unknown and not phrase.everywhere
+        return 0.8 * sure if anything else 0.0
+    classes = _label_classes(thing)
+    if noun in classes:
+        return sure
+    speaking = classes - lexicon.SHAPE_NOUNS
+    if speaking and noun not in lexicon.SHAPE_NOUNS:
+        return 0.0  # a lamp is no cup, whatever its shape
+    return lexicon.SHAPE_FIT.get(noun, {}).get(thing.shape, 0.0) * sure
+
+
+def _label_classes(thing: SceneObject) -> set[str]:
+    return {c for word in tokenise(thing.label) if (c := noun_class(word))}
+
+
+def _button_score(thing: SceneObject, scene: Scene) -> float:
+    if "button" in _label_classes(thing):
+        return 1.0
+    small = thing.extents[:2].max() <= BUTTON_WIDTH and thing.top - scene.table_height <= BUTTON_TOP
+    if thing.shape not in ("disc", "cylinder") or not small:
+        return 0.0
+    flat = thing.extents[2] <= thing.extents[:2].max()
+    return 0.6 + 0.1 * bool(thing.parent) if flat or thing.parent else 0.0
+
+
+def _colour_filter(colour: str, fits: Sequence[_Fit]) -> list[_Fit]:
+    """Objects of the colour; where none has it, those of a shade that one can take for it."""
+    if not colour:
+        return list(fits)
+    exact = [f for f in fits if f.object.colour == colour]
+    if exact:
+        return exact
+    gaps = {f.object.id: _gap(colour, f.object) for f in fits}
+    nearest = min(gaps.values(), default=np.inf)
+    # A second shade nearly as near leaves it open which one is meant: both stay, and tie.
+    close = [f for f in fits if gaps[f.object.id] < TOLD_APART and gaps[f.object.id] < nearest + 8.0]
+    return [_Fit(f.object, NEAR_COLOUR * f.score, True) for f in close]
+
+
+def _gap(colour: str, thing: SceneObject) -> float:
+    shown = COLOURS.get(thing.colour, tuple(float(v) for v in thing.rgb))
+    return float(colour_distance(COLOURS[colour], shown))
+
+
+def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Abstention:
+    """The best fit, when nothing else fits as well."""
+    if phrase.landmark is not None and fits:
+        at = ground(phrase.landmark[1], scene)
+        if isinstance(at, Abstention):
+            return at
+        others = [f for f in fits if f.object.id != at.object.id]
+        fits = _located(others, phrase.landmark[0], at.object)
+    if not fits:
+        return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {_inventory(scene)}.")
+    best = max(f.score for f in fits)
+    tied = [f for f in fits if f.score >= TIE * best]
+    for selector in phrase.selectors:
+        tied = _selected(tied, selector, scene)
+    if len(tied) > 1:
+        names = ", ".join(_name(f.object) for f in tied)
+        return Abstention(
+            "ambiguous",
+            f"'{phrase.text}' fits {len(tied)} things equally ({names}); say which, for example by side.",
+        )
+    chosen = tied[0]
+    notes = ()
+    if chosen.near_colour:
+        notes = (f"Nothing is {phrase.colour}; the {chosen.object.colour or 'nearest'} {_noun(chosen.object)} was "
+                 "taken for it.",)  # fmt: skip
+    return Grounded(chosen.object, chosen.score, notes)
+
+
+def _selected(fits: Sequence[_Fit], selector: str, scene: Scene) -> list[_Fit]:
+    """The fits that a selector leaves: the extreme one, or all of equal rank."""
+    if selector == "any":
+        return [max(fits, key=lambda f: f.score)]
+    base = np.array([scene.workspace.low[0], 0.5 * (scene.workspace.low[1] + scene.workspace.high[1])])
+    middle = np.mean([f.object.centre[:2] for f in fits], axis=0)
+
+    def rank(f: _Fit) -> float:
+        o = f.object
+        match selector:
+            case "left":
+                return -float(o.centre[1])
+            case "right":
+                return float(o.centre[1])
+            case "near":
+                return float(np.linalg.norm(o.centre[:2] - base))
+            case "far":
+                return -float(np.linalg.norm(o.centre[:2] - base))
+            case "middle":
+                return float(np.linalg.norm(o.centre[:2] - middle))
+            case "big":
+                return -float(np.prod(o.extents))
+            case "small":
+                return float(np.prod(o.extents))
+            case "tall":
+                return -float(o.extents[2])
+            case _:
+                return float(o.extents[2])
+
+    ranks = [rank(f) for f in fits]
+    # Sizes and places that perception cannot tell apart do not decide: 5 % of a size, 5 mm of a place.
+    sizes = selector in ("big", "small", "tall", "short")
+    slack = 0.05 * abs(min(ranks)) if sizes else 0.005
+    return [f for f, r in zip(fits, ranks, strict=True) if r <= min(ranks) + slack]
+
+
+def _located(fits: Sequence[_Fit], relation: str, at: SceneObject) -> list[_Fit]:
+    """The fits that are where the relation to the landmark says; of several, the nearest to it."""
+
+    def holds(o: SceneObject) -> bool:
+        dx, dy = (o.centre - at.centre)[:2]
+        reach = 0.5 * float(np.linalg.norm(at.extents[:2]))
+        match relation:
+            case "on" | "in" | "to":
+                return bool(np.hypot(dx, dy) < reach + 0.01)
+            case "left_of":
+                return bool(dy > 0.01)
+            case "right_of":
+                return bool(dy < -0.01)
+            case "behind":
+                return bool(dx > 0.01)
+            case "front_of":
+                return bool(dx < -0.01)
+        return True
+
+    there = [f for f in fits if holds(f.object)]
+    if not there:
+        return []
+    gaps = [float(np.linalg.norm((f.object.centre - at.centre)[:2])) for f in there]
+    return [f for f, g in zip(there, gaps, strict=True) if g <= min(gaps) + 0.005]
+
+
+def _name(thing: SceneObject) -> str:
+    x, y = thing.centre[:2]
+    return f"{thing.label} at ({x:.2f}, {y:.2f})"
+
+
+def _noun(thing: SceneObject) -> str:
+    return thing.label.removeprefix(thing.colour).strip() or "one"
+
+
+def _inventory(scene: Scene) -> str:
+    labels = ", ".join(sorted(o.label for o in scene.objects))
+    return f"the scene has: {labels}" if labels else "the scene is empty"

@@ -1,0 +1,94 @@
+"""The numbers theta that shape a motion: defaults from the gripper's and the object's geometry, SI units.
+
+| name | meaning |
+|---|---|
+| ``standoff`` | gap between the hand and the object before the approach's last, straight part |
+| ``approach_tilt`` | lean of the approach from straight down, radians, the fingertips pointing away from the robot |
+| ``grasp_depth`` | from the object's top down to the tool centre point |
+| ``grasp_fraction`` | where along the object's longer side the hand grasps: 0 one end, 0.5 the middle, 1 the other |
+| ``lift_height`` | how far it is lifted |
+| ``transit_clearance`` | gap between what is carried and the highest thing on the table |
+| ``place_height`` | gap under the object when the hand opens |
+| ``push_height`` | gap between the fingertips' end and the table while pushing |
+| ``push_overshoot`` | how far beyond the goal the object is pushed |
+| ``press_depth`` | how far below the button's top the fingertips go |
+| ``speed``, ``contact_speed`` | of the tool in the open, and where it touches, m/s |
+
+They are what is asked for. The motion stops short where it must: the fingertips stay 4 mm above the table whatever
+``grasp_depth`` says. None is tuned to a task; the derivations stand at each function. Memory changes them by
+:func:`gvla2.planning.effects.apply_effects`.
+"""
+
+from __future__ import annotations
+
+from gvla2_plugins.skill import SkillConfig
+
+from gvla2.planning.arm import Hand
+from gvla2.planning.scene import SceneObject
+
+TABLE_GAP = 0.004
+"""The fingertips' end stays this far above the table, metres: about twice what depth cameras err by."""
+
+PALM_GAP = 0.005
+"""The palm stays this far above what the fingers reach around, metres."""
+
+
+def defaults(skill: str, theme: SceneObject, hand: Hand, config: SkillConfig) -> dict[str, float]:
+    """Theta of a skill before memory speaks."""
+    speeds = {"speed": config.speed, "contact_speed": config.contact_speed}
+    match skill:
+        case "pick":
+            return {**_grasp(theme, hand), "lift_height": config.lift_height, **speeds}
+        case "place":
+            return {**_grasp(theme, hand), **_carry(), **speeds}
+        case "push":
+            return {**_push(theme, hand), **speeds}
+    return {**_press(hand), **speeds}
+
+
+def _grasp(theme: SceneObject, hand: Hand) -> dict[str, float]:
+    """Grasp at half height, where a squeezed object does not tip; less deep when the palm would touch its top.
+
+    The standoff is a finger's length: the last, straight part then starts with the whole fingers above the object,
+    and sideways errors of the planned part cannot knock it over.
+    """
+    reach = hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
+    height = theme.top - theme.bottom
+    return {
+        "standoff": hand.finger_length,
+        "approach_tilt": 0.0,
+        "grasp_depth": min(0.5 * height, reach),
+        "grasp_fraction": 0.5,
+    }
+
+
+def _carry() -> dict[str, float]:
+    """5 cm above the highest thing: the motion planner's margin, the perceived heights' errors and some swing.
+
+    5 mm above the support: twice the depth cameras' error, so that nothing is pressed into the support, and too
+    little for the object to bounce.
+    """
+    return {"transit_clearance": 0.05, "place_height": 0.005}
+
+
+def _push(theme: SceneObject, hand: Hand) -> dict[str, float]:
+    """Push low, so that friction under the object does not tip it, but with the palm above its top.
+
+    The palm is deeper than the fingers. Coming down behind the object it must pass by, 15 mm away; while
+    pushing, the fingers go as low as lets it pass over the top, never above half height.
+    """
+    height = theme.top - theme.bottom
+    over_top = height - hand.finger_length + PALM_GAP
+    return {
+        "standoff": max(0.0, 0.5 * (hand.palm_depth - hand.finger_breadth)) + 0.015,
+        "push_height": max(2 * TABLE_GAP, min(over_top, 0.5 * height)),
+        "push_overshoot": 0.0,
+    }
+
+
+def _press(hand: Hand) -> dict[str, float]:
+    """Buttons travel a centimetre at most: 10 mm below the top presses any of them home.
+
+    Beyond its stop a button does not yield; the arm's compliance takes up the rest.
+    """
+    return {"standoff": hand.finger_length, "press_depth": 0.010}

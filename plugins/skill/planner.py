@@ -1,0 +1,120 @@
+"""The planner: parse, ground, parametrise, propose, choose. It never sees a task's name, only words and geometry."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.candidates import choose
+from gvla2_plugins.skill.grammar import Intent, parse
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_button
+from gvla2_plugins.skill.parameters import defaults
+from gvla2_plugins.skill.phrases import Phrase
+from gvla2_plugins.skill.proposals import Job, Proposal
+from gvla2_plugins.skill.schemas import SCHEMAS
+
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.effects import apply_effects
+from gvla2.planning.scene import SceneObject
+
+
+class SkillPlanner:
+    """Implements :class:`gvla2.planning.contracts.Planner` by a grammar, grounding and staged schemas.
+
+    Deterministic; parameters are those of :mod:`gvla2_plugins.skill.parameters`.
+    """
+
+    def __init__(self, config: SkillConfig) -> None:
+        self.config = config
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan or a typed abstention, whatever the instruction says."""
+        labels = [o.label for o in request.scene.objects]
+        intent = parse(request.instruction, labels, self.config.spelling)
+        plan = Plan(None, skill=intent.skill if intent.skill in SCHEMAS else "", notes=intent.notes)
+        if refusal := _not_understood(intent, request.instruction):
+            return replace(plan, abstention=refusal)
+        theme = self._theme(intent, request)
+        if isinstance(theme, Abstention):
+            return replace(plan, abstention=theme)
+        goal = self._goal(intent, theme.object, request)
+        if isinstance(goal, Abstention):
+            return replace(plan, abstention=goal, roles={"theme": theme.object.id})
+        roles = {"theme": theme.object.id}
+        if intent.skill == "press":
+            roles["part"] = theme.object.id
+        notes = [*intent.notes, *theme.notes]
+        if goal is not None:
+            roles["goal"] = goal.object.id
+            notes += goal.notes
+        return self._propose(intent, theme.object, goal.object if goal else None, roles, notes, request)
+
+    def _theme(self, intent: Intent, request: PlanRequest) -> Grounded | Abstention:
+        if intent.skill == "press":
+            return ground_button(intent.theme, request.scene)
+        # Without a name, the one thing that can be moved is meant, if there is only one.
+        phrase = intent.theme or Phrase("it", pronoun=True)
+        return ground(phrase, request.scene, movable=True)
+
+    def _goal(self, intent: Intent, theme: SceneObject, request: PlanRequest) -> Grounded | Abstention | None:
+        if intent.goal is not None and intent.skill in ("place", "push"):
+            return ground(intent.goal, request.scene, exclude=frozenset({theme.id}))
+        if intent.skill in ("place", "push") and intent.direction is None:
+            return Abstention(
+                "no_goal",
+                f"Where to {intent.verb} the {theme.label} is not said; name a goal or a direction, such as "
+                f"'onto the red square' or '10 cm to the left'.",
+            )
+        return None
+
+    def _propose(
+        self,
+        intent: Intent,
+        theme: SceneObject,
+        goal: SceneObject | None,
+        roles: dict[str, str],
+        notes: list[str],
+        request: PlanRequest,
+    ) -> Plan:
+        theta = defaults(intent.skill, theme, request.arm.hand, self.config)
+        if intent.amount is not None and "lift_height" in theta:
+            theta["lift_height"] = intent.amount
+        theta, changes = apply_effects(theta, request.advice.effects, intent.skill)
+        target = None
+        if goal is None and intent.direction is not None:
+            distance = intent.amount if intent.amount is not None else self.config.push_distance
+            target = theme.centre[:2] + distance * np.asarray(intent.direction)
+        job = Job(
+            intent.skill, request.scene, request.arm.hand, request.arm.workspace, theta, theme, goal,
+            intent.relation, target,
+        )  # fmt: skip
+        plan = Plan(None, intent.skill, roles, theta, notes=(*notes, *changes))
+        found = SCHEMAS[intent.skill](job)
+        if isinstance(found, Abstention):
+            return replace(plan, abstention=found)
+        ranking = choose(found, request, intent.skill, theta, self.config.tries)
+        plan = replace(plan, candidates=ranking.candidates)
+        if ranking.chosen is None:
+            kind = (
+                "other" if request.rejections or _all_forbidden(found, ranking.reasons()) else "unreachable"
+            )
+            message = f"No way to {intent.skill} the {theme.label}: {ranking.reasons()}."
+            return replace(plan, abstention=Abstention(kind, message))
+        return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
+
+
+def _all_forbidden(found: list[Proposal], reasons: str) -> bool:
+    return bool(found) and reasons.startswith("memory forbids") and ";" not in reasons
+
+
+def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
+    asked = " ".join(instruction.split())[:200]
+    known = ", ".join(SCHEMAS)
+    if (intent.skill and intent.skill not in SCHEMAS) or (not intent.skill and intent.trouble):
+        return Abstention("unknown_skill", f"'{asked}': {intent.trouble}; it can {known}.")
+    if not intent.skill:
+        return Abstention("unknown_skill", f"'{asked}' has no verb that this planner knows; it can {known}.")
+    if intent.trouble:
+        return Abstention("other", f"'{asked}': {intent.trouble}.")
+    return None

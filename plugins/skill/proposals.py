@@ -1,0 +1,142 @@
+"""What a schema makes: proposed trajectories, written stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from gvla2_plugins.skill.parameters import TABLE_GAP
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Hand
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+
+LONGEST_LINE = 0.5
+"""Longer straight moves are written as several, metres."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One grounded request. ``goal`` is the object that the theme goes to, or None; ``target`` (2,) where the theme's
+    centre is to be, world metres, where the sentence says so by a direction. ``relation`` is the goal's.
+    """
+
+    skill: str
+    scene: Scene
+    hand: Hand
+    workspace: Box
+    theta: Mapping[str, float]
+    theme: SceneObject
+    goal: SceneObject | None = None
+    relation: str = ""
+    target: FloatArray | None = None
+
+    def lowest_tcp(self) -> float:
+        """The lowest height of the tool, pointing down, that keeps the fingertips off the table."""
+        return self.scene.table_height + TABLE_GAP + self.hand.tip_beyond_tcp
+
+    def outward(self) -> FloatArray:
+        """(3,) from where the arm stands, at the middle of the workspace's near side, to the theme; level."""
+        stands = np.array([self.workspace.low[0], 0.5 * (self.workspace.low[1] + self.workspace.high[1])])
+        return np.array([*(self.theme.centre[:2] - stands), 0.0])
+
+    def ceiling(self) -> float:
+        """The highest the tool may go."""
+        return float(min(self.workspace.high[2], self.scene.workspace.high[2]))
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One way to do it. ``approaches`` are the names by which memory may forbid it ("approach:top");
+    ``preference`` in [0, 1] how much the geometry speaks for it, before the arm is asked.
+    """
+
+    description: str
+    approaches: tuple[str, ...]
+    preference: float
+    trajectory: Trajectory
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Path:
+    """Writes waypoints one after the other; what is carried and may be touched stays until it is changed."""
+
+    speed: float
+    contact_speed: float
+    orientation: Orientation = field(default_factory=Orientation)
+    gripper: float = 1.0
+    carries: str = ""
+    waypoints: list[Waypoint] = field(default_factory=list)
+
+    def go(
+        self,
+        stage: str,
+        xyz: FloatArray,
+        *,
+        gripper: float | None = None,
+        allowed: frozenset[str] = frozenset(),
+    ) -> Path:
+        """A planned move around obstacles."""
+        return self._add(stage, xyz, "free", self.speed, gripper, allowed)
+
+    def line(
+        self,
+        stage: str,
+        xyz: FloatArray,
+        *,
+        gripper: float | None = None,
+        allowed: frozenset[str] = frozenset(),
+        slow: bool = False,
+    ) -> Path:
+        """A straight move, in parts where it is long."""
+        speed = self.contact_speed if slow else self.speed
+        if self.waypoints:
+            begin = np.asarray(self.waypoints[-1].xyz)
+            parts = int(np.ceil(float(np.linalg.norm(xyz - begin)) / LONGEST_LINE - 1e-9))
+            for k in range(1, parts):
+                self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed)
+        return self._add(stage, xyz, "linear", speed, gripper, allowed)
+
+    def trajectory(self) -> Trajectory:
+        """All that was written."""
+        return Trajectory(tuple(self.waypoints))
+
+    def _add(
+        self,
+        stage: str,
+        xyz: FloatArray,
+        motion: str,
+        speed: float,
+        gripper: float | None,
+        allowed: frozenset[str],
+    ) -> Path:
+        self.gripper = self.gripper if gripper is None else gripper
+        x, y, z = (float(v) for v in xyz)
+        self.waypoints.append(
+            Waypoint(
+                (x, y, z),
+                self.gripper,
+                stage,
+                self.orientation,
+                "linear" if motion == "linear" else "free",
+                speed,
+                allowed,
+                self.carries,
+            )
+        )
+        return self
+
+
+def pointing(closing: FloatArray, approach: FloatArray | None = None) -> Orientation:
+    """The hand with its fingers closing along ``closing`` (3,), pointing along ``approach`` (3,), down by default."""
+    down = np.array([0.0, 0.0, -1.0]) if approach is None else approach
+    vector, along = (tuple(float(v) for v in a) for a in (down, closing))
+    return Orientation("grasp", vector, along)  # type: ignore[arg-type]
+
+
+def horizontal(angle: float) -> FloatArray:
+    """(3,) unit vector in the table's plane, ``angle`` radians from x."""
+    return np.array([np.cos(angle), np.sin(angle), 0.0])

@@ -1,0 +1,167 @@
+"""Words: splitting a sentence, undoing inflections and misspellings, reading lengths."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from functools import cache
+
+from gvla2_plugins.skill import lexicon
+
+_TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
+_DIGITS = re.compile(r"\d+(?:\.\d+)?")
+VOWELS = "aeiou"
+
+
+def tokenise(sentence: str) -> list[str]:
+    """Lower-case words, numbers and stops; ``lamp's`` becomes ``lamp`` and ``'s``, ``15cm`` two tokens."""
+    text = sentence.lower().replace("’", "'").replace("-", " ").replace("_", " ")
+    tokens: list[str] = []
+    for token in _TOKEN.findall(text):
+        if token.endswith("'s") and token not in ("let's", "it's"):
+            tokens += [token[:-2], "'s"]
+        else:
+            tokens.append(token)
+    return tokens
+
+
+@cache
+def _verb_forms() -> dict[str, frozenset[str]]:
+    """Inflected form to the verbs it can be a form of."""
+    bases = {
+        phrase.split()[0] for phrases in lexicon.VERBS.values() for phrase in phrases
+    } | lexicon.UNSUPPORTED
+    forms: dict[str, set[str]] = {}
+    for base in bases:
+        stem = base[:-1] if base.endswith("e") else base
+        inflected = [base, base + "s", stem + "ed", stem + "ing"]
+        if base.endswith(("s", "sh", "ch", "x", "z", "o")):
+            inflected.append(base + "es")
+        if len(base) > 2 and base[-1] not in VOWELS + "wxy" and base[-2] in VOWELS:
+            inflected += [base + base[-1] + "ed", base + base[-1] + "ing"]
+        if base.endswith("y") and base[-2] not in VOWELS:
+            inflected += [base[:-1] + "ies", base[:-1] + "ied"]
+        for form in inflected:
+            forms.setdefault(form, set()).add(base)
+    for form, base in lexicon.IRREGULAR.items():
+        if base in bases:
+            forms.setdefault(form, set()).add(base)
+    forms.pop("left", None)  # a side far more often than a form of "leave"
+    return {form: frozenset(found) for form, found in forms.items()}
+
+
+def verbs_of(token: str) -> frozenset[str]:
+    """The known verbs that ``token`` is a form of."""
+    return _verb_forms().get(token, frozenset())
+
+
+def is_gerund(token: str) -> bool:
+    """Whether it is the -ing form of a known verb."""
+    return token.endswith("ing") and bool(verbs_of(token))
+
+
+@cache
+def _noun_classes() -> dict[str, str]:
+    classes: dict[str, str] = {}
+    for noun, words in lexicon.NOUNS.items():
+        for word in words:
+            for form in (word, word + "s", word + "es" if word.endswith(("s", "x", "sh", "ch")) else word):
+                classes.setdefault(form, noun)
+    return classes
+
+
+def noun_class(token: str) -> str:
+    """The noun class of a word, singular or plural, or ""."""
+    return _noun_classes().get(token, "")
+
+
+@cache
+def vocabulary() -> frozenset[str]:
+    """Every word the grammar knows."""
+    words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.COLOUR_WORDS) | set(lexicon.UNITS)
+    words |= (
+        lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TABLE_WORDS | set(lexicon.NUMBERS)
+    )
+    tables: list[Iterable[str]] = [
+        *lexicon.SELECTORS.values(),
+        *lexicon.RELATIONS.values(),
+        *lexicon.VERBS.values(),
+    ]
+    tables += [lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS]
+    words |= {word for table in tables for phrase in table for word in phrase.split()}
+    words |= {word for pair in lexicon.SHADES for word in pair} | {unit + "s" for unit in lexicon.UNITS}
+    return frozenset(words - {"*"})
+
+
+def _grams(word: str) -> Counter[str]:
+    padded = f"^{word}$"
+    return Counter(word) + Counter(padded[i : i + 2] for i in range(len(padded) - 1))
+
+
+def likeness(one: str, other: str) -> float:
+    """Dice coefficient of the letters and letter pairs of two words, in [0, 1]."""
+    a, b = _grams(one), _grams(other)
+    return 2.0 * sum((a & b).values()) / (sum(a.values()) + sum(b.values()))
+
+
+def spell(
+    tokens: Iterable[str], threshold: float, known: frozenset[str] = frozenset()
+) -> tuple[list[str], list[str]]:
+    """Tokens with misspelt words replaced, and one sentence a replacement.
+
+    A word is read as the known word of the same initial that is most alike, if it is alike enough. Words of four
+    letters must have the same letters (``pcik``): among short words one letter makes another word (``pack``).
+    ``known`` are further words that are right (labels of the scene).
+    """
+    out, notes = [], []
+    words = vocabulary() | known
+    for token in tokens:
+        meant = token if token in words or len(token) < 4 or not token.isalpha() else _guess(token, threshold)
+        if meant != token:
+            notes.append(f"'{token}' was read as '{meant}'.")
+        out.append(meant)
+    return out, notes
+
+
+def _ends_alike(word: str, token: str) -> bool:
+    """A word in -ed is guessed for words in d only: a drawer is nothing that was drawn."""
+    return not word.endswith("ed") or token.endswith("d")
+
+
+def _guess(token: str, threshold: float) -> str:
+    ranked = sorted(
+        (
+            (likeness(token, w), w)
+            for w in vocabulary()
+            if w[0] == token[0] and len(w) > 2 and _ends_alike(w, token)
+        ),
+        key=lambda pair: (-pair[0], pair[1]),
+    )
+    for score, word in ranked[:3]:
+        if sorted(word) == sorted(token) and threshold < 1.0:
+            return word
+        if len(token) > 4 or len(word) > 4:
+            rivals = [s for s, w in ranked[:6] if not (w.startswith(word) or word.startswith(w))]
+            return word if score >= threshold and (not rivals or score > rivals[0] + 0.02) else token
+    return token
+
+
+def take_length(tokens: list[str]) -> tuple[list[str], float | None]:
+    """The tokens without the first length in them ("by 15 cm", "half a metre"), and it in metres, or None."""
+    for i, token in enumerate(tokens):
+        value = float(token) if _DIGITS.fullmatch(token) else lexicon.NUMBERS.get(token)
+        if value is None:
+            continue
+        j = i + 1
+        while j < len(tokens) and tokens[j] in lexicon.NUMBERS:  # "twenty five", "half a"
+            word = lexicon.NUMBERS[tokens[j]]
+            value = value * word if value < 1 else value + word
+            j += 1
+        unit = tokens[j] if j < len(tokens) else ""
+        metres = lexicon.UNITS.get(unit) or lexicon.UNITS.get(unit.removesuffix("s"))
+        if metres is None or (len(unit) < 3 and unit in ("m", "in") and not _DIGITS.fullmatch(token)):
+            continue
+        start = i - 1 if i and tokens[i - 1] in ("by", "for") else i
+        return tokens[:start] + tokens[j + 1 :], value * metres
+    return tokens, None

@@ -1,0 +1,192 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plyfile import PlyData
+
+from gvla2.errors import GeometryError, OutputError
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.ply import GaussianPly, read_gaussians, write_gaussians
+
+FIELDS = [
+    *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),
+    *("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
+]
+TYPES = {"f4": "float", "f8": "double", "u1": "uchar", "i2": "short"}
+
+
+def random_gaussians(n: int, rest: int | None, seed: int = 0) -> Gaussians:
+    rng = np.random.default_rng(seed)
+    values = [rng.normal(size=(n, k)) for k in (3, 3, 4, 1, 3, rest or 1)]
+    return Gaussians(
+        values[0], values[1], values[2], values[3][:, 0], values[4], None if rest is None else values[5]
+    )
+
+
+def foreign_file(
+    path: Path,
+    fields: list[tuple[str, str]],
+    order: str = "<",
+    n: int = 5,
+    seed: int = 0,
+    trailer: bytes = b"",
+) -> np.ndarray:
+    """A file as some other tool might write it, byte by byte; returns its records."""
+    rng = np.random.default_rng(seed)
+    records = np.zeros(n, dtype=[(name, order + kind) for name, kind in fields])
+    for name, kind in fields:
+        records[name] = rng.normal(size=n) if kind[0] == "f" else rng.integers(0, 100, n)
+    header = [
+        "ply",
+        f"format binary_{'little' if order == '<' else 'big'}_endian 1.0",
+        "comment  made elsewhere ",
+    ]
+    header += ["obj_info  odd   spacing", f"element vertex {n}"]
+    header += [f"property {TYPES[kind]} {name}" for name, kind in fields]
+    if trailer:
+        header += ["element face 1", "property list uchar int vertex_indices"]
+    path.write_bytes("\n".join([*header, "end_header", ""]).encode() + records.tobytes() + trailer)
+    return records
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    shuffle=st.randoms(use_true_random=False),
+    extra=st.lists(st.sampled_from(["f4", "f8", "u1", "i2"]), max_size=4),
+    order=st.sampled_from("<>"),
+    trailer=st.sampled_from([b"", b"\x03\0\0\0\0\x01\0\0\0\x02\0\0\0"]),
+)
+def test_only_xyz_bytes_change_between_read_and_write(
+    tmp_path_factory: pytest.TempPathFactory, seed, shuffle, extra, order, trailer
+) -> None:
+    path = tmp_path_factory.mktemp("ply") / "in.ply"
+    fields = [(name, "f4") for name in FIELDS] + [(f"mine_{i}", kind) for i, kind in enumerate(extra)]
+    shuffle.shuffle(fields)
+    trailer = trailer if order == "<" else b""
+    records = foreign_file(path, fields, order, seed=seed, trailer=trailer)
+    ply = GaussianPly.read(path)
+    out = path.with_name("out.ply")
+    ply.write(out)
+    assert out.read_bytes() == path.read_bytes()
+
+    centres = np.random.default_rng(seed + 1).normal(size=(5, 3)).astype(np.float32)
+    ply.with_centres(centres).write(out)
+    for axis, name in enumerate("xyz"):
+        records[name] = centres[:, axis]
+    body = records.tobytes() + trailer
+    assert out.read_bytes() == path.read_bytes()[: -len(body)] + body
+
+
+@pytest.mark.parametrize("rest", [None, 9, 24, 45])
+def test_what_is_written_is_read(tmp_path: Path, rest: int | None) -> None:
+    gaussians = random_gaussians(7, rest)
+    write_gaussians(tmp_path / "g.ply", gaussians)
+    back = read_gaussians(tmp_path / "g.ply")
+    for name in ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc"):
+        assert np.array_equal(getattr(back, name), getattr(gaussians, name))
+    assert (back.sh_rest is None) if rest is None else np.array_equal(back.sh_rest, gaussians.sh_rest)
+
+
+def test_the_layout_is_the_one_of_the_field(tmp_path: Path) -> None:
+    write_gaussians(tmp_path / "g.ply", random_gaussians(2, 9))
+    ply = PlyData.read(tmp_path / "g.ply")
+    names = list(ply["vertex"].data.dtype.names)
+    assert names == FIELDS[:9] + [f"f_rest_{i}" for i in range(9)] + FIELDS[9:]
+    assert (ply.text, ply.byte_order) == (False, "<")
+    assert {str(ply["vertex"].data.dtype[name]) for name in names} == {"float32"}
+
+
+def test_harmonics_are_in_numeric_order_wherever_they_lie(tmp_path: Path) -> None:
+    rest = [f"f_rest_{i}" for i in range(24)]
+    fields = [(name, "f4") for name in sorted(FIELDS + rest)]  # f_rest_10 before f_rest_2
+    records = foreign_file(tmp_path / "g.ply", fields)
+    expected = np.stack([records[name] for name in rest], axis=1)
+    assert np.array_equal(read_gaussians(tmp_path / "g.ply").sh_rest, expected)
+
+
+def test_doubles_that_were_not_moved_keep_their_digits(tmp_path: Path) -> None:
+    path = tmp_path / "g.ply"
+    records = foreign_file(path, [(name, "f8" if name in "xyz" else "f4") for name in FIELDS])
+    ply = GaussianPly.read(path)
+    centres = ply.gaussians.centres.copy()
+    centres[2] += 1
+    ply.with_centres(centres).write(path)
+    x = PlyData.read(path)["vertex"].data["x"]
+    assert np.array_equal(np.delete(x, 2), np.delete(records["x"], 2))
+    assert x[2] == centres[2, 0]
+
+
+def break_file(path: Path, how: str) -> None:
+    foreign_file(path, [(name, "f4") for name in FIELDS])
+    content = path.read_bytes()
+    match how:
+        case "ascii":
+            path.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n")
+        case "truncated":
+            path.write_bytes(content[:-10])
+        case "header":
+            path.write_bytes(content[:40])
+        case "words":
+            path.write_bytes(b"hello")
+        case "empty":
+            path.write_bytes(b"")
+        case "absent":
+            path.unlink()
+        case "field":
+            foreign_file(path, [(name, "f4") for name in FIELDS if name not in ("rot_2", "opacity")])
+        case "vertex":
+            path.write_bytes(content.replace(b"element vertex", b"element points"))
+        case "none":
+            foreign_file(path, [(name, "f4") for name in FIELDS], n=0)
+        case "nan":
+            body = np.frombuffer(content[-5 * 17 * 4 :], "<f4").copy()
+            body[0] = np.nan
+            path.write_bytes(content[: -5 * 17 * 4] + body.tobytes())
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("ascii", "ASCII"),
+        ("truncated", "end-of-file"),
+        ("header", "Cannot read"),
+        ("words", "expected 'ply'"),
+        ("empty", "Cannot read"),
+        ("absent", "No such file"),
+        ("field", "lack opacity, rot_2"),
+        ("vertex", "no element 'vertex'"),
+        ("none", "no Gaussians"),
+        ("nan", "1 of 5 centres"),
+    ],
+)
+def test_broken_files_are_named_and_explained(tmp_path: Path, how: str, words: str) -> None:
+    path = tmp_path / "g.ply"
+    break_file(path, how)
+    with pytest.raises(GeometryError, match=words) as caught:
+        GaussianPly.read(path)
+    assert "g.ply" in str(caught.value)
+
+
+def test_a_file_read_may_be_replaced_while_it_is_held(tmp_path: Path) -> None:
+    path = tmp_path / "g.ply"
+    gaussians = random_gaussians(100, None)
+    write_gaussians(path, gaussians)
+    ply = GaussianPly.read(path)
+    path.write_bytes(b"")  # another program truncates it
+    assert np.array_equal(ply.gaussians.centres, gaussians.centres)
+    ply.write(path)
+    assert np.array_equal(read_gaussians(path).centres, gaussians.centres)
+
+
+def test_a_failed_write_leaves_nothing_behind(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="nowhere"):
+        write_gaussians(tmp_path / "nowhere" / "g.ply", random_gaussians(1, None))
+    (tmp_path / "folder.ply").mkdir()
+    with pytest.raises(OutputError, match="folder"):
+        write_gaussians(tmp_path / "folder.ply", random_gaussians(1, None))
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.ply"]

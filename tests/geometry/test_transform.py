@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.transform import check_rigid, invert_rigid, rigid, transform_points
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_inverse_undoes_a_motion(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pose = rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+    points = rng.normal(size=(2, 5, 3))
+    assert np.allclose(transform_points(invert_rigid(pose), transform_points(pose, points)), points)
+    assert np.allclose(invert_rigid(pose) @ pose, np.eye(4))
+
+
+def test_a_motion_turns_before_it_shifts() -> None:
+    quarter = rigid([[0, -1, 0], [1, 0, 0], [0, 0, 1]], (10, 0, 0))
+    assert transform_points(quarter, [1, 0, 0]).tolist() == [10, 1, 0]
+    assert np.array_equal(rigid(), np.eye(4))
+
+
+def test_a_3x4_matrix_is_completed() -> None:
+    assert np.array_equal(check_rigid(np.eye(4)[:3]), np.eye(4))
+
+
+def test_the_error_names_what_is_wrong_and_how_to_mend_a_mirror() -> None:
+    with pytest.raises(GeometryError, match=r"hand pose is mirrored.*diag\(1, -1, -1\)"):
+        check_rigid(np.diag([1.0, -1, 1, 1]), what="hand pose")

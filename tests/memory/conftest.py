@@ -1,0 +1,96 @@
+"""Banks with the reference retriever and embedder, a clock that tests set, and episodes."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
+from gvla2_plugins.hybrid import HybridConfig
+from gvla2_plugins.hybrid.retriever import HybridRetriever
+
+from gvla2.memory.bank import BankOptions, KnowledgeBank
+from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+
+
+class Clock:
+    """Seconds since the epoch, as the test says."""
+
+    def __init__(self) -> None:
+        self.now = 1.8e9
+
+    def __call__(self) -> float:
+        return self.now
+
+    def pass_days(self, days: float) -> None:
+        self.now += days * 86400
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def url(tmp_path: Path) -> str:
+    return f"sqlite:///{tmp_path / 'memory.db'}"
+
+
+@pytest.fixture
+def open_bank(url: str, clock: Clock) -> Iterator[Callable[..., KnowledgeBank]]:
+    opened = []
+
+    def open_(bank: str = "default", busy_seconds: float = 0.2, **options: object) -> KnowledgeBank:
+        opened.append(
+            KnowledgeBank.open(
+                url,
+                retriever=HybridRetriever(HybridConfig()),
+                embedder=HashEmbedder(),
+                bank=bank,
+                options=BankOptions(**options),  # type: ignore[arg-type]
+                busy_seconds=busy_seconds,
+                clock=clock,
+            )
+        )
+        return opened[-1]
+
+    yield open_
+    for bank in opened:
+        bank.close()
+
+
+SUCCESS = Verdict.from_criteria({"task_completion": 1.0, "collision_safety": 0.9}, ["done"], "test")
+FAIL = Verdict.from_criteria({"task_completion": 0.0, "collision_safety": 0.4}, ["missed"], "test")
+UNCERTAIN = Verdict.from_criteria({"task_completion": 0.5}, ["unclear"], "test")
+UNAVAILABLE = Verdict.unavailable("no network", "test")
+
+
+@pytest.fixture
+def verdicts() -> dict[str, Verdict]:
+    return {"success": SUCCESS, "fail": FAIL, "uncertain": UNCERTAIN, "unavailable": UNAVAILABLE}
+
+
+@pytest.fixture
+def episode() -> Callable[..., MemoryEpisode]:
+    def make(
+        query: str = "Pick up the red cube",
+        *lessons: Lesson,
+        skill: str = "pick",
+        signature: dict[str, float] | None = None,
+        recalled: MemoryContext | None = None,
+        source: str = "run/1",
+    ) -> MemoryEpisode:
+        return MemoryEpisode(
+            MemoryTask(query, signature or {}, skill),
+            lessons or (hint(),),
+            recalled=recalled or MemoryContext(),
+            source=source,
+            provenance={"planner": "skill"},
+        )
+
+    return make
+
+
+def hint(content: str = "Pick up (grasp and lift) a small box: this grasp depth succeeded.") -> Lesson:
+    effect = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
+              "skill": "pick", "source": ""}  # fmt: skip
+    return Lesson("procedural_hint", content, effect)

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.planning.colours import (
+    COLOURS,
+    TOLD_APART,
+    appearance,
+    colour_distance,
+    colours_in,
+    lab,
+    nearest_colours,
+)
+
+
+def test_there_are_twenty_words_and_each_is_nearest_to_itself():
+    assert len(COLOURS) == 20
+    for name, rgb in COLOURS.items():
+        assert nearest_colours(rgb, 1) == ((name, pytest.approx(0.0)),)
+
+
+def test_lab_of_known_colours():
+    np.testing.assert_allclose(lab((1.0, 0.0, 0.0)), (53.24, 80.09, 67.20), atol=0.1)
+    np.testing.assert_allclose(lab((1.0, 1.0, 1.0)), (100.0, 0.0, 0.0), atol=0.1)
+
+
+@settings(max_examples=60, deadline=None)
+@given(name=st.sampled_from(sorted(COLOURS)), shade=st.floats(0.6, 1.0))
+def test_shading_never_turns_a_colour_into_one_that_counts_as_told_apart(name, shade):
+    seen = nearest_colours(np.array(COLOURS[name]) * shade, 1)[0][0]
+    assert colour_distance(COLOURS[seen], COLOURS[name]) < TOLD_APART
+
+
+@settings(max_examples=60, deadline=None)
+@given(rgb=st.tuples(*[st.floats(0.25, 1.0)] * 3), shade=st.floats(0.6, 1.0))
+def test_hue_and_saturation_stay_when_the_light_dims(rgb, shade):
+    # Linear light is what dims; the sRGB curve is close to a power of 2.2.
+    bright, dim = appearance(rgb), appearance(np.array(rgb) * shade)
+    assert np.abs(bright[:2] - dim[:2]).max() < 0.12 * (5 + np.linalg.norm(bright[:2]))
+
+
+def test_colour_distance_broadcasts_and_is_symmetric():
+    table = np.array(list(COLOURS.values()))
+    square = colour_distance(table[:, None], table[None])
+    assert square.shape == (20, 20)
+    np.testing.assert_allclose(square, square.T)
+    assert (square[~np.eye(20, dtype=bool)] > 9).all()
+
+
+def test_nearest_colours_come_in_order():
+    found = nearest_colours((0.9, 0.1, 0.1), 20)
+    assert found[0][0] == "red"
+    assert [d for _, d in found] == sorted(d for _, d in found)
+    assert len(nearest_colours((0.5, 0.5, 0.5), 3)) == 3
+
+
+@pytest.mark.parametrize(
+    ("sentence", "words"),
+    [
+        ("Pick up the RED cube, not the blue one.", ("red", "blue")),
+        ("the grey block and the gray block", ("gray",)),
+        ("covered in a reddish evergreen", ()),
+        ("olive, navy; teal!", ("olive", "navy", "teal")),
+    ],
+)
+def test_colours_in_a_sentence(sentence, words):
+    assert colours_in(sentence) == words

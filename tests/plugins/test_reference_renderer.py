@@ -1,0 +1,146 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from gvla2_plugins.reference_renderer import ReferenceRendererConfig, gvla2_renderers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import SH_C0, Gaussians
+from gvla2.geometry.transform import look_along, rigid, transform_points
+
+CAMERA = Camera.from_fov(0.5, np.eye(4), 33, 33)
+
+
+def renderer(**options: float):
+    [component] = gvla2_renderers()
+    return component.build(ReferenceRendererConfig(name="reference", **options))
+
+
+def gaussians(centres, scales, rgb, opacity=0.8, rotations=None, sh_rest=None) -> Gaussians:
+    n = len(centres)
+    return Gaussians(
+        centres,
+        np.log(np.broadcast_to(scales, (n, 3))),
+        np.tile([1.0, 0, 0, 0], (n, 1)) if rotations is None else rotations,
+        np.broadcast_to(np.log(opacity / (1 - np.asarray(opacity))), (n,)),
+        (np.broadcast_to(rgb, (n, 3)) - 0.5) / SH_C0,
+        sh_rest,
+    )
+
+
+def test_nothing_is_the_background() -> None:
+    empty = gaussians(np.zeros((0, 3)), 0.1, (1, 0, 0))
+    behind = gaussians([[0, 0, -1.0]], 0.1, (1, 0, 0))
+    for scene in (empty, behind):
+        image, alpha = renderer().render(scene, CAMERA, background=(0.2, 0.4, 0.6))
+        assert np.allclose(image, [0.2, 0.4, 0.6])
+        assert (alpha == 0).all()
+        assert image.dtype == alpha.dtype == np.float32
+
+
+def test_one_gaussian_on_the_axis_is_the_projected_ellipse() -> None:
+    scales, depth = np.array([0.02, 0.05, 0.03]), 2.0
+    image, alpha = renderer(min_alpha=1e-6).render(gaussians([[0, 0, depth]], scales, (1, 0, 0)), CAMERA)
+    focal = CAMERA.K[0, 0]
+    variance = (focal * scales[:2] / depth) ** 2 + 0.3
+    offset = CAMERA.pixel_centres() - 16.5
+    expected = 0.8 * np.exp(-0.5 * (offset**2 / variance).sum(-1))
+    assert np.allclose(alpha, np.where(expected >= 1e-6, expected, 0), atol=1e-6)
+    assert np.allclose(image[..., 0], 1, atol=1e-6)  # red over white
+    assert np.allclose(image[..., 1], 1 - alpha, atol=1e-6)
+
+
+def test_the_footprint_off_axis_is_that_of_sampled_points() -> None:
+    rng = np.random.default_rng(0)
+    rotation = Rotation.random(rng=rng)
+    centre, scales = np.array([0.25, -0.2, 1.5]), np.array([0.02, 0.01, 0.03])
+    scene = gaussians(centre[None], scales, (0, 0, 0), 0.5, rotation.as_quat()[None, [3, 0, 1, 2]])
+    camera = Camera.from_fov(0.5, np.eye(4), 101, 101)
+    _, alpha = renderer(low_pass=1e-9, min_alpha=1e-6).render(scene, camera)
+    weights = alpha.astype(float) / alpha.sum()
+    mean = np.einsum("ij,ijk->k", weights, camera.pixel_centres())
+    offset = camera.pixel_centres() - mean
+    spread = np.einsum("ij,ijk,ijl->kl", weights, offset, offset)
+    points = centre + rng.normal(size=(200000, 3)) * scales @ rotation.as_matrix().T
+    uv, _ = camera.project(points)
+    assert np.allclose(mean, uv.mean(axis=0), atol=0.1)
+    assert np.allclose(spread, np.cov(uv.T), atol=0.03 * np.trace(spread))
+
+
+def test_the_nearer_one_covers_whatever_the_order() -> None:
+    centres, rgb = np.array([[0, 0, 1.0], [0, 0, 2.0]]), np.array([[1.0, 0, 0], [0, 0, 1.0]])
+    opacity = np.array([0.6, 0.9])
+    one = renderer().render(gaussians(centres, 5.0, rgb, opacity), CAMERA, (0, 0, 0))
+    two = renderer().render(gaussians(centres[::-1], 5.0, rgb[::-1], opacity[::-1]), CAMERA, (0, 0, 0))
+    assert np.array_equal(one[0], two[0])
+    assert np.allclose(one[0][16, 16], [0.6, 0, 0.4 * 0.9], atol=1e-3)
+    assert one[1][16, 16] == pytest.approx(1 - 0.4 * 0.1, abs=1e-3)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_moving_camera_and_gaussians_together_changes_nothing(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n = 6
+    centres = rng.uniform([-0.3, -0.3, 1.2], [0.3, 0.3, 2.0], (n, 3))
+    turns = Rotation.random(n, rng=rng)
+    scales, rgb = rng.uniform(0.01, 0.1, (n, 3)), rng.random((n, 3))
+    motion = rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+    moved_turns = Rotation.from_matrix(motion[:3, :3]) * turns
+    one = gaussians(centres, scales, rgb, 0.7, turns.as_quat()[:, [3, 0, 1, 2]])
+    two = gaussians(
+        transform_points(motion, centres), scales, rgb, 0.7, moved_turns.as_quat()[:, [3, 0, 1, 2]]
+    )
+    camera = Camera(CAMERA.K, motion @ CAMERA.world_from_camera, CAMERA.width, CAMERA.height)
+    a, b = renderer(min_alpha=1e-5).render(one, CAMERA), renderer(min_alpha=1e-5).render(two, camera)
+    assert np.allclose(a[0], b[0], atol=2e-3)
+    assert np.allclose(a[1], b[1], atol=2e-3)
+
+
+def test_no_gaussian_alone_is_opaque_and_faint_ones_are_dropped() -> None:
+    scene = gaussians([[0, 0, 1.0]], 5.0, (0, 0, 0), 1 - 1e-7)
+    assert renderer().render(scene, CAMERA)[1].max() == pytest.approx(0.99)
+    assert renderer().render(gaussians([[0, 0, 1.0]], 5.0, (0, 0, 0), 0.003), CAMERA)[1].max() == 0
+
+
+@pytest.mark.parametrize(("column", "axis", "sign"), [(0, 1, -1), (1, 2, 1), (2, 0, -1)])
+def test_first_harmonics_colour_by_the_side_one_looks_from(column: int, axis: int, sign: int) -> None:
+    rest = np.zeros((1, 9))
+    rest[0, 3 + column] = 0.5  # green's coefficients come second
+    scene = gaussians(np.zeros((1, 3)), 5.0, (0.5, 0.5, 0.5), 0.9, sh_rest=rest)
+    for side in (-1, 1):
+        direction = side * np.eye(3)[axis]
+        camera = Camera.from_fov(0.5, look_along(-2 * direction, direction, (0.3, 0.5, 0.8)), 9, 9)
+        image, alpha = renderer().render(scene, camera, (0, 0, 0))
+        colour = image[4, 4] / alpha[4, 4]
+        expected = 0.5 + sign * side * 0.4886025 * 0.5
+        assert np.allclose(colour, [0.5, expected, 0.5], atol=1e-4)
+
+
+def test_all_harmonics_are_orthonormal() -> None:
+    from gvla2_plugins.reference_renderer.harmonics import _basis
+
+    directions = np.random.default_rng(0).normal(size=(400000, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    values = np.concatenate([np.full((len(directions), 1), SH_C0), _basis(directions)], axis=1)
+    assert np.allclose(4 * np.pi * values.T @ values / len(directions), np.eye(16), atol=0.02)
+
+
+@pytest.mark.parametrize(
+    "options", [{"min_alpha": 0.0}, {"max_alpha": 1.5}, {"near": 0.0}, {"low_pass": -1.0}]
+)
+def test_senseless_options_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(ConfigurationError, match="renderer=reference"):
+        renderer(**options)
+
+
+def test_listing_loads_no_numerical_library() -> None:
+    code = "import sys, gvla2_plugins.reference_renderer as r; r.gvla2_renderers(); assert 'numpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,349 @@
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from gvla2_plugins.tabletop import LampOnConfig, PickAndLiftConfig, PushBlockConfig, gvla2_tasks
+from gvla2_plugins.tabletop.placing import boxes_overlap, vertical_span
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import rigid, transform_points
+from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.robot.task import TaskInstance, TaskSite
+
+TABLE = 0.752
+TABLE_RGB = (0.76, 0.61, 0.43)
+TASKS = ("pick_and_lift", "push_block", "lamp_on")
+seeds = st.integers(0, 2**31 - 1)
+
+
+def near_the_base(point: np.ndarray) -> bool:
+    return bool(np.linalg.norm(point[:2] - (-0.268, 0.0)) < 0.75)
+
+
+def site(**changes) -> TaskSite:
+    what = {"centre": (0.25, 0.0), "size": (0.65, 0.91), "table_height": TABLE}
+    return TaskSite(**{**what, "reachable": near_the_base, "table_rgb": TABLE_RGB, **changes})
+
+
+def task(name: str, **options):
+    component = next(c for c in gvla2_tasks() if c.name == name)
+    return component.build(component.config(**options))
+
+
+def sample(name: str, seed: int, instruction: str | None = None, **options) -> TaskInstance:
+    return task(name, **options).sample(np.random.default_rng(seed), site(), instruction)
+
+
+@dataclass
+class State:
+    """A world state by hand: what the bodies' poses, travels and holds are said to be."""
+
+    poses: dict = field(default_factory=dict)
+    peaks: dict = field(default_factory=dict)
+    holding: str = ""
+
+    def pose(self, body):
+        return self.poses[body]
+
+    def joint(self, name):
+        return 0.0
+
+    def peak(self, name):
+        return self.peaks[name]
+
+    def held(self, body):
+        return body == self.holding
+
+
+def at_start(instance: TaskInstance) -> State:
+    poses = {body.name: body.world_from_body.copy() for body in instance.layout.bodies}
+    return State(poses, {joint.name: 0.0 for joint in instance.layout.joints})
+
+
+def verdicts(instance: TaskInstance, state: State) -> tuple[bool, bool]:
+    return instance.succeeded["eased"](state), instance.succeeded["strict"](state)
+
+
+def footprint(body) -> np.ndarray:
+    """(K, 2) corners of all solids, seen from above."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    corners = [transform_points(s.body_from_shape, 0.5 * signs * s.size) for s in body.solids]
+    return transform_points(body.world_from_body, np.concatenate(corners))[:, :2]
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_at_least_four_wordings_and_every_one_is_used(name):
+    wordings = task(name).instructions
+    assert len(wordings) >= 4
+    assert len({w.split()[0] for w in wordings}) >= 3  # other verbs, not other commas
+    used = {sample(name, seed).instruction for seed in range(40)}
+    for wording in wordings:
+        start = wording.partition("{")[0]
+        assert any(sentence.startswith(start) for sentence in used), wording
+    assert not any("{" in sentence for sentence in used)
+
+
+@pytest.mark.parametrize("name", TASKS)
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds)
+def test_layouts_are_on_the_table_inside_the_site_and_in_reach(name, seed):
+    instance = sample(name, seed)
+    assert verdicts(instance, at_start(instance)) == (False, False)
+    for body in instance.layout.bodies:
+        off = np.abs(footprint(body) - (0.25, 0.0))
+        assert (off <= np.array([0.65, 0.91]) / 2 + 1e-9).all()
+        if body.name != "lamp":  # its button must be in reach, its far end need not
+            assert near_the_base(body.world_from_body[:3, 3])
+        low = min(
+            vertical_span(body.world_from_body @ s.body_from_shape, np.array(s.size))[0] for s in body.solids
+        )
+        assert low == pytest.approx(TABLE, abs=1e-9) or body.name == "button"
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=seeds, size=st.sampled_from([0.04, 0.05, 0.06]))
+def test_cubes_keep_their_gap_and_their_area(seed, size):
+    instance = sample("pick_and_lift", seed, size=size)
+    corners = [footprint(body) for body in instance.layout.bodies]
+    centres = np.array([c.mean(axis=0) for c in corners])
+    assert len(corners) == 3
+    for i in range(3):
+        for j in range(i):
+            # Between corners, and from corners to edges at most half a side nearer.
+            apart = np.linalg.norm(centres[i] - centres[j]) - size * np.sqrt(2)
+            assert apart >= 0.10 - 1e-9
+    assert np.ptp(centres, axis=0).max() <= np.hypot(0.43, 0.565)
+
+
+@pytest.mark.parametrize("name", TASKS)
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds)
+def test_colours_are_told_apart(name, seed):
+    bodies = sample(name, seed).layout.bodies
+    colours = {s.rgb for b in bodies for s in b.solids if s.rgb in COLOURS.values()}
+    assert len(colours) == {"pick_and_lift": 3, "push_block": 2, "lamp_on": 1}[name]
+    for one in colours:
+        assert colour_distance(one, TABLE_RGB) >= TOLD_APART
+        assert all(colour_distance(one, other) >= TOLD_APART for other in colours - {one})
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=seeds)
+def test_the_push_is_within_its_distance_and_the_target_starts_free(seed):
+    block, target = sample("push_block", seed).layout.bodies
+    between = target.world_from_body[:3, 3] - block.world_from_body[:3, 3]
+    assert 0.15 <= np.linalg.norm(between[:2]) <= 0.30
+    assert not target.solids[0].collides
+    assert target.fixed
+    # The paint is clear of the block.
+    flat = np.array([0.10, 0.10, 0.2])
+    assert not boxes_overlap(block.world_from_body, np.full(3, 0.0563), target.world_from_body, flat)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_seed_is_an_episode(name):
+    one, two, other = sample(name, 5), sample(name, 5), sample(name, 6)
+    assert one.instruction == two.instruction
+    for a, b in zip(one.layout.bodies, two.layout.bodies, strict=True):
+        np.testing.assert_array_equal(a.world_from_body, b.world_from_body)
+        assert a.solids[0].rgb == b.solids[0].rgb
+    assert not np.array_equal(one.layout.bodies[0].world_from_body, other.layout.bodies[0].world_from_body)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_an_instruction_keeps_the_layout_and_is_passed_on(name):
+    own, given_one = sample(name, 9), sample(name, 9, "do something nice")
+    assert given_one.instruction == "do something nice"
+    assert given_one.goal == own.goal  # it names no colour, so the referee keeps the seed's target
+    for a, b in zip(own.layout.bodies, given_one.layout.bodies, strict=True):
+        np.testing.assert_array_equal(a.world_from_body, b.world_from_body)
+
+
+def test_no_sentence_names_a_body():
+    for name in TASKS:
+        for seed in range(20):
+            instance = sample(name, seed)
+            names = [b.name for b in instance.layout.bodies if "_" in b.name]
+            assert not any(n in instance.instruction for n in names)
+
+
+# pick_and_lift
+
+
+def lifted(instance: TaskInstance, colour: str, height: float) -> State:
+    state = at_start(instance)
+    body = next(b for b in instance.layout.bodies if b.solids[0].rgb == COLOURS[colour])
+    state.poses[body.name][2, 3] += height
+    state.holding = body.name
+    return state
+
+
+def test_lifting_the_named_cube_counts_and_lifting_another_does_not():
+    instance = sample("pick_and_lift", 3)
+    (named,) = colours_in(instance.instruction)
+    others = [c for c, rgb in COLOURS.items() for b in instance.layout.bodies if b.solids[0].rgb == rgb]
+    assert verdicts(instance, lifted(instance, named, 0.235)) == (True, True)
+    for colour in set(others) - {named}:
+        assert verdicts(instance, lifted(instance, colour, 0.235)) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("height", "eased", "strict"),
+    [(0.004, 0, 0), (0.006, 1, 0), (0.17, 1, 0), (0.175, 1, 1), (0.27, 1, 1), (0.28, 1, 0)],
+)
+def test_heights_that_count(height, eased, strict):
+    # The cube of 5 cm spans its height to height + 5 cm; the sensor 0.223 to 0.273 m.
+    instance = sample("pick_and_lift", 4)
+    (named,) = colours_in(instance.instruction)
+    state = lifted(instance, named, height)
+    assert verdicts(instance, state) == (bool(eased), bool(strict))
+    state.holding = ""
+    assert verdicts(instance, state) == (bool(eased), False)
+
+
+def test_pushing_the_cube_out_of_its_place_counts_as_eased():
+    instance = sample("pick_and_lift", 4)
+    state = lifted(instance, colours_in(instance.instruction)[0], 0.0)
+    moved = state.poses[state.holding]
+    moved[:2, 3] += moved[:2, 0] * 0.16
+    assert verdicts(instance, state) == (True, False)
+
+
+def test_the_given_sentence_chooses_the_cube_it_names():
+    own = sample("pick_and_lift", 11)
+    palette = {c for c, rgb in COLOURS.items() for b in own.layout.bodies if b.solids[0].rgb == rgb}
+    (first,) = colours_in(own.instruction)
+    for colour in palette:
+        other = next(iter(palette - {colour}))
+        instance = sample("pick_and_lift", 11, f"please raise the {colour.upper()} one")
+        assert verdicts(instance, lifted(instance, colour, 0.235)) == (True, True)
+        assert verdicts(instance, lifted(instance, other, 0.235)) == (False, False)
+    absent = next(c for c in COLOURS if c not in palette)
+    for unclear in (" and ".join(sorted(palette)), f"lift the {absent} cube"):
+        instance = sample("pick_and_lift", 11, unclear)
+        assert verdicts(instance, lifted(instance, first, 0.235)) == (True, True)
+
+
+# push_block
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "up", "eased", "strict"),
+    [
+        (0.0, 0.0, 0.0, True, True),
+        (0.049, 0.049, 0.0, True, False),
+        (0.051, 0.0, 0.0, False, False),
+        (0.032, 0.0, 0.0, True, True),
+        (0.035, 0.0, 0.0, True, False),
+        (0.0, 0.0, 0.10, False, False),
+    ],
+)
+def test_where_the_block_counts_as_on_the_target(along, across, up, eased, strict):
+    instance = sample("push_block", 2)
+    block, target = instance.layout.bodies
+    state = at_start(instance)
+    pose = target.world_from_body.copy()
+    pose[:3, 3] += pose[:3, 0] * along + pose[:3, 1] * across
+    pose[2, 3] = block.world_from_body[2, 3] + up
+    state.poses["block"] = pose
+    assert verdicts(instance, state) == (eased, strict)
+
+
+# lamp_on
+
+
+@pytest.mark.parametrize(
+    ("travel", "eased", "strict"), [(0.0, 0, 0), (0.003, 0, 0), (0.0031, 1, 0), (0.0075, 1, 0), (0.008, 1, 1)]
+)
+def test_travel_that_switches_the_lamp_on(travel, eased, strict):
+    instance = sample("lamp_on", 1)
+    state = at_start(instance)
+    state.peaks["press"] = travel
+    assert verdicts(instance, state) == (bool(eased), bool(strict))
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=seeds)
+def test_nothing_of_the_lamp_is_in_the_way_of_a_press(seed):
+    lamp, button = sample("lamp_on", seed).layout.bodies
+    top = vertical_span(button.world_from_body, np.array(button.solids[0].size))[1]
+    assert top == pytest.approx(TABLE + 0.024)
+    highest = max(
+        vertical_span(lamp.world_from_body @ s.body_from_shape, np.array(s.size))[1] for s in lamp.solids
+    )
+    assert highest < top + 0.10  # a palm is 11 cm above the fingertips
+    clear = np.linalg.norm(footprint(lamp)[16:] - button.world_from_body[:2, 3], axis=1)
+    assert clear.min() > 0.035  # fingers beside post and shade
+
+
+# Geometry of the referees
+
+
+def box(xyz, rotvec=(0, 0, 0)):
+    return rigid(Rotation.from_rotvec(rotvec).as_matrix(), xyz)
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    turns=st.tuples(*[st.floats(-3, 3)] * 6),
+    offset=st.tuples(*[st.floats(-0.2, 0.2)] * 3),
+)
+def test_boxes_that_share_a_point_overlap_and_boxes_apart_do_not(turns, offset):
+    one, other = box((0, 0, 0), turns[:3]), box(offset, turns[3:])
+    size, other_size = np.array([0.1, 0.2, 0.15]), np.array([0.05, 0.1, 0.3])
+    grid = np.linspace(-0.5, 0.5, 7)
+    points = np.array([[x, y, z] for x in grid for y in grid for z in grid])
+    inside_other = transform_points(np.linalg.inv(other), transform_points(one, points * size))
+    shared = (np.abs(inside_other) <= other_size / 2).all(axis=1).any()
+    overlap = boxes_overlap(one, size, other, other_size)
+    assert overlap or not shared
+    assert overlap == boxes_overlap(other, other_size, one, size)
+    if np.linalg.norm(offset) > 0.5 * (np.linalg.norm(size) + np.linalg.norm(other_size)):
+        assert not overlap
+
+
+def test_boxes_whose_edges_pass_each_other_do_not_overlap():
+    # Only an axis across two edges parts them.
+    size = np.array([1.0, 0.1, 0.1])
+    one = box((0, 0, 0), (np.pi / 4, 0, 0))
+    other = rigid(Rotation.from_euler("xz", [np.pi / 4, np.pi / 2]).as_matrix(), (0, 0, 0.145))
+    assert not boxes_overlap(one, size, other, size)
+    assert boxes_overlap(one, size, rigid(other[:3, :3], (0, 0, 0.13)), size)
+
+
+# Options
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("pick_and_lift", {"cubes": 0}),
+        ("pick_and_lift", {"size": -0.05}),
+        ("push_block", {"distance": (0.3, 0.1)}),
+        ("push_block", {"mass": 0.0}),
+        ("lamp_on", {"travel": 0.02}),
+        ("lamp_on", {"stiffness": 0.0}),
+    ],
+)
+def test_senseless_options_are_refused(name, options):
+    with pytest.raises(ConfigurationError, match=f"task={name}"):
+        task(name, **options)
+
+
+def test_what_does_not_fit_is_said():
+    rng = np.random.default_rng(0)
+    with pytest.raises(ConfigurationError, match="No place was found for 3 cubes"):
+        task("pick_and_lift").sample(rng, site(size=(0.2, 0.2)))
+    with pytest.raises(ConfigurationError, match="reach"):
+        task("lamp_on").sample(rng, site(reachable=lambda point: False))
+    with pytest.raises(ConfigurationError, match="21 colours"):
+        task("pick_and_lift", cubes=21, size=0.001, gap=0.0).sample(rng, site())
+
+
+def test_defaults_are_the_published_sizes():
+    assert (PickAndLiftConfig().size, PickAndLiftConfig().mass) == (0.05, 0.125)
+    assert (PushBlockConfig().size, PushBlockConfig().mass, PushBlockConfig().target) == (0.0563, 0.356, 0.10)
+    assert (LampOnConfig().diameter, LampOnConfig().height, LampOnConfig().travel) == (0.033, 0.024, 0.010)

@@ -1,0 +1,190 @@
+import json
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gvla2.errors import OutputError
+from gvla2.record import recorder as recorder_module
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.recorder import RunRecorder
+
+RESULT_KEYS = {
+    "command", "success", "success_strict", "task", "seed", "instruction", "robot", "planner", "perceiver", "memory",
+    "failure", "timings",
+}  # fmt: skip
+FILLED = {
+    "observe": ("observation",), "perceive": ("scene",), "reconstruct": ("refinement",), "recall": ("recalled",),
+    "plan": ("plan",), "check": ("checks",), "execute": ("report", "after", "after_scene"), "verify": ("verdict",),
+    "learn": ("learned",), "judge": ("judgement",),
+}  # fmt: skip
+
+
+def load(path: Path) -> dict[str, object]:
+    loaded: dict[str, object] = json.loads(path.read_text(encoding="utf-8"))
+    return loaded
+
+
+def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "judge") -> EpisodeRecord:
+    """Play the stages of a finished record one by one."""
+    empty = {name: "" if name == "refinement" else None for names in FILLED.values() for name in names}
+    record = replace(full, **empty)
+    for stage, names in FILLED.items():
+        record = replace(record, **{name: getattr(full, name) for name in names})
+        if stage == "execute":
+            for k in range(5):
+                image = np.full((16, 16, 3), 40, dtype=np.uint8)
+                image[k] = 255
+                recorder.frame(image)
+        recorder.stage(record, stage)
+        if stage == until:
+            break
+    return record
+
+
+def test_a_finished_run_leaves_everything(tmp_path: Path, episode: Callable[..., EpisodeRecord]) -> None:
+    recorder = RunRecorder(tmp_path / "out", "seed: 3\n", "run")
+    page = recorder.finish(run(recorder, episode()))
+    assert page == tmp_path / "out" / "index.html"
+    names = {p.name for p in page.parent.iterdir()}
+    assert names == {
+        "config.yaml", "result.json", "scene.json", "recalled.json", "plan.json", "trajectory.json", "checks.json",
+        "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "depth.png", "plan.png",
+        "before.png", "after.png", "episode.gif", "index.html",
+    }  # fmt: skip
+    result = load(page.parent / "result.json")
+    assert set(result) >= RESULT_KEYS
+    assert (result["command"], result["success"], result["success_strict"]) == ("run", True, False)
+    assert result["notes"] == []
+    trajectory = load(page.parent / "trajectory.json")
+    assert np.array(trajectory["tau"]).shape == (6, 4)
+    assert len(trajectory["waypoints"]) == 6  # type: ignore[arg-type]
+    with Image.open(page.parent / "episode.gif") as picture:
+        assert picture.n_frames == 5
+    html = page.read_text(encoding="utf-8")
+    assert html.count("data:image/png") >= 12
+    assert "data:image/gif" in html
+    assert 'href="trajectory.json"' in html
+
+
+@pytest.mark.parametrize(
+    ("until", "there", "missing"),
+    [
+        ("observe", {"before.png", "depth.png"}, {"scene.json", "perception.png"}),
+        ("perceive", {"scene.json", "perception.png"}, {"plan.json", "recalled.json"}),
+        (
+            "plan",
+            {"recalled.json", "plan.json", "trajectory.json", "plan.png"},
+            {"checks.json", "report.json"},
+        ),
+        ("execute", {"checks.json", "report.json", "after.png"}, {"verdict.json", "index.html"}),
+    ],
+)
+def test_an_interrupted_run_is_complete_up_to_there(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord], until: str, there: set[str], missing: set[str]
+) -> None:
+    run(RunRecorder(tmp_path, "x: 1\n"), episode(), until)
+    names = {p.name for p in tmp_path.iterdir()}
+    assert names >= there | {"result.json", "config.yaml"}
+    assert not names & missing
+
+
+def test_a_refined_scene_and_a_repaired_plan_replace_the_first(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord]
+) -> None:
+    recorder, record = RunRecorder(tmp_path, ""), episode()
+    assert record.scene is not None
+    assert record.plan is not None
+    assert record.plan.trajectory is not None
+    recorder.stage(record, "plan")
+    before = (tmp_path / "perception.png").read_bytes(), (tmp_path / "plan.png").read_bytes()
+    shorter = replace(record.plan.trajectory, waypoints=record.plan.trajectory.waypoints[:3])
+    grown = replace(record.scene.objects[0], extents=record.scene.objects[0].extents * 1.5)
+    changed = replace(
+        record, scene=record.scene.with_object(grown), plan=replace(record.plan, trajectory=shorter)
+    )
+    recorder.stage(changed, "check")
+    recorder.finish(changed)
+    assert len(load(tmp_path / "trajectory.json")["waypoints"]) == 3  # type: ignore[arg-type]
+    assert (tmp_path / "perception.png").read_bytes() != before[0]
+    assert (tmp_path / "plan.png").read_bytes() != before[1]
+
+
+def test_failed_and_abstained_runs_leave_a_page(
+    tmp_path: Path, failed_at: Callable[[str], EpisodeRecord], abstained: EpisodeRecord
+) -> None:
+    for stage in ("setup", "perceive", "plan", "execute", "learn"):
+        page = RunRecorder(tmp_path / stage, "").finish(failed_at(stage))
+        assert f"The stage {stage} broke." in page.read_text(encoding="utf-8")
+        assert load(page.parent / "result.json")["failure"] == {
+            "stage": stage, "kind": "error", "message": f"The stage {stage} broke.",
+        }  # fmt: skip
+    page = RunRecorder(tmp_path / "abstained", "").finish(abstained)
+    assert load(page.parent / "result.json")["success"] is None
+    assert not (page.parent / "trajectory.json").exists()
+    assert not (page.parent / "episode.gif").exists()
+
+
+def test_a_failing_picture_costs_a_note_not_the_result(
+    tmp_path: Path,
+    episode: Callable[..., EpisodeRecord],
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def broken(*_: object) -> bytes:
+        raise ZeroDivisionError("no ink")
+
+    monkeypatch.setattr(recorder_module, "perception_sheet", broken)
+    recorder = RunRecorder(tmp_path, "")
+    with caplog.at_level(logging.WARNING):
+        page = recorder.finish(run(recorder, episode()))
+    note = "The picture of the objects could not be made: ZeroDivisionError: no ink"
+    assert load(tmp_path / "result.json")["notes"] == [note]
+    assert note in caplog.text
+    assert note in page.read_text(encoding="utf-8")
+    assert not (tmp_path / "perception.png").exists()
+    assert (tmp_path / "plan.png").exists()
+
+
+def test_a_failing_page_costs_a_note_not_the_result(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> str:
+        raise LookupError("no template")
+
+    monkeypatch.setattr(recorder_module, "render_page", broken)
+    RunRecorder(tmp_path, "").finish(episode())
+    assert load(tmp_path / "result.json")["notes"] == ["The page could not be made: LookupError: no template"]
+
+
+def test_a_bad_frame_never_stops_the_robot(tmp_path: Path, episode: Callable[..., EpisodeRecord]) -> None:
+    recorder = RunRecorder(tmp_path, "")
+    recorder.frame(np.zeros((0, 0, 3), dtype=np.uint8))
+    recorder.frame("not a picture")  # type: ignore[arg-type]
+    recorder.frame(np.zeros((8, 8, 3), dtype=np.uint8))
+    recorder.finish(episode())
+    assert (tmp_path / "index.html").exists()
+    assert any("frame" in note.lower() or "animation" in note.lower() for note in recorder.notes)
+
+
+def test_a_folder_that_cannot_be_made_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(OutputError, match="taken"):
+        RunRecorder(tmp_path / "taken" / "run", "")
+
+
+def test_a_disk_that_fills_up_raises(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = RunRecorder(tmp_path, "")
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OutputError, match="No space left"):
+        recorder.stage(episode(), "learn")

@@ -1,0 +1,124 @@
+"""Collision checks of the Panda against perceived solids."""
+
+import numpy as np
+import pytest
+
+from gvla2.geometry.transform import invert_rigid, rigid
+from gvla2.planning.arm import Attachment
+from gvla2.planning.scene import SceneObject
+from gvla2.planning.trajectory import grasp_rotation
+
+
+@pytest.fixture
+def over(arm, down):
+    """Joints that put the tool 0.15 m over the table at (0.3, 0)."""
+    return arm.inverse(down((0.3, 0.0, 0.902))).joints
+
+
+def test_home_is_clear(arm, scene_of):
+    assert arm.clearance(arm.home, 1.0, scene_of()).distance > 0.05
+
+
+@pytest.mark.parametrize("gap", [-0.015, -0.004, 0.004, 0.02])
+def test_distance_to_a_box_under_the_fingertips(arm, scene_of, block, over, gap):
+    tip = 0.902 - arm.hand.tip_beyond_tcp
+    for shape in ("box", "cylinder", "disc"):
+        thing = block(at=(0.3, 0.0, tip - gap - 0.02), size=(0.12, 0.12, 0.04), shape=shape)
+        clearance = arm.clearance(over, 0.3, scene_of(thing))
+        assert clearance.distance == pytest.approx(gap, abs=1e-3)
+        assert clearance.robot_part in ("panda_leftfinger", "panda_rightfinger")
+        assert clearance.other == "block"
+
+
+def test_distance_to_the_table(arm, scene_of, down):
+    over = arm.inverse(down((0.3, 0.0, 0.772))).joints
+    tip = 0.772 - arm.hand.tip_beyond_tcp
+    for height in (tip - 0.01, tip + 0.01):
+        clearance = arm.clearance(over, 1.0, scene_of(table=height))
+        assert (clearance.other, clearance.distance) == ("table", pytest.approx(tip - height, abs=1e-3))
+
+
+def test_fingers_follow_the_opening(arm, scene_of, block, over):
+    between = scene_of(block(at=(0.3, 0.0, 0.902), size=(0.02, 0.04, 0.01)))
+    assert arm.clearance(over, 1.0, between).distance == pytest.approx(0.02, abs=1e-3)
+    assert arm.clearance(over, 0.25, between).distance == pytest.approx(-0.01, abs=1e-3)
+
+
+def test_regions_are_paint(arm, scene_of, block, over):
+    paint = block(at=(0.3, 0.0, 0.902), size=(0.3, 0.3, 0.3), shape="region")
+    assert arm.clearance(over, 1.0, scene_of(paint)) == arm.clearance(over, 1.0, scene_of())
+
+
+def test_allowed_contacts_are_for_the_hand_only(arm, scene_of, block, over):
+    at_hand = scene_of(block(at=(0.3, 0.0, 0.902), size=(0.02, 0.08, 0.02)))
+    assert arm.clearance(over, 0.5, at_hand).distance < 0
+    assert arm.clearance(over, 0.5, at_hand, frozenset({"block"})).distance > 0.02
+    elbow = arm.kinematics.model.createData()
+    import pinocchio as pin
+
+    pin.framesForwardKinematics(arm.kinematics.model, elbow, arm.kinematics.full(over, 1.0))
+    place = elbow.oMf[arm.kinematics.model.getFrameId("panda_link4")].translation
+    at_elbow = scene_of(block(at=tuple(place), size=(0.05, 0.05, 0.05)))
+    clearance = arm.clearance(over, 1.0, at_elbow, frozenset({"block"}))
+    assert clearance.distance < 0
+    assert clearance.robot_part.startswith("panda_link")
+
+
+def test_the_table_may_be_allowed(arm, scene_of, down):
+    over = arm.inverse(down((0.3, 0.0, 0.772))).joints
+    low_hand = scene_of(table=0.772)
+    assert arm.clearance(over, 1.0, low_hand).other == "table"
+    assert arm.clearance(over, 1.0, low_hand, frozenset({"table"})).distance > 0.05
+
+
+def test_what_is_attached_moves_with_the_hand(arm, scene_of, block, over):
+    held = block(at=(0.3, 0.0, 0.892), size=(0.04, 0.04, 0.06))
+    attached = Attachment(held, invert_rigid(arm.forward(over)) @ held.world_from_object)
+    scene = scene_of(held)
+    assert arm.clearance(over, 0.5, scene).distance <= 1e-3
+    clearance = arm.clearance(over, 0.5, scene, attached=attached)
+    assert clearance.distance == pytest.approx(0.892 - 0.03 - 0.752, abs=1e-3)
+    assert (clearance.robot_part, clearance.other) == ("block", "table")
+    other = block("other", at=(0.3, 0.0, 0.852), size=(0.2, 0.2, 0.04))
+    assert arm.clearance(over, 0.5, scene_of(held, other), attached=attached).distance < 0
+    free = arm.clearance(over, 0.5, scene_of(held, other), frozenset({"other"}), attached)
+    assert free.distance > 0.005
+
+
+def test_the_arm_can_hit_itself(arm, scene_of):
+    low, high = arm.limits
+    rng = np.random.default_rng(1)
+    found = [arm.clearance(q, 1.0, scene_of(table=-5.0)) for q in rng.uniform(low, high, (300, 7))]
+    touching = [c for c in found if c.distance < 0]
+    assert 0 < len(touching) < 100
+    assert all(c.other.startswith("panda_") for c in touching)
+
+
+def test_checker_and_distances_agree(arm, scene_of, block):
+    scene = scene_of(block(size=(0.2, 0.2, 0.2)), block("pole", (0.2, 0.3, 1.0), (0.1, 0.1, 0.6), "cylinder"))
+    low, high = arm.limits
+    checker = arm.checker(scene, 1.0)
+    world = np.arange(len(checker.pairs)) < checker.n_world
+    for margin in (-0.01, 0.0, 0.01, 0.05):
+        checker.set_margins(margin)
+        for joints in np.random.default_rng(3).uniform(low, high, (150, 7)):
+            slack = (checker.distances(joints) - np.where(world, margin, 0.0)).min()
+            if abs(slack) > 1e-4:
+                assert checker.free(joints) == (slack > 0)
+
+
+def test_checkers_are_kept_by_content(arm, scene_of, block):
+    assert arm.checker(scene_of(block()), 1.0) is arm.checker(scene_of(block()), 1.0)
+    assert arm.checker(scene_of(block()), 1.0) is not arm.checker(scene_of(block(at=(0.2, 0, 0.8))), 1.0)
+    assert arm.checker(scene_of(block()), 1.0) is not arm.checker(scene_of(block()), 0.5)
+
+
+def test_a_turned_box_is_turned(arm, scene_of, over):
+    def plank(yaw):
+        turn = grasp_rotation(np.array([0.0, 0, -1]), np.array([-np.sin(yaw), np.cos(yaw), 0.0]))
+        pose = rigid(turn, (0.3, 0.15, 0.902))
+        return SceneObject("plank", "plank", "box", "", pose, np.array([0.02, 0.4, 0.02]), np.zeros((0, 3)))
+
+    along, across = plank(0.0), plank(np.pi / 2)
+    assert arm.clearance(over, 1.0, scene_of(along)).distance < 0
+    assert arm.clearance(over, 1.0, scene_of(across)).distance > 0.03

@@ -1,0 +1,208 @@
+"""Motion planning of the Panda around solids."""
+
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gvla2.geometry.transform import invert_rigid, rigid
+from gvla2.planning.arm import Attachment
+from gvla2.robot.joint_search import interpolate, shorten
+from gvla2.robot.motion import MotionFailure, MotionOptions, MotionPath, MotionPlanner
+from gvla2.robot.timing import MotionLimits, time_path
+
+
+@pytest.fixture
+def planner(arm):
+    return MotionPlanner(arm)
+
+
+@pytest.fixture
+def wall(block):
+    return block("wall", at=(0.32, 0.0, 0.902), size=(0.3, 0.03, 0.3))
+
+
+def worst_world_distance(arm, path, scene, gripper=1.0, attached=None):
+    checker = arm.checker(scene, gripper, attached=attached)
+    return min(checker.distances(q)[: checker.n_world].min() for q in interpolate(path, 0.004))
+
+
+def test_free_motion_in_the_open_is_direct(arm, planner, scene_of, down):
+    found = planner.plan(arm.home, down((0.3, 0.2, 0.9)), scene_of())
+    assert isinstance(found, MotionPath)
+    assert found.status == "direct"
+    np.testing.assert_array_equal(found.joints[0], arm.home)
+    np.testing.assert_allclose(arm.forward(found.joints[-1]), down((0.3, 0.2, 0.9)), atol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_around_a_wall(arm, planner, scene_of, down, wall, seed):
+    rng = np.random.default_rng(seed)
+    scene = scene_of(wall)
+    starts = arm.ik.solutions(down((rng.uniform(0.25, 0.4), -0.2, 0.85)), count=6)
+    start = next(s.joints for s in starts if arm.clearance(s.joints, 1.0, scene).distance > 0.01)
+    goal = down((rng.uniform(0.25, 0.4), 0.2, 0.85), rng.uniform(-0.4, 0.4))
+    found = planner.plan(start, goal, scene, seed=seed)
+    assert isinstance(found, MotionPath), found
+    np.testing.assert_allclose(arm.forward(found.joints[-1]), goal, atol=1e-3)
+    straight = np.stack([start, found.joints[-1]])
+    if worst_world_distance(arm, straight, scene) < 0:
+        assert found.status == "rrt_connect"
+    assert worst_world_distance(arm, found.joints, scene) > 0.0075
+    again = planner.plan(start, goal, scene, seed=seed)
+    np.testing.assert_array_equal(found.joints, again.joints)
+    # Rounded corners and time samples stay clear as well.
+    limits = MotionLimits(0.7 * arm.velocity_limits, np.full(7, 5.0), 0.25)
+    samples = time_path(found.joints, 1 / 60, limits, arm.tool_positions)
+    assert worst_world_distance(arm, samples, scene) > 0.004
+
+
+DETERMINISM = """
+import sys
+import numpy as np
+sys.path.insert(0, {folder!r})
+from gvla2.geometry.transform import rigid
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import grasp_rotation
+from gvla2.robot.motion import MotionPlanner
+from gvla2_plugins.sapien_panda.panda import make_arm
+arm = make_arm()
+turn = grasp_rotation(np.array([0.0, 0, -1]), np.array([0.0, 1, 0]))
+wall = SceneObject("w", "w", "box", "", rigid(None, (0.32, 0, 0.902)), np.array([0.3, 0.03, 0.3]), np.zeros((0, 3)))
+scene = Scene((wall,), 0.752, arm.workspace)
+planner = MotionPlanner(arm)
+start = arm.inverse(rigid(turn, (0.3, -0.2, 0.8))).joints
+for warm_up in range({before}):
+    planner.plan(start, rigid(turn, (0.35, 0.25, 0.8)), scene, seed=warm_up)
+found = planner.plan(start, rigid(turn, (0.3, 0.2, 0.8)), scene, seed=11)
+print(found.status, found.joints.tobytes().hex())
+"""
+
+
+def test_a_seed_means_the_same_in_another_process_and_after_other_plans(tmp_path):
+    answers = {
+        subprocess.run(
+            [sys.executable, "-c", DETERMINISM.format(folder=str(tmp_path), before=before)],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for before in (0, 2)
+    }
+    assert len(answers) == 1
+    assert answers.pop().startswith("rrt_connect ")
+
+
+def test_joints_may_be_the_goal(arm, planner, scene_of, down):
+    start = arm.inverse(down((0.3, 0.2, 0.9))).joints
+    found = planner.plan(start, arm.home, scene_of())
+    np.testing.assert_array_equal(found.joints[-1], arm.home)
+    outside = planner.plan(start, np.full(7, 9.0), scene_of())
+    assert isinstance(outside, MotionFailure)
+    assert outside.code == "unreachable"
+
+
+def test_unreachable(arm, planner, scene_of, down):
+    for motion in ("free", "linear"):
+        found = planner.plan(arm.home, down((1.5, 0.0, 0.9)), scene_of(), motion=motion)
+        assert isinstance(found, MotionFailure)
+        assert found.code == "unreachable"
+        assert "1.500" in found.message
+
+
+def test_a_goal_inside_something_names_the_pair(arm, planner, scene_of, block, down):
+    found = planner.plan(
+        arm.home, down((0.3, 0.0, 0.85)), scene_of(block("crate", (0.3, 0, 0.85), (0.2, 0.2, 0.2)))
+    )
+    assert isinstance(found, MotionFailure)
+    assert found.code == "in_collision"
+    assert found.pair is not None
+    assert found.pair[1] == "crate"
+
+
+def test_a_start_inside_something_names_the_pair(arm, planner, scene_of, block, down):
+    start = arm.inverse(down((0.3, 0.0, 0.85))).joints
+    found = planner.plan(start, arm.home, scene_of(block("crate", (0.3, 0, 0.85), (0.2, 0.2, 0.2))))
+    assert isinstance(found, MotionFailure)
+    assert found.code == "in_collision"
+    assert "start" in found.message
+
+
+def test_a_search_out_of_budget_is_no_path(arm, scene_of, down, wall):
+    start = arm.inverse(down((0.3, -0.2, 0.8))).joints
+    planner = MotionPlanner(arm, MotionOptions(max_checks=20, attempts=1, goals=1))
+    found = planner.plan(start, down((0.3, 0.2, 0.8)), scene_of(wall))
+    assert isinstance(found, MotionFailure)
+    assert found.code == "no_path"
+
+
+def test_leaving_an_object_just_released(arm, planner, scene_of, block, down):
+    """The fingers are nearer to it than the margin, and overlap it by a few millimetres of perception."""
+    start = arm.inverse(down((0.3, 0.0, 0.782))).joints
+    cube = block(at=(0.3, 0.0, 0.7795), size=(0.056, 0.056, 0.056))
+    scene = scene_of(cube)
+    assert arm.clearance(start, 0.65, scene).distance < 0
+    found = planner.plan(start, down((0.3, 0.25, 0.95)), scene, gripper=0.65)
+    assert isinstance(found, MotionPath), found
+
+
+def test_linear_is_straight_and_ends_there(arm, planner, scene_of, down):
+    start = arm.inverse(down((0.3, 0.1, 0.95))).joints
+    found = planner.plan(start, down((0.3, 0.1, 0.8)), scene_of(), motion="linear")
+    assert isinstance(found, MotionPath)
+    assert found.status == "linear"
+    places = arm.tool_positions(interpolate(found.joints, 0.01))
+    np.testing.assert_allclose(places[:, :2], [[0.3, 0.1]] * len(places), atol=1e-3)
+    assert places[-1, 2] == pytest.approx(0.8, abs=1e-3)
+
+
+def test_linear_does_not_go_through_things_but_through_what_is_allowed(arm, planner, scene_of, block, down):
+    start = arm.inverse(down((0.3, -0.15, 0.78))).joints
+    goal = down((0.3, 0.15, 0.78))
+    scene = scene_of(block())
+    found = planner.plan(start, goal, scene, motion="linear", gripper=0.0)
+    assert isinstance(found, MotionFailure)
+    assert found.code == "in_collision"
+    assert found.pair[1] == "block"
+    pushed = planner.plan(
+        start, goal, scene, motion="linear", gripper=0.0, allowed_contacts=frozenset({"block"})
+    )
+    assert isinstance(pushed, MotionPath)
+
+
+def test_what_is_held_clears_the_wall_too(arm, planner, scene_of, block, down, wall):
+    start = arm.inverse(down((0.3, -0.2, 0.95))).joints
+    rod = block("rod", (0.3, -0.2, 0.85), (0.03, 0.03, 0.15))
+    attached = Attachment(rod, invert_rigid(arm.forward(start)) @ rod.world_from_object)
+    scene = scene_of(wall)
+    found = planner.plan(start, down((0.3, 0.2, 0.95)), scene, gripper=0.4, attached=attached, seed=2)
+    assert isinstance(found, MotionPath), found
+    assert worst_world_distance(arm, found.joints, scene, 0.4, attached) > 0.0075
+
+
+def test_goal_joints_allow_the_straight_moves_that_follow(arm, scene_of, down):
+    planner = MotionPlanner(arm)
+    for k in range(8):
+        pre = down((0.1 + 0.05 * k, -0.3 + 0.08 * k, 0.95), yaw=0.4 * k - 1.4)
+        grasp = rigid(pre[:3, :3], pre[:3, 3] - [0, 0, 0.17])
+        found = planner.plan(arm.home, pre, scene_of(), then=[grasp, pre])
+        assert isinstance(found, MotionPath)
+        down_there = planner.plan(found.joints[-1], grasp, scene_of(), motion="linear")
+        assert isinstance(down_there, MotionPath), (k, down_there)
+
+
+def test_shortcuts_keep_ends_and_freedom():
+    corner = np.array([[0.0, 0.0], [0.0, 1.0], [0.5, 1.5], [1.0, 1.0], [1.0, 0.0]])
+
+    def outside(a, b):
+        points = interpolate(np.stack([a, b]), 0.01)
+        return not ((np.abs(points[:, 0] - 0.5) < 0.3) & (points[:, 1] < 0.8)).any()
+
+    short = shorten(corner, outside, seed=1, tries=60)
+    np.testing.assert_array_equal(short[[0, -1]], corner[[0, -1]])
+    assert all(outside(a, b) for a, b in pairwise(short))
+    assert np.linalg.norm(np.diff(short, axis=0), axis=1).sum() < 2.6
+    straight = shorten(corner, lambda a, b: True, seed=1)
+    assert len(straight) == 2

@@ -1,0 +1,222 @@
+"""The command line: dispatch, help at once, completion, and `gvla2 plugins`."""
+
+import json
+import os
+import subprocess
+import sys
+import types
+from importlib import import_module
+
+import pytest
+
+from gvla2 import __version__, cli
+from gvla2.commands import COMMANDS
+from gvla2.kinds import KINDS
+
+HEAVY = {"numpy", "scipy", "torch", "sapien", "ompl", "numba", "pinocchio"}
+
+
+def run(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`gvla2` in a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "gvla2.cli", *argv],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **environment},
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_exists(command: str):
+    assert callable(import_module(f"gvla2.commands.{command}").main)
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["-h"], ["help"]])
+def test_help_names_the_commands(argv: list[str], capsys: pytest.CaptureFixture[str]):
+    assert cli.main(argv) == 0
+    out = capsys.readouterr().out
+    assert all(f"  {name}" in out for name in COMMANDS)
+
+
+def test_without_a_command_the_usage_goes_to_stderr(capsys: pytest.CaptureFixture[str]):
+    assert cli.main([]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "Usage: gvla2" in captured.err
+
+
+def test_version(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["--version"]) == 0
+    assert capsys.readouterr().out == f"gvla2 {__version__}\n"
+
+
+def test_an_unknown_command_names_its_neighbour(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["rum"]) == 2
+    assert "no command 'rum'. Did you mean 'run'?" in capsys.readouterr().err
+
+
+def test_an_interrupt_has_its_status(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    def interrupted(argv: list[str]) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "gvla2.commands.doctor", types.SimpleNamespace(main=interrupted))
+    assert cli.main(["doctor"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "argv", [["--help"], ["--version"], ["plugins"], ["plugins", "--json"], ["plugins", "task"]]
+)
+def test_light_commands_load_nothing_heavy(argv: list[str]):
+    code = (
+        "import sys\nfrom gvla2.cli import main\nstatus = main(sys.argv[1:])\n"
+        "print(status, *sorted(m for m in sys.modules if '.' not in m), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *argv], capture_output=True, text=True, check=True)
+    status, *modules = done.stderr.split()
+    assert status == "0"
+    assert not HEAVY & set(modules)
+
+
+def test_a_closed_pipe_is_no_traceback():
+    done = subprocess.run(
+        f"{sys.executable} -m gvla2.cli plugins --json | head -c 10; exit ${{PIPESTATUS[0]}}",
+        shell=True,
+        executable="/bin/bash",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+
+
+# -- gvla2 plugins ----------------------------------------------------------------------------------------------
+
+
+def test_plugins_lists_every_component(registry, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["plugins"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for kind in KINDS:
+        for name, component in registry.components(kind).items():
+            assert any(kind in line and name in line and component.summary in line for line in lines), name
+    assert not any("broken" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "argv", [["planner", "skill"], ["kind=planner", "name=skill"], ["planner", "name=skill"]]
+)
+def test_plugins_shows_options_with_types_and_defaults(argv: list[str], capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["plugins", *argv]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    (lift,) = [row for row in rows if row and row[0] == "planner.lift_height"]
+    assert lift[1] == "float"
+    assert float(lift[2]) > 0
+
+
+def test_plugins_shows_nested_options_by_dotted_names(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["plugins", "retriever", "hybrid"]) == 0
+    assert "retriever.weights.recency_days" in capsys.readouterr().out
+
+
+def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["plugins", "task", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["components"]) == {"task"}
+    push = next(c for c in told["components"]["task"] if c["name"] == "push_block")
+    assert push["plugin"]["distribution"] == "gvla2"
+    assert {"name": "distance", "type": "tuple[float, float]", "default": "[0.15, 0.3]"} in push["options"]
+    assert push["defaults"]["distance"] == [0.15, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["planr"], "Did you mean 'planner'?"),
+        (["planner", "skil"], "Did you mean 'skill'?"),
+        (["name=skill"], "Say which kind"),
+        (["planner", "skill", "more"], "does not take 'more'"),
+        (["--yaml"], "does not take '--yaml'"),
+        (["color=red"], "does not take 'color=red'"),
+    ],
+)
+def test_plugins_refuses_what_it_does_not_know(
+    argv: list[str], message: str, capsys: pytest.CaptureFixture[str]
+):
+    assert cli.main(["plugins", *argv]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
+    info = tmp_path / "bad-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[gvla2]\nbad = a_module_[that]_is_not_there\n")
+    (info / "entry_points.txt").write_text("[gvla2]\nbad = a_module_that_is_not_there\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert cli.main(["plugins"]) == 0
+    out = capsys.readouterr().out
+    assert "No module named 'a_module_that_is_not_there'" in out
+    assert cli.main(["plugins", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["problems"][0]["plugin"] == "bad"
+
+
+# -- completion -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "expected", "unexpected"),
+    [
+        ("gvla2 ", ["run", "plugins", "doctor"], ["--help"]),
+        ("gvla2 pl", ["plugins"], ["run"]),
+        ("gvla2 --s", ["--shell-completion"], ["--help"]),
+        ("gvla2 run ", ["planner=", "planner.", "seed=", "depth_noise="], ["run"]),
+        ("gvla2 run planner=", ["planner=skill"], []),
+        ("gvla2 run planner=skill planner.lift", ["planner.lift_height="], ["planner.speed="]),
+        ("gvla2 run -m task=p", ["task=pick_and_lift", "task=push_block"], ["task=lamp_on"]),
+        ("gvla2 run --mult", ["--multirun"], ["--help"]),
+        ("gvla2 plugins plan", ["planner"], ["prior"]),
+        ("gvla2 plugins task ", ["lamp_on"], ["planner"]),
+        ("gvla2 doctor ", ["--json"], []),
+        ("gvla2 nonsense x", [], ["run"]),
+    ],
+)
+def test_completion(
+    line: str, expected: list[str], unexpected: list[str], monkeypatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("COMP_LINE", line)
+    assert cli.main(["--shell-completion", "query=bash"]) == 0
+    offered = capsys.readouterr().out.split()
+    assert set(expected) <= set(offered)
+    assert not set(unexpected) & set(offered)
+
+
+def test_completion_of_a_broken_line_offers_nothing_and_stays_silent():
+    done = run("-sc", "query=bash", COMP_LINE="gvla2 run --cfg wrong pl")
+    assert (done.returncode, done.stdout.strip(), done.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_scripts_are_about_gvla2(shell: str, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["--shell-completion", f"install={shell}"]) == 0
+    assert "gvla2" in capsys.readouterr().out
+    assert cli.main(["--shell-completion", f"uninstall={shell}"]) == 0
+
+
+def test_the_script_completes_in_a_real_bash(tmp_path):
+    launcher = tmp_path / "gvla2"
+    launcher.write_text(f'#!/bin/sh\nexec {sys.executable} -m gvla2.cli "$@"\n')
+    launcher.chmod(0o755)
+    script = (
+        'eval "$(gvla2 --shell-completion install=bash)"; COMP_WORDS=(gvla2 run task=pu); COMP_CWORD=2; '
+        'COMP_LINE="gvla2 run task=pu"; COMP_POINT=${#COMP_LINE}; hydra_bash_completion; echo "${COMPREPLY[@]}"'
+    )
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=environment, check=True)
+    assert done.stdout.strip() == "task=push_block"
+
+
+@pytest.mark.parametrize("argv", [[], ["install=tcsh"], ["remove=bash"], ["install=bash", "more"]])
+def test_completion_refuses_what_it_does_not_know(argv: list[str], capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["-sc", *argv]) == 2
+    assert "install=SHELL" in capsys.readouterr().err

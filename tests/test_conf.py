@@ -1,0 +1,265 @@
+"""Every configuration composes, jobs launch and sweep, and what is wrong is said in words."""
+
+import logging
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2.catalog import Registry
+from gvla2.commands.hydra_job import launch, output_folder
+from gvla2.commands.primary import PRIMARY
+from gvla2.commands.run_config import DepthNoiseConfig, RunConfig
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError, UnknownComponentError
+from gvla2.hydra_bridge import register
+from gvla2.kinds import KINDS
+
+CONF = Path(__file__).parents[1] / "conf"
+
+
+def composed(*overrides: str) -> RunConfig:
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        config = OmegaConf.to_object(compose("run", overrides=list(overrides)))
+    assert isinstance(config, RunConfig)
+    return config
+
+
+@pytest.fixture(autouse=True)
+def _registered(registry: Registry) -> None:
+    register(registry, PRIMARY)
+
+
+@pytest.mark.parametrize("name", PRIMARY)
+def test_every_primary_configuration_composes(name: str):
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        config = compose(name)
+    assert isinstance(OmegaConf.to_object(config), PRIMARY[name])
+
+
+def test_every_file_of_conf_is_a_choice_that_composes():
+    files = sorted(p.relative_to(CONF).with_suffix("") for p in CONF.rglob("*.yaml"))
+    groups = [p for p in files if len(p.parts) > 1]
+    assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
+    for choice in groups:
+        composed(f"{choice.parent.as_posix()}={choice.name}")
+
+
+def test_every_component_is_a_choice(registry: Registry):
+    fields = RunConfig.__dataclass_fields__
+    for kind in KINDS:
+        for name, component in registry.components(kind).items():
+            if kind in fields:
+                options = getattr(composed(f"{kind}={name}"), kind)
+                assert type(options) is component.config
+                assert options.name == name
+
+
+def test_no_configuration_names_code():
+    for file in CONF.rglob("*.yaml"):
+        assert "_target_" not in file.read_text(), file
+    assert "_target_" not in OmegaConf.to_yaml(OmegaConf.structured(composed()))
+
+
+def test_depth_noise_presets():
+    assert composed().depth_noise == DepthNoiseConfig()
+    assert composed("depth_noise=gaussian").depth_noise == DepthNoiseConfig("gaussian", sigma_m=0.002)
+    l515 = composed("depth_noise=l515").depth_noise
+    assert l515.sigma_m + l515.sigma_rel == pytest.approx(0.0025), "the data sheet's deviation at 1 m"
+    assert l515.sigma_m + 9 * l515.sigma_rel == pytest.approx(0.0155, abs=5e-4), "and at 9 m"
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["episodes=0", "seed=-1", "depth_noise.kind=fog", "depth_noise.sigma_m=-1", "depth_noise.dropout=1"],
+)
+def test_values_that_cannot_be_are_refused(override: str):
+    with pytest.raises(ConfigurationError):
+        composed(override)
+
+
+# -- launching --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """An empty working directory; logging is put back after the job."""
+    monkeypatch.chdir(tmp_path)
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield tmp_path
+    for handler in set(root.handlers) - set(handlers):
+        handler.close()
+    root.handlers[:], root.level = handlers, level
+
+
+def job(config: RunConfig, registry: Registry) -> float:
+    """A job without a robot: the options of the planner into a file, failures by seed."""
+    assert isinstance(config, RunConfig)
+    logging.getLogger("job").info("the seed is %d", config.seed)
+    if config.seed == 7:
+        raise UnknownComponentError("horse", "pegasus", ["shire"])
+    if config.seed == 8:
+        raise ZeroDivisionError("by nothing")
+    if config.seed == 9:
+        raise KeyboardInterrupt
+    assert isinstance(registry.get("planner", config.planner.name).config(), ComponentConfig)
+    (output_folder() / "seed").write_text(str(config.seed))
+    return float(config.seed)
+
+
+def test_a_job_gets_a_folder_of_its_own_each_time(folder: Path):
+    assert launch("run", job, ["seed=3"]) == 0
+    assert launch("run", job, ["seed=3"]) == 0
+    found = sorted(folder.glob("outputs/run/*/*"))
+    assert len(found) == 2
+    for made in found:
+        assert (made / "seed").read_text() == "3"
+        assert "the seed is 3" in (made / "run.log").read_text()
+        assert "seed: 3" in (made / ".hydra" / "config.yaml").read_text()
+
+
+def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]):
+    launch("run", job, ["seed=3"])
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["planner=skil"], "No planner named 'skil'. Did you mean 'skill'? Available: "),
+        (
+            ["depth_noise=l51"],
+            "No depth_noise named 'l51'. Did you mean 'l515'? Available: gaussian, l515, none.",
+        ),
+        (
+            ["planner.lift_hight=1"],
+            "No option 'lift_hight' of 'planner' (skill). Did you mean 'lift_height'?",
+        ),
+        (["sed=3"], "No option 'sed'. Did you mean 'seed'?"),
+        (
+            ["planner.lift_height=high"],
+            "The option 'planner.lift_height' is wrong: Value 'high' of type 'str'",
+        ),
+        (["seed=1,2"], "--multirun"),
+        (["a==b="], "Error parsing override"),
+        (["episodes=0"], "episodes is 0"),
+        (["seed=7"], "No horse named 'pegasus'. Available: shire."),
+    ],
+)
+def test_what_is_wrong_is_one_message(
+    folder: Path, argv: list[str], message: str, capsys: pytest.CaptureFixture[str]
+):
+    assert launch("run", job, argv) == 1
+    captured = capsys.readouterr()
+    assert captured.err.startswith("gvla2: ")
+    assert message in captured.err
+    assert "Traceback" not in captured.err
+    assert captured.out == ""
+
+
+def test_the_log_keeps_the_traceback_of_a_foreseen_error(folder: Path):
+    launch("run", job, ["seed=7"])
+    (log,) = folder.glob("outputs/run/*/*/run.log")
+    assert "Traceback" in log.read_text()
+
+
+@pytest.mark.parametrize("variable", ["GVLA2_DEBUG", "HYDRA_FULL_ERROR"])
+def test_debugging_shows_the_traceback(
+    folder: Path, variable: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv(variable, "1")
+    assert launch("run", job, ["seed=7"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+    assert os.environ[variable] == "1"
+
+
+def test_an_unforeseen_error_shows_its_traceback(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert launch("run", job, ["seed=8"]) == 1
+    err = capsys.readouterr().err
+    assert "Traceback" in err
+    assert err.endswith("gvla2: ZeroDivisionError: by nothing\n")
+    assert "HYDRA_FULL_ERROR" not in os.environ
+
+
+def test_an_interrupt_and_wrong_usage_have_their_status(folder: Path):
+    assert launch("run", job, ["seed=9"]) == 130
+    assert launch("run", job, ["--no-such-flag"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("argv", "expected"),
+    [
+        (["--help"], "gvla2 run task=push_block seed=3"),
+        (["--cfg", "job"], "planner:\n  name: skill\n"),
+        (["--cfg", "job", "--package", "depth_noise"], "kind: none"),
+        (["--info", "searchpath"], "gvla2.conf"),
+    ],
+)
+def test_flags_of_hydra_keep_working(
+    folder: Path, argv: list[str], expected: str, capfd: pytest.CaptureFixture[str]
+):
+    assert launch("run", job, argv) == 0
+    assert expected in capfd.readouterr().out
+    assert not (folder / "outputs").exists()
+
+
+def test_a_sweep_runs_every_job_and_names_the_one_that_failed(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert launch("run", job, ["-m", "seed=1,7,2", "depth_noise=none,gaussian"]) == 1
+    made = sorted(p.parent.name for p in folder.glob("outputs/run/*/*-sweep/*/seed"))
+    assert made == [
+        "0_depth_noise=none,seed=1",
+        "1_depth_noise=gaussian,seed=1",
+        "4_depth_noise=none,seed=2",
+        "5_depth_noise=gaussian,seed=2",
+    ]
+    err = capsys.readouterr().err
+    assert "gvla2: job 2: No horse named 'pegasus'. Available: shire.\n" in err
+    assert "Traceback" not in err
+
+
+def test_a_wrong_choice_stops_a_sweep_before_it_starts(folder: Path, capsys: pytest.CaptureFixture[str]):
+    assert launch("run", job, ["-m", "planner=skill,skil"]) == 1
+    assert "No planner named 'skil'. Did you mean 'skill'?" in capsys.readouterr().err
+    assert not list(folder.glob("outputs/run/*/*/*/seed"))
+
+
+def test_a_sweep_over_processes(tmp_path: Path):
+    """Joblib's workers get the job by name, load the plugins themselves and send errors back in words."""
+    (tmp_path / "swept.py").write_text(
+        "import sys\nfrom gvla2.commands.hydra_job import launch, output_folder\n"
+        "from gvla2.errors import UnknownComponentError\n"
+        "def job(config, registry):\n"
+        "    if config.seed == 7: raise UnknownComponentError('horse', 'pegasus', ['shire'])\n"
+        "    name = registry.get('planner', config.planner.name).name\n"
+        "    (output_folder() / 'done').write_text(f'{name} {config.planner.lift_height}')\n"
+    )
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import sys, swept; sys.exit(swept.launch('run', swept.job, sys.argv[1:]))",
+            "-m",
+            "seed=1,7",
+            "planner.lift_height=0.2",
+            "hydra/launcher=joblib",
+            "hydra.launcher.n_jobs=2",
+        ],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1, done.stderr
+    assert "gvla2: No horse named 'pegasus'. Available: shire." in done.stderr
+    (made,) = tmp_path.glob("outputs/run/*/*/*/done")
+    assert made.read_text() == "skill 0.2"

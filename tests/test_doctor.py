@@ -1,0 +1,142 @@
+"""`gvla2 doctor`: a whole installation is well, and each kind of breakage is found and gets advice."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gvla2.catalog import Registry, load_plugins
+from gvla2.commands import checkup, doctor
+from gvla2.commands.checkup import Check
+from gvla2.commands.probe import imports
+from gvla2.discovery import Problem
+
+
+def test_this_installation_is_well(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    status = doctor.main(["--json"])
+    told = json.loads(capsys.readouterr().out)
+    failed = [c for c in told["checks"] if c["status"] == "fail"]
+    assert (status, told["healthy"], failed) == (0, True, [])
+    names = {c["name"] for c in told["checks"]}
+    assert {
+        "configuration run",
+        "robot sapien_panda",
+        "memory governed",
+        "planner skill",
+        "cv2",
+        "Vulkan",
+    } <= names
+
+
+def test_the_table_has_advice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    found = [Check("a", "ok", "fine"), Check("b", "fail", "gone [really]", "pip install 'b[x]'")]
+    monkeypatch.setattr(checkup, "examine", lambda registry: found)
+    assert doctor.main([]) == 1
+    out = capsys.readouterr().out
+    assert "gone [really]" in out
+    assert "-> pip install 'b[x]'" in out
+    assert "broken" in out.splitlines()[-1]
+
+
+def test_a_default_without_its_plugin_fails(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("GVLA2_DISABLE_PLUGINS", "skill")
+    composed, blamed, checks = checkup.configurations(load_plugins())
+    assert not composed
+    assert blamed == {"planner"}
+    (check,) = checks
+    assert check.status == "fail"
+    assert "No planner named 'skill'." in check.found
+    assert "GVLA2_DISABLE_PLUGINS skips: skill" in check.found
+
+
+@pytest.mark.parametrize(
+    ("problem", "blamed", "status"),
+    [
+        (Problem("p", "", "could not be loaded"), set(), "warn"),
+        (Problem("p", "", "could not be loaded"), {"planner"}, "fail"),
+        (Problem("p", "gvla2_planners", "failed"), {"planner"}, "fail"),
+        (Problem("p", "gvla2_tasks", "failed"), {"planner"}, "warn"),
+        (Problem("p", "gvla2_planner", "is no hook"), {"planner"}, "fail"),
+    ],
+)
+def test_a_broken_plugin_fails_only_when_the_default_misses_it(
+    problem: Problem, blamed: set[str], status: str
+):
+    _, check = checkup.plugins(Registry({}, [], [problem]), blamed)
+    assert check.status == status
+    assert "GVLA2_DISABLE_PLUGINS=p" in check.advice
+
+
+def test_a_missing_system_library_is_named():
+    fault = "ImportError: libX11.so.6: cannot open shared object file: No such file or directory"
+    checks = {
+        c.name.split()[0]: c
+        for c in checkup.needed_modules({"sapien": fault, "ompl": "ModuleNotFoundError: x"})
+    }
+    assert checks["sapien"].status == "fail"
+    assert checks["sapien"].advice == "Install the system's libX11: apt install libx11-6"
+    assert checks["ompl"].advice == "pip install 'gvla2[sim]'"
+    assert checks["embreex"].status == "ok"
+    assert all(c.status == "fail" for c in checkup.needed_modules({"crash": "exit status -11"}))
+
+
+def test_a_probe_that_dies_is_reported(monkeypatch: pytest.MonkeyPatch):
+    assert "exit status 1" in checkup.probe("no_such_probe")["crash"]
+    monkeypatch.setattr(checkup, "PROBE_SECONDS", 0.001)
+    assert "no answer within" in checkup.probe("imports", "json")["crash"]
+
+
+def test_imports_are_probed_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "leaves_early.py").write_text("raise SystemExit('bye')")
+    monkeypatch.syspath_prepend(tmp_path)
+    answer = imports(["json", "no_such_module", "leaves_early"])
+    assert answer["json"] == ""
+    assert answer["no_such_module"].startswith("ModuleNotFoundError")
+    assert answer["leaves_early"] == "SystemExit: bye"
+
+
+@pytest.mark.parametrize(
+    ("owners", "status"),
+    [([], "ok"), (["opencv-python"], "ok"), (["opencv-python", "opencv-python-headless"], "warn")],
+)
+def test_two_owners_of_cv2_are_a_warning(owners: list[str], status: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(checkup, "installed", lambda name: "5.0" if name in owners else "")
+    check = checkup.opencv()
+    assert check.status == status
+    assert all(name in check.found for name in owners)
+
+
+def test_a_component_that_cannot_be_built_fails():
+    answer = {"memory": {"name": "governed", "error": "the database is locked", "seconds": 0.1}}
+    (check,) = checkup.components("run", answer)
+    assert (check.name, check.status, check.found) == ("memory governed", "fail", "the database is locked")
+    (check,) = checkup.components("run", {"crash": "exit status -11"})
+    assert check.status == "fail"
+
+
+def test_a_database_that_cannot_be_opened_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    composed, _, _ = checkup.configurations(load_plugins())
+    assert not [c for c in checkup.weights(composed) if c.status != "ok"]
+    composed["run"].hydra.run.dir = str(tmp_path / "deep" / "below")
+    (check,) = checkup.output_folders(composed)
+    assert (check.status, check.found) == ("ok", f"{tmp_path} is writable")
+    composed["run"].hydra.run.dir = "/proc/1/outputs"
+    (check,) = checkup.output_folders(composed)
+    assert check.status == "fail"
+
+
+def test_optional_parts_never_fail():
+    assert checkup.rendering({"crash": "exit status -6"}).status == "ok"
+    assert checkup.torch_device(None).status == "ok"
+    assert checkup.torch_device({"version": "2.9", "device": "cpu"}).found == "2.9 on cpu"
+    assert checkup.torch_device({"crash": "ImportError"}).status == "warn"
+
+
+def test_wrong_usage(capsys: pytest.CaptureFixture[str]):
+    assert doctor.main(["--fix"]) == 2
+    assert "does not take '--fix'" in capsys.readouterr().err
+    assert doctor.main(["--help"]) == 0
