@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands import checkup, doctor
@@ -118,15 +119,25 @@ def test_a_component_that_cannot_be_built_fails():
     assert check.status == "fail"
 
 
-def test_a_database_that_cannot_be_opened_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_an_output_folder_that_cannot_be_written_fails(tmp_path: Path):
     composed, _, _ = checkup.configurations(load_plugins())
-    assert not [c for c in checkup.weights(composed) if c.status != "ok"]
     composed["run"].hydra.run.dir = str(tmp_path / "deep" / "below")
     (check,) = checkup.output_folders(composed)
     assert (check.status, check.found) == ("ok", f"{tmp_path} is writable")
     composed["run"].hydra.run.dir = "/proc/1/outputs"
     (check,) = checkup.output_folders(composed)
     assert check.status == "fail"
+
+
+def test_weights_that_the_default_names_must_exist(tmp_path: Path):
+    composed, _, _ = checkup.configurations(load_plugins())
+    assert [c.status for c in checkup.weights(composed)] == ["ok"]
+    (tmp_path / "there.pt").touch()
+    for file, status in ((tmp_path / "there.pt", "ok"), (tmp_path / "absent.pt", "fail")):
+        chosen = {"run": OmegaConf.create({"perceiver": {"name": "sam", "weights": str(file)}})}
+        (check,) = checkup.weights(chosen)
+        assert check.status == status
+        assert "perceiver.weights=" in check.found
 
 
 def test_optional_parts_never_fail():

@@ -26,7 +26,7 @@ class CheckLimits:
     max_speed: float = 1.0
     limit_margin: float = 0.02
     joint_jump: float = 0.35
-    min_manipulability: float = 0.01
+    min_manipulability: float = 0.004
     free_clearance: float = 0.005
     linear_clearance: float = 0.001
     sweep_step: float = 0.02

@@ -43,12 +43,17 @@ class Leg:
 def resolve_motion(
     trajectory: Trajectory, scene: Scene, arm: Arm, start_pose: FloatArray, start_joints: FloatArray
 ) -> list[Leg]:
-    """All legs, each from the joints where the one before ended; after a leg with no way, from where that began."""
+    """All legs, each from the joints where the one before ended; after a leg with no way, from where that began.
+
+    A redundant arm reaches the end of a planned move in many ways. As the motion planner does, the solution is
+    preferred from which the straight moves after it are possible.
+    """
     legs: list[Leg] = []
     joints, pose, opening = np.asarray(start_joints, dtype=np.float64), start_pose, 1.0
     attached: Attachment | None = None
     objects = {o.id: o for o in scene.objects}
-    for i, (w, target) in enumerate(zip(trajectory, trajectory.poses(start_pose), strict=True)):
+    poses = trajectory.poses(start_pose)
+    for i, (w, target) in enumerate(zip(trajectory, poses, strict=True)):
         if not w.carries:
             attached = None
         elif w.carries in objects and (attached is None or attached.object.id != w.carries):
@@ -61,14 +66,50 @@ def resolve_motion(
         elif w.motion == "linear":
             samples = list(arm.line(joints, target, LINE_STEP) or ())
         else:
-            reached = arm.inverse(target, near=joints)
-            samples = [] if reached is None else [reached.joints]
+            after = _straight_after(trajectory, poses, i)
+            end = _planned_end(arm, target, joints, after)
+            samples = [] if end is None else [end]
         solution = arm.inverse(target, near=samples[-1] if samples else joints)
         if samples:
             joints = np.asarray(samples[-1])
         legs.append(Leg(i, w, target, start, solution, samples, opening, attached))
         pose, opening = target, float(np.clip(w.gripper, 0.0, 1.0))
     return legs
+
+
+def _straight_after(trajectory: Trajectory, poses: Sequence[FloatArray], index: int) -> list[FloatArray]:
+    """Poses of the straight moves right after a waypoint."""
+    after: list[FloatArray] = []
+    for waypoint, pose in zip(trajectory.waypoints[index + 1 :], poses[index + 1 :], strict=True):
+        if waypoint.motion != "linear":
+            break
+        if not _still(after[-1] if after else poses[index], pose):
+            after.append(pose)
+    return after
+
+
+def _planned_end(
+    arm: Arm, target: FloatArray, joints: FloatArray, after: Sequence[FloatArray]
+) -> FloatArray | None:
+    """Joints at the end of a planned move: nearest to ``joints`` if the straight moves after it work from there."""
+    first: FloatArray | None = None
+    for seed in (joints, arm.home):
+        solution = arm.inverse(target, near=seed)
+        if solution is None:
+            continue
+        first = solution.joints if first is None else first
+        if _can_follow(arm, solution.joints, after):
+            return solution.joints
+    return first
+
+
+def _can_follow(arm: Arm, joints: FloatArray, poses: Sequence[FloatArray]) -> bool:
+    for pose in poses:
+        line = arm.line(joints, pose, 2 * LINE_STEP)
+        if not line:
+            return False
+        joints = np.asarray(line[-1])
+    return True
 
 
 def _still(a: FloatArray, b: FloatArray) -> bool:

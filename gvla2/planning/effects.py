@@ -58,7 +58,7 @@ def apply_effects(
     for effect in (e for e in relevant if e.kind == "prior" and e.count > 0):
         before = changed[effect.parameter]
         changed[effect.parameter] += effect.count / (effect.count + prior_strength) * (effect.value - before)
-        if abs(changed[effect.parameter] - before) > 1e-9:
+        if f"{changed[effect.parameter]:.4g}" != f"{before:.4g}":
             notes.append(
                 f"{effect.parameter}: {before:.4g} -> {changed[effect.parameter]:.4g} by experience {effect.source}"
             )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,23 @@ class Reconstruction:
     gaussians: Gaussians | None
     mesh: Mesh | None
     status: str = "ok"
+
+
+@dataclass(frozen=True)
+class StageReport:
+    """What one stage of the branch did, and why: nothing falls back in silence.
+
+    ``status``: ``applied``, ``partial`` (applied to a part of the points), ``rejected`` (a gate kept the input),
+    ``fallback`` (another way was taken) or ``skipped`` (switched off, or there was nothing to do). ``reason`` is a
+    sentence; ``before`` and ``after`` hold the stage's own measures by name (symmetric IoU, mean support, ...).
+    """
+
+    stage: str
+    status: Literal["applied", "partial", "rejected", "fallback", "skipped"]
+    reason: str = ""
+    before: Mapping[str, float] = field(default_factory=dict)
+    after: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,7 @@ def css_colour(colour: Colour) -> str:
 def png(image: Image.Image) -> bytes:
     """The picture as a PNG file's bytes."""
     stream = io.BytesIO()
-    image.save(stream, format="PNG", optimize=True)
+    image.save(stream, format="PNG")
     return stream.getvalue()
 
 

@@ -90,7 +90,7 @@ def plan_overlay(
     camera, waypoints = view.camera, list(trajectory)
     stops = [np.asarray(w.xyz, dtype=np.float64) for w in waypoints]
     path = stops if start is None else [np.asarray(start, dtype=np.float64), *stops]
-    canvas = Canvas(view.image, width, _part(camera, path, scene))
+    canvas = Canvas(view.image, width, _part(camera, stops, scene))
     if scene is not None:
         _draw_shadow(canvas, camera, path, scene.table_height)
     openings = [1.0, *(w.gripper for w in waypoints)]
@@ -118,8 +118,9 @@ def _stage_labels(waypoints: Sequence[Waypoint], names: Sequence[int]) -> list[s
     for k in names:
         before = waypoints[k - 1].gripper if k else 1.0
         change = waypoints[k].gripper - before
+        name = waypoints[k].stage.replace("_", " ")
         act = " (closes)" if change < -0.05 else " (opens)" if change > 0.05 else ""
-        labels[waypoints[k].stage.replace("_", " ") + act] = None
+        labels[name if name in act else name + act] = None
     return list(labels)
 
 
@@ -139,9 +140,9 @@ def _clusters(camera: Camera, waypoints: Sequence[Waypoint], scale: float) -> li
     return clusters
 
 
-def _part(camera: Camera, path: Sequence[FloatArray], scene: Scene | None) -> Rect:
-    """A square of the image with the path and the objects, and some space about them; at least half the image."""
-    points = [*path, *(corner for o in (scene.objects if scene else ()) for corner in o.corners())]
+def _part(camera: Camera, stops: Sequence[FloatArray], scene: Scene | None) -> Rect:
+    """A square of the image with the waypoints and the objects, and some space about them; at least half the image."""
+    points = [*stops, *(corner for o in (scene.objects if scene else ()) for corner in o.corners())]
     whole = min(camera.width, camera.height)
     uv, _ = camera.project(np.array(points, dtype=np.float64).reshape(-1, 3))
     uv = uv[camera.inside(uv)]

@@ -48,6 +48,7 @@ def render_page(
         plan_notes=plan_notes,
         candidates=sections.ranked_candidates(record.plan) if record.plan else [],
         checks=sections.check_cards(record.checks) if record.checks else [],
+        executed=wording.executed(record),
         finding=lambda stage: wording.finding(record, stage),
     )
 
@@ -77,8 +78,8 @@ def render(template: str, **values: Any) -> str:
     environment.filters.update(
         number=wording.number,
         seconds=wording.seconds,
-        mm=lambda metres: wording.number(1000 * metres, 1),
-        position=lambda xyz: ", ".join(wording.number(float(v), 3) for v in xyz),
+        fixed=wording.fixed,
+        mm=lambda metres: wording.fixed(1000 * metres, 1),
         counted=wording.count,
         called=sections.called,
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from PIL import Image
 
@@ -11,7 +12,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.drawing import png
 from gvla2.record.overlay import perception_overlay, plan_overlay, plan_views
-from gvla2.record.sheet import contact_sheet, depth_picture
+from gvla2.record.sheet import depth_picture
 
 
 @dataclass(frozen=True)
@@ -48,28 +49,26 @@ def plain_picture(view: View, width: int = 512) -> Image.Image:
     return picture.resize((picture.width * scale, picture.height * scale), Image.Resampling.LANCZOS)
 
 
-def camera_pictures(observation: Observation, scene: Scene | None) -> tuple[CameraPictures, ...]:
-    """Each camera's pictures; without ``scene`` those with objects stay empty."""
+def camera_pictures(observation: Observation) -> tuple[CameraPictures, ...]:
+    """Each camera's picture and depth, without objects yet."""
     return tuple(
         CameraPictures(
             view.name,
             plain=png(Image.fromarray(view.image)),
-            objects=png(perception_overlay(view, scene)) if scene is not None else b"",
             depth=png(depth_picture(view.depth)) if view.depth is not None else b"",
         )
         for view in observation.views
     )
 
 
-def perception_sheet(observation: Observation, scene: Scene) -> bytes:
-    """``perception.png``: all cameras with the perceived objects."""
-    return png(contact_sheet([(v.name, perception_overlay(v, scene)) for v in observation.views]))
-
-
-def depth_sheet(observation: Observation) -> bytes:
-    """``depth.png``: all cameras' depth; no bytes when none measures it."""
-    tiles = [(v.name, depth_picture(v.depth)) for v in observation.views if v.depth is not None]
-    return png(contact_sheet(tiles)) if tiles else b""
+def with_objects(
+    pictures: Sequence[CameraPictures], observation: Observation, scene: Scene
+) -> tuple[CameraPictures, ...]:
+    """The cameras' pictures with those of the perceived objects."""
+    return tuple(
+        replace(camera, objects=png(perception_overlay(view, scene)))
+        for camera, view in zip(pictures, observation.views, strict=True)
+    )
 
 
 def plan_pictures(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Scene
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png
@@ -21,11 +22,10 @@ from gvla2.record.page import render_page
 from gvla2.record.pictures import (
     Pictures,
     camera_pictures,
-    depth_sheet,
     main_view,
-    perception_sheet,
     plain_picture,
     plan_pictures,
+    with_objects,
 )
 from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
@@ -105,17 +105,10 @@ class RunRecorder:
         plan = record.plan.trajectory if record.plan else None
         if seen is not None:
             self._once("before", seen, "The picture before", lambda: self._photograph(seen, "before"))
-            self._once(
-                "depth", seen, "The depth pictures", lambda: self._save("depth.png", depth_sheet(seen))
-            )
-            self._once("cameras", (seen, scene), "The cameras' pictures", lambda: self._show_cameras(record))
+            self._once("cameras", seen, "The cameras' pictures", lambda: self._show_cameras(seen))
         if seen is not None and scene is not None:
-            self._once(
-                "perception",
-                (seen, scene),
-                "The picture of the objects",
-                lambda: self._save("perception.png", perception_sheet(seen, scene)),
-            )
+            what = "The picture of the objects"
+            self._once("objects", (seen, scene), what, lambda: self._show_objects(seen, scene))
         if seen is not None and plan is not None:
             self._once(
                 "plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record)
@@ -131,9 +124,16 @@ class RunRecorder:
         setattr(self._pictures, when, picture)
         self._save(f"{when}.png", picture)
 
-    def _show_cameras(self, record: EpisodeRecord) -> None:
-        if record.observation is not None:
-            self._pictures.cameras = camera_pictures(record.observation, record.scene)
+    def _show_cameras(self, observation: Observation) -> None:
+        self._pictures.cameras = camera_pictures(observation)
+        depths = [(camera.name, camera.depth) for camera in self._pictures.cameras if camera.depth]
+        self._save("depth.png", contact_sheet_of(depths))
+
+    def _show_objects(self, observation: Observation, scene: Scene) -> None:
+        cameras = self._pictures.cameras or camera_pictures(observation)
+        self._pictures.cameras = with_objects(cameras, observation, scene)
+        found = [(camera.name, camera.objects) for camera in self._pictures.cameras]
+        self._save("perception.png", contact_sheet_of(found))
 
     def _show_plan(self, record: EpisodeRecord) -> None:
         if record.observation is None or record.plan is None or record.plan.trajectory is None:

@@ -15,7 +15,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation
 from gvla2.record.contents import EpisodeRecord, Stage
 from gvla2.record.drawing import css_colour, marker_colour
-from gvla2.record.wording import OUTCOMES, State, count, executed, finding, listing, number, state
+from gvla2.record.wording import OUTCOMES, State, count, executed, finding, fixed, listing, number, state
 
 CHECKS: tuple[tuple[CheckName, str], ...] = (
     ("schema", "Numbers finite, units, frame, count of waypoints"),
@@ -151,7 +151,7 @@ def _verdict_tile(record: EpisodeRecord) -> Tile:
     if verdict.outcome == "unavailable":
         return Tile(title, "Unavailable", "idle", note)
     tone = {"verified_success": "good", "verified_fail": "bad"}.get(verdict.outcome, "unsure")
-    value = f"{OUTCOMES[verdict.outcome].capitalize()} {number(verdict.quality, 2)}"
+    value = f"{OUTCOMES[verdict.outcome].capitalize()} {fixed(verdict.quality, 2)}"
     return Tile(title, value, tone, note)
 
 
@@ -198,7 +198,11 @@ def story(record: EpisodeRecord) -> str:
         parts.append(f"Its own verifier {word}.")
     if record.judgement is not None:
         eased, strict = ("met" if v else "not met" for v in (record.judgement.eased, record.judgement.strict))
-        parts.append(f"By true state the eased goal is {eased}, the strict one {strict}.")
+        parts.append(
+            f"By true state the eased and the strict goal are {eased}."
+            if eased == strict
+            else f"By true state the eased goal is {eased}, the strict one is {strict}."
+        )
     return " ".join(parts) or "The run ended before anything was seen."
 
 
@@ -250,7 +254,7 @@ def effect_words(effect: Mapping[str, object] | None) -> str:
     skill = f", for the skill “{effect['skill']}”" if effect.get("skill") else ""
     match kind:
         case "bound":
-            return f"{parameter} {effect.get('op', '')} {_figure(effect.get('value'))}{skill}"
+            return f"{parameter} {effect.get('op', '>=')} {_figure(effect.get('value', 0.0))}{skill}"
         case "prior":
             spread = f" ± {_figure(effect.get('sd'))}" if effect.get("sd") else ""
             return f"{parameter} ≈ {_figure(effect.get('value'))}{spread}, {effect.get('count', 0)} successes{skill}"

@@ -53,6 +53,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return text
 
 
+def fixed(value: float | None, digits: int) -> str:
+    """A number with exactly ``digits`` decimals, "–" for none or not-a-number."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
 def seconds(value: float | None) -> str:
     """Wall time, "0.4 s"."""
     if value is None or not math.isfinite(value):
@@ -150,7 +155,7 @@ def executed(record: EpisodeRecord) -> str:
     text = f"{done} of {count(planned, 'waypoint')}"
     abort = report.abort
     if abort is not None:
-        text += f", stopped at {abort.index} ({one_line(abort.stage, 24)}): {abort.abort}"
+        text += f", stopped at waypoint {abort.index} ({one_line(abort.stage, 24)}): {abort.abort}"
     return text
 
 
@@ -159,7 +164,7 @@ def judged(record: EpisodeRecord) -> str:
     verdict = record.verdict
     if verdict is None:
         return ""
-    return verdict.outcome + ("" if verdict.outcome == "unavailable" else f" {number(verdict.quality, 2)}")
+    return verdict.outcome + ("" if verdict.outcome == "unavailable" else f" {fixed(verdict.quality, 2)}")
 
 
 def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure"]]:

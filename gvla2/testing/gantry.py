@@ -15,6 +15,9 @@ DOWN = np.array([0.0, 0.0, -1.0])
 TILT = 0.05
 """How far from straight down, as 1 - cos, a pose may point and still be reached."""
 
+SPARE_TRAVEL = 0.1
+"""Metres that the axes go beyond the workspace, so that its border is no joint limit."""
+
 
 class Gantry:
     """Joints (x, y, z, yaw) in metres and radians: the hand always points down.
@@ -66,9 +69,9 @@ class Gantry:
         if near is not None:  # the hand's two halves are alike: take the nearer half turn
             turn += np.pi * round((float(near[3]) - turn) / np.pi)
         joints = np.array([*position, turn])
-        margin = min((position - self._workspace.low).min(), (self._workspace.high - position).min())
+        inside = min((position - self._workspace.low).min(), (self._workspace.high - position).min())
         error = float(np.arccos(np.clip(approach @ DOWN, -1.0, 1.0)))
-        return IKSolution(joints, float(margin), 1.0, 0.0, error)
+        return IKSolution(joints, float(inside) + SPARE_TRAVEL, 1.0, 0.0, error)
 
     def clearance(
         self,

@@ -10,7 +10,8 @@ from gvla2_plugins.classical.clusters import alike
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.pixels import IntArray, Pixels
-from gvla2_plugins.classical.things import GOOD, Thing, shape_thing
+from gvla2_plugins.classical.shaping import GOOD, shape_thing
+from gvla2_plugins.classical.things import Thing
 
 from gvla2.geometry.transform import FloatArray
 
@@ -91,7 +92,7 @@ def _take_apart(
     cuts = split_by_height(thing.points, max(12, min_points // 2))
     if len(cuts) < 2:
         return [thing]
-    parts = [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts]
+    parts = _absorb(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
     weight = np.array([len(p.members) for p in parts], dtype=np.float64)
     better = float(weight @ [p.agreement for p in parts]) / weight.sum()
     return parts if better > thing.agreement + 0.05 else [thing]
@@ -127,7 +128,7 @@ def _carries(lower: Thing, upper: Thing) -> bool:
 
 
 def _under(lower: Thing, upper: Thing) -> bool:
-    return lower.top < upper.bottom + TOUCH and _over_one_another(lower, upper)
+    return lower.top < min(upper.bottom + TOUCH, upper.top - 0.002) and _over_one_another(lower, upper)
 
 
 def _over_one_another(lower: Thing, upper: Thing) -> bool:

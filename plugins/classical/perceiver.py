@@ -121,7 +121,8 @@ def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:
         colour, sure = colour_word(rgb)
         label = f"{colour} {noun_for(thing, things, belongs[k])}"
         parent = f"thing{belongs[k]}" if belongs[k] >= 0 else ""
-        confidence = round(float(np.clip(thing.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3)
+        seen = 0.8 * thing.agreement if thing.guessed else thing.agreement
+        confidence = round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3)
         points = evenly(thing.points, MOST_POINTS)
         objects.append(
             SceneObject(
@@ -199,4 +200,6 @@ def _carried_notes(things: Sequence[Thing], ids: dict[str, str]) -> list[str]:
             notes.append(f"{own} stands on {carrier}.")
         elif own and thing.floating:
             notes.append(f"{own} does not stand on anything that is seen.")
+        if own and thing.guessed:
+            notes.append(f"How deep {own} is was not seen; it is taken to be as deep as wide.")
     return sorted(notes)

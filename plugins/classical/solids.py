@@ -72,12 +72,13 @@ def circle_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
 @dataclass(frozen=True)
 class Fit:
     """A fitted solid: ``parameters`` (P,); ``cost`` mean robust squared error, m^2; ``agreement`` in [0, 1], the
-    share of surface points on the surface less the share of free points well inside.
+    share of surface points on the surface less ``intrusion``, the share of free points well inside.
     """
 
     parameters: FloatArray
     cost: float
     agreement: float
+    intrusion: float
 
 
 def fit_solid(
@@ -90,6 +91,7 @@ def fit_solid(
     hold: Sequence[int] = (),
     limits: tuple[Sequence[float], Sequence[float]] | None = None,
     filled: bool = False,
+    slack: float = 0.0,
     tolerance: float = 0.005,
     steps: int = 14,
 ) -> Fit:
@@ -97,7 +99,8 @@ def fit_solid(
 
     ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
     that hit the solid, which must reach into it somewhere, however wrong their depth is; ``hold`` indices of
-    parameters that stay, ``limits`` their least and greatest values. With ``filled`` the seen points may also lie inside, as those of a painted patch do.
+    parameters that stay, ``limits`` their least and greatest values. With ``filled`` the seen points may also lie
+    inside, as those of a painted patch do, or ``slack`` metres outside, where their depth is noisy.
     """
     parameters = np.asarray(start, dtype=np.float64).copy()
     moving = [i for i in range(len(parameters)) if i not in hold]
@@ -111,7 +114,7 @@ def fit_solid(
         value = distance(candidates, points)
         seen, outside = value[:, :first_free], value[:, first_free:first_ray]
         reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
-        seen = np.maximum(seen, 0.0) if filled else seen
+        seen = np.maximum(seen - slack, 0.0) if filled else seen
         return np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1)
 
     step_size = 1e-5
@@ -146,8 +149,9 @@ def fit_solid(
             break
     on = np.abs(error[:first_free]) < tolerance
     inside = error[first_free:first_ray] < -tolerance
-    agreement = float(on.mean() if len(surface) else 0.0) - float(inside.mean() if len(free) else 0.0)
-    return Fit(parameters, cost, max(0.0, agreement))
+    intrusion = float(inside.mean()) if len(free) else 0.0
+    agreement = max(0.0, float(on.mean()) - intrusion) if len(surface) else 0.0
+    return Fit(parameters, cost, agreement, intrusion)
 
 
 def _weight(error: FloatArray) -> FloatArray:

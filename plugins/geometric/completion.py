@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,28 +97,49 @@ def _pick(case: Case) -> Finding:
 
 
 def _push(case: Case) -> Finding:
-    """The theme's centre ended inside the goal's footprint."""
+    """The theme's centre ended inside the goal's footprint; against a solid goal it came to touch it."""
     theme, goal = case.role("theme", "part"), case.role("goal")
-    if theme is None or goal is None:
-        return Finding(None, "The plan does not say what was to be pushed where.")
+    if theme is None:
+        return Finding(None, "The plan does not say what was to be pushed.")
     if case.evidence.after is None:
         return Finding(None, "Nothing was perceived at the end.")
     later = case.later(theme)
     if later is None:
         return Finding(None, f"{theme.label} was not seen again.")
-    outside = outside_footprint(later.centre, _goal_now(case, goal))
-    if outside <= case.config.margin:
-        return Finding(1.0, f"{theme.label} lies inside {goal.label}.")
-    # Half a body's width off is halfway lost: the goal is touched, not reached.
+    if goal is None:
+        return _shifted(case, theme, later)
     reach = float(later.extents[:2].max())
+    if goal.shape == "region":
+        return _inside(case, later, goal, reach)
+    gap = outside_footprint(later.centre, _goal_now(case, goal)) - 0.5 * reach
+    if gap <= 0.015:
+        return Finding(1.0, f"{theme.label} lies against {goal.label}.")
     return Finding(
-        max(0.0, 0.45 * (1 - outside / reach)),
-        f"{theme.label} lies {100 * outside:.1f} cm outside {goal.label}.",
+        max(0.0, 0.45 * (1 - gap / reach)), f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}."
     )
 
 
+def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Finding:
+    """A push without a goal: the theme went along with the hand's strokes, half of their way at least."""
+    plan = case.evidence.plan
+    waypoints = plan.trajectory.waypoints if plan.trajectory else ()
+    stroke = np.zeros(3)
+    for before, after in pairwise(waypoints):
+        if theme.id in after.allowed_contacts and after.stage.startswith("push"):
+            stroke += np.subtract(after.xyz, before.xyz)
+    length = float(np.linalg.norm(stroke))
+    planned = length - plan.parameters.get("standoff", 0.0)
+    if length < 1e-6 or planned <= case.config.same_place:
+        return Finding(None, "The plan does not say how far to push.")
+    along = float((later.centre - theme.centre) @ stroke) / length
+    said = f"{theme.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
+    if 0.5 * planned <= along <= 1.5 * planned:
+        return Finding(1.0, f"{said}.")
+    return Finding(max(0.0, 0.4 * min(along / planned, 1.0)), f"{said}: not as planned.")
+
+
 def _place(case: Case) -> Finding:
-    """The theme rests on the goal, or in it, and the hand let go."""
+    """The theme rests on the goal, in it, or beside it where the plan meant that, and the hand let go."""
     theme, goal = case.role("theme", "part"), case.role("goal")
     if theme is None or goal is None:
         return Finding(None, "The plan does not say what was to be put where.")
@@ -128,19 +150,39 @@ def _place(case: Case) -> Finding:
     later = case.later(theme)
     if later is None:
         return Finding(None, f"{theme.label} was not seen again.")
+    reach, slack = float(later.extents[:2].max()), max(0.015, 0.2 * float(later.extents[2]))
+    beside = _meant_beside(case, goal, reach)
+    if beside is not None:
+        off = float(np.linalg.norm((later.centre - beside)[:2]))
+        if off > max(0.03, 0.5 * reach):
+            return Finding(0.1, f"{theme.label} lies {100 * off:.1f} cm from where it was to be put.")
+        if later.bottom > case.before.table_height + slack:
+            return Finding(0.2, f"{theme.label} does not rest on the table.")
+        return Finding(1.0, f"{theme.label} rests beside {goal.label}, where it was to be put.")
+    found = _inside(case, later, goal, reach)
     goal_now = _goal_now(case, goal)
-    outside = outside_footprint(later.centre, goal_now)
-    if outside > case.config.margin:
-        reach = float(later.extents[:2].max())
-        return Finding(
-            max(0.0, 0.45 * (1 - outside / reach)),
-            f"{theme.label} lies {100 * outside:.1f} cm outside {goal.label}.",
-        )
-    slack = max(0.015, 0.2 * float(later.extents[2]))
-    low, high = goal_now.bottom - slack, goal_now.top + slack
-    if not low <= later.bottom <= high:
+    if found.score == 1.0 and not goal_now.bottom - slack <= later.bottom <= goal_now.top + slack:
         return Finding(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
-    return Finding(1.0, f"{theme.label} rests on {goal.label}.")
+    return found
+
+
+def _inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> Finding:
+    """The thing's centre in the goal's footprint; half a body's width off, the goal is touched, not reached."""
+    outside = outside_footprint(thing.centre, _goal_now(case, goal))
+    if outside <= case.config.margin:
+        return Finding(1.0, f"{thing.label} lies within {goal.label}.")
+    score = max(0.0, 0.45 * (1 - outside / reach))
+    return Finding(score, f"{thing.label} lies {100 * outside:.1f} cm outside {goal.label}.")
+
+
+def _meant_beside(case: Case, goal: SceneObject, reach: float) -> FloatArray | None:
+    """(3,) where the hand was to let go, when that is clearly beside the goal; None when it is on or in it."""
+    plan = case.evidence.plan
+    carried = [w.xyz for w in (plan.trajectory.waypoints if plan.trajectory else ()) if w.carries]
+    if not carried:
+        return None
+    spot = np.asarray(carried[-1], dtype=np.float64)
+    return spot if outside_footprint(spot, goal) > 0.5 * reach else None
 
 
 def _press(case: Case) -> Finding:

@@ -10,6 +10,11 @@ from typing import Any
 from gvla2_plugins.sapien_panda.looks import find_mesh
 from gvla2_plugins.sapien_panda.panda import PandaFiles
 
+FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
+
+PATCH_RADIUS = 0.1
+"""Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""
+
 
 def load_panda(scene: Any, files: PandaFiles, friction: float) -> Any:
     """The Panda as an articulation in ``scene``, base fixed, fingers coupled and rough (``friction``).
@@ -39,9 +44,3 @@ def load_panda(scene: Any, files: PandaFiles, friction: float) -> Any:
     for link in panda.links:
         link.disable_gravity = True  # a real Panda's controller carries its own weight, too
     return panda
-
-
-FINGER_LINKS = ("panda_leftfinger", "panda_rightfinger")
-
-PATCH_RADIUS = 0.1
-"""Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""

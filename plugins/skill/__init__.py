@@ -26,7 +26,7 @@ class SkillConfig(ComponentConfig):
     speed: float = 0.25
     contact_speed: float = 0.08
     spelling: float = 0.7
-    tries: int = 24
+    tries: int = 16
 
 
 def _build(config: SkillConfig) -> Planner:

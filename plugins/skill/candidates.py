@@ -11,6 +11,7 @@ from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
 from gvla2.planning.effects import Effect
+from gvla2.planning.findings import CheckReport
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.08, 0.04
 """Distance to joint limits (radians), manipulability and clearance (metres) from which more is no better."""
@@ -48,15 +49,22 @@ def choose(
     candidates: list[Candidate] = []
     chosen: Proposal | None = None
     tried, passed_over = 0, not request.rejections
+    unreached: dict[bytes, str] = {}
     for score, trouble, proposal in scored:
         rejected = next(
             (f"memory forbids {a} ({forbidden[a]})" for a in proposal.approaches if a in forbidden), ""
         )
         rejected = rejected or trouble
+        poses = b"".join(pose.tobytes() for pose in proposal.trajectory.poses(request.start))
+        rejected = rejected or unreached.get(poses, "")
         if not rejected and chosen is None:
             if tried < tries:
                 tried += 1
-                rejected = _check(proposal, request, skill, parameters)
+                report = _check(proposal, request, skill, parameters)
+                rejected = " ".join(report.reasons)
+                failed = {f.check for f in report.findings if not f.passed}
+                if failed == {"kinematics"}:  # nor will the same poses with the hand opened otherwise do
+                    unreached[poses] = rejected
             else:
                 rejected = f"not checked: {tries} better ones were"
             if not rejected and not passed_over:
@@ -102,9 +110,11 @@ def _ease(proposal: Proposal, request: PlanRequest) -> tuple[float, str]:
     return round(float(proposal.preference + ease), 4), ""
 
 
-def _check(proposal: Proposal, request: PlanRequest, skill: str, parameters: Mapping[str, float]) -> str:
-    """The checks' reasons against it, "" when it passes."""
-    report = check_trajectory(
+def _check(
+    proposal: Proposal, request: PlanRequest, skill: str, parameters: Mapping[str, float]
+) -> CheckReport:
+    """What the checks say."""
+    return check_trajectory(
         proposal.trajectory,
         request.scene,
         request.arm,
@@ -114,4 +124,3 @@ def _check(proposal: Proposal, request: PlanRequest, skill: str, parameters: Map
         parameters=parameters,
         skill=skill,
     )
-    return " ".join(report.reasons)

@@ -63,6 +63,8 @@ def test_a_verified_hint_is_recalled_with_its_effect(open_bank: Open, episode: O
         "Сколько сейчас времени в Москве?",
         "今天天气怎么样",
         "明日の天気はどうですか",
+        "Recommend a small restaurant near the station",
+        "Which red wine goes with roasted venison?",
         "the of and to it",
         "",
         "!!! ???",

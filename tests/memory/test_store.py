@@ -59,7 +59,7 @@ def test_two_processes_create_and_fill_a_new_bank_at_once(url: str) -> None:
 def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
     program = "import runpy, sys; runpy.run_path(sys.argv[1])['write'](sys.argv[2], sys.argv[3], 100000)"
     acknowledged: set[str] = set()
-    for round_ in range(3):
+    for round_ in range(2):
         process = subprocess.Popen(
             [sys.executable, "-c", program, __file__, url, f"round{round_}"],
             stdout=subprocess.PIPE,
@@ -76,7 +76,7 @@ def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
         process.stdout.close()
     with Store.open(url) as store:
         stored = {r.id for r in store.records("default")}
-    assert len(acknowledged) > 45
+    assert len(acknowledged) > 30
     assert acknowledged <= stored
 
 
@@ -99,6 +99,17 @@ def spoil(path: Path, how: str) -> None:
         data = bytearray(path.read_bytes())
         data[4096:] = os.urandom(len(data) - 4096)
         path.write_bytes(data)
+    elif how == "rotten":  # one page of a file that looks well from outside
+        bank = KnowledgeBank.open(
+            f"sqlite:///{path}", retriever=HybridRetriever(HybridConfig()), embedder=HashEmbedder()
+        )
+        with bank:
+            lessons = tuple(Lesson("tool_usage", f"lesson {i}") for i in range(16))
+            bank.learn(MemoryEpisode(MemoryTask("q"), lessons), SUCCESS)
+        data = bytearray(path.read_bytes())
+        page = data.rindex(b"lesson 7") // 4096 * 4096
+        data[page : page + 200] = b"\xff" * 200
+        path.write_bytes(data)
     elif how == "read-only":
         path.chmod(0o444)
 
@@ -111,6 +122,7 @@ def spoil(path: Path, how: str) -> None:
         ("newer", "schema 99"),
         ("stateless", "damaged"),
         ("torn", "corrupt|malformed"),
+        ("rotten", "corrupt|malformed"),
         ("read-only", "read-only"),
     ],
 )

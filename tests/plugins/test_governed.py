@@ -14,6 +14,7 @@ from gvla2_plugins.governed.memory import GovernedMemory, default_url
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.testing.component import check_component
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")
@@ -157,3 +158,16 @@ def test_switches_reach_the_bank(path: Path) -> None:
     from gvla2.memory.bank import BankOptions
 
     assert fields == set(BankOptions.__dataclass_fields__)
+
+
+def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
+    parts = {}
+    for kind, (component,) in (
+        ("retriever", hybrid.gvla2_retrievers()),
+        ("embedder", hash_embedder.gvla2_embedders()),
+    ):
+        check_component(component, kind)
+        parts[kind] = component.build(component.config(name=component.name))
+    (memory,) = governed.gvla2_memories()
+    check_component(memory, "memory", **parts)

@@ -23,7 +23,7 @@ from gvla2.robot.backend import Judgement
 from gvla2.robot.report import ExecutionReport, WaypointReport
 
 TABLE = 0.752
-SIDE = 128
+SIDE = 64
 CAMERAS = {
     "front": ((1.35, 0.0, 1.58), (-0.906, 0.0, -0.423), 40.0),
     "left_shoulder": ((-0.175, 0.2, 1.98), (0.416, -0.073, -0.906), 40.0),

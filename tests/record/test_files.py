@@ -47,8 +47,12 @@ def test_json_takes_what_numpy_gives(tmp_path: Path) -> None:
     }
 
 
-@given(st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
-                    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3)))  # fmt: skip
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.floats() | st.integers() | st.text(),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    )
+)
 @settings(max_examples=60, deadline=None)
 def test_anything_becomes_strict_json(value: object) -> None:
     text = json.dumps(plain(value), allow_nan=False)

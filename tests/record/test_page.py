@@ -178,7 +178,10 @@ def test_an_oracle_run_is_marked(episode: Callable[..., EpisodeRecord]) -> None:
 
 def test_hostile_texts_stay_texts(episode: Callable[..., EpisodeRecord]) -> None:
     full = episode()
-    assert full.scene and full.plan and full.recalled and full.report and full.plan.trajectory
+    assert full.scene
+    assert full.recalled
+    assert full.plan
+    assert full.plan.trajectory
     bad_object = replace(full.scene.objects[0], label=HOSTILE, colour=HOSTILE, parent=HOSTILE)
     bad_waypoint = replace(
         full.plan.trajectory.waypoints[0], stage=HOSTILE, allowed_contacts=frozenset({HOSTILE})
@@ -225,7 +228,9 @@ def test_hostile_texts_stay_texts(episode: Callable[..., EpisodeRecord]) -> None
 def test_numbers_that_are_not_numbers_do_not_break_the_page(episode: Callable[..., EpisodeRecord]) -> None:
     nan = float("nan")
     full = episode()
-    assert full.report and full.plan and full.recalled
+    assert full.report
+    assert full.plan
+    assert full.recalled
     waypoint = replace(full.report.waypoints[0], error=nan, gripper_width=nan, reached=(nan, nan, nan))
     record = replace(
         full,

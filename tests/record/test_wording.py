@@ -30,7 +30,7 @@ def test_a_motion_that_stopped_is_named(episode: Callable[..., EpisodeRecord]) -
     assert record.report is not None
     stopped = replace(record.report.waypoints[2], abort="slipped")
     short = replace(record, report=replace(record.report, waypoints=(*record.report.waypoints[:2], stopped)))
-    assert finding(short, "execute") == "2 of 6 waypoints, stopped at 2 (lift): slipped"
+    assert finding(short, "execute") == "2 of 6 waypoints, stopped at waypoint 2 (lift): slipped"
     assert state(short, "execute") == "failed"
 
 
@@ -44,8 +44,17 @@ def test_a_verifier_that_says_no_is_not_a_broken_run(episode: Callable[..., Epis
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.1 + 0.2, "0.3"), (2.0, "2"), (0.00004, "4e-05"), (0.0, "0"), (float("nan"), "–"), (None, "–"), (100.0, "100")]
-)  # fmt: skip
+    ("value", "text"),
+    [
+        (0.1 + 0.2, "0.3"),
+        (2.0, "2"),
+        (4e-5, "4e-05"),
+        (0.0, "0"),
+        (float("nan"), "–"),
+        (None, "–"),
+        (100.0, "100"),
+    ],
+)
 def test_numbers_read_well(value: float | None, text: str) -> None:
     assert number(value) == text
 

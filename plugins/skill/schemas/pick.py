@@ -21,6 +21,8 @@ LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 the side, which is no longer from the top."""
 STEEP = 0.7
 """A hand whose pointing direction goes down by less than this share comes from the side."""
+BENT = 0.15
+"""What a lift that is not straight costs of the preference: more time with the object in the air."""
 YAWS = 8
 
 
@@ -57,17 +59,26 @@ def propose_pick(job: Job) -> list[Proposal] | Abstention:
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
-    return [_pick(job, grasp) for grasp in found]
+    return [_pick(job, grasp, straight) for straight in (True, False) for grasp in found]
 
 
-def _pick(job: Job, grasp: Grasp) -> Proposal:
-    path = take(job, grasp)
-    height = min(grasp.centre[2] + job.theta["lift_height"], job.ceiling())
-    path.line("lift", np.array([*grasp.centre[:2], height]), allowed=frozenset({job.theme.id, "table"}))
-    notes = ()
-    if height < grasp.centre[2] + job.theta["lift_height"] - 1e-6:
-        notes = (f"The lift ends at the workspace's ceiling, {height:.3f} m.",)
-    return Proposal(grasp.description, grasp.approaches, grasp.preference, path.trajectory(), notes)
+def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
+    """Lifted in one straight move; or, close to the arm's foot where such a line is short, out straight and then
+    by a planned move.
+    """
+    path, touching = take(job, grasp), frozenset({job.theme.id, "table"})
+    wanted = grasp.centre[2] + job.theta["lift_height"]
+    height = min(wanted, job.ceiling())
+    up = np.array([*grasp.centre[:2], height])
+    if straight:
+        path.line("lift", up, allowed=touching)
+    else:
+        out = np.array([*up[:2], min(grasp.centre[2] + job.theta["standoff"], height)])
+        path.line("lift", out, allowed=touching).go("raise", up)
+    notes = () if height > wanted - 1e-6 else (f"The lift ends at the workspace's ceiling, {height:.3f} m.",)
+    how = grasp.description + ("" if straight else ", raised by a planned move")
+    preference = grasp.preference - (0.0 if straight else BENT)
+    return Proposal(how, grasp.approaches, preference, path.trajectory(), notes)
 
 
 def take(job: Job, grasp: Grasp) -> Path:

@@ -1,0 +1,297 @@
+"""From episodes to lessons, and through a real bank back to a planner's effects."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
+from gvla2_plugins.hybrid import HybridConfig
+from gvla2_plugins.hybrid.retriever import HybridRetriever
+
+from gvla2.correspondence import correspond
+from gvla2.diagnosis import approach_of, diagnose
+from gvla2.lessons import memory_episode, memory_task, transcript
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.contracts import MemoryContext, Verdict
+from gvla2.planning.contracts import Abstention, Advice, Candidate, Plan
+from gvla2.planning.effects import Effect, apply_effects
+from gvla2.planning.findings import CheckReport, Finding
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.record.contents import EpisodeRecord, Failure
+from gvla2.robot.report import ExecutionReport, WaypointReport
+
+TABLE = 0.75
+SUCCESS = Verdict.from_criteria({"task_completion": 1.0, "collision_safety": 1.0})
+FAIL = Verdict.from_criteria({"task_completion": 0.0, "collision_safety": 0.2})
+UNCERTAIN = Verdict.from_criteria({"task_completion": 0.5})
+
+
+def thing(id_: str, x: float, y: float, colour: str, shape: Any = "box", size: float = 0.05) -> SceneObject:
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, TABLE + size / 2
+    rgb = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2)}[colour]
+    extents = np.array([size, size, 0.001 if shape == "region" else size])
+    return SceneObject(id_, f"{colour} {'square' if shape == 'region' else 'cube'}", shape, colour, pose,
+                       extents, np.zeros((0, 3)), np.array(rgb))  # fmt: skip
+
+
+def scene(*things: SceneObject) -> Scene:
+    return Scene(things, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])))
+
+
+SCENE = scene(thing("a", 0.3, 0.1, "red"), thing("b", 0.3, -0.2, "blue"),
+              thing("goal", 0.5, 0.1, "green", "region", 0.1))  # fmt: skip
+DOWN = Orientation("grasp")
+SIDE = Orientation("grasp", (1.0, 0.0, -0.1), (0.0, 1.0, 0.0))
+PICK = (
+    Waypoint((0.3, 0.1, 0.9), 1.0, "approach", DOWN),
+    Waypoint((0.3, 0.1, 0.77), 1.0, "grasp", DOWN, allowed_contacts=frozenset({"a"})),
+    Waypoint((0.3, 0.1, 0.77), 0.0, "close", DOWN, allowed_contacts=frozenset({"a"})),
+    Waypoint((0.3, 0.1, 1.0), 0.0, "lift", DOWN, allowed_contacts=frozenset({"a"}), carries="a"),
+    Waypoint((0.3, 0.1, 1.1), 0.0, "hold", DOWN, carries="a"),
+)
+THETA = {
+    "standoff": 0.05,
+    "grasp_depth": 0.025,
+    "lift_height": 0.25,
+    "transit_clearance": 0.04,
+    "speed": 0.25,
+}
+
+
+def reported(
+    waypoints: tuple[Waypoint, ...], changes: dict[int, dict[str, Any]] | None = None
+) -> ExecutionReport:
+    """All waypoints up to the first abort; held once the fingers closed."""
+    reports: list[WaypointReport] = []
+    for i, w in enumerate(waypoints):
+        report = WaypointReport(i, w.stage, w.xyz, w.xyz, 0.001, 0.05, w.gripper < 0.5)
+        reports.append(replace(report, **(changes or {}).get(i, {})))
+        if reports[-1].abort:
+            break
+    return ExecutionReport(tuple(reports), 4.0)
+
+
+def episode(
+    changes: dict[int, dict[str, Any]] | None = None, *, skill: str = "pick", waypoints: Any = PICK,
+    instruction: str = "Pick up the red cube", roles: dict[str, str] | None = None,
+    theta: dict[str, float] | None = None, **record: Any,
+) -> EpisodeRecord:  # fmt: skip
+    before = record.pop("scene", SCENE)
+    candidates = record.pop("candidates", ())
+    plan = Plan(
+        Trajectory(waypoints), skill, roles or {"theme": "a"}, THETA if theta is None else theta, candidates
+    )
+    return EpisodeRecord(
+        "run/1", instruction, "some_task", 0, {"planner": "skill"}, scene=before, plan=plan, checks=CheckReport(),
+        report=reported(waypoints, changes), **record,
+    )  # fmt: skip
+
+
+def kinds(record: EpisodeRecord) -> list[str]:
+    return [signal.kind for signal in diagnose(record)]
+
+
+def test_a_task_before_the_plan_guesses_its_object_from_the_words() -> None:
+    record = EpisodeRecord("run/1", "Pick up the blue cube, please.", "", 0, {}, scene=SCENE)
+    task = memory_task(record)
+    assert task.skill == ""
+    assert task.signature == pytest.approx(
+        {"objects": 2, "table_height": TABLE, "theme_length": 0.05, "theme_width": 0.05, "theme_height": 0.05}
+    )
+    unclear = memory_task(replace(record, instruction="Räum auf"))
+    assert set(unclear.signature) == {"objects", "table_height"}
+    assert memory_task(replace(record, scene=None)).signature == {}
+
+
+def test_a_task_after_the_plan_knows_skill_and_object() -> None:
+    task = memory_task(episode(instruction="anything"))
+    assert task.skill == "pick"
+    assert task.signature["theme_height"] == pytest.approx(0.05)
+
+
+def test_success_gives_priors_whose_words_repeat() -> None:
+    first = memory_episode(episode(), SUCCESS)
+    other = episode(
+        theta={**THETA, "grasp_depth": 0.021}, instruction="Grab the blue one", roles={"theme": "b"}
+    )
+    second = memory_episode(other, SUCCESS)
+    assert [lesson.type for lesson in first.lessons] == ["procedural_hint"] * 3
+    effects = [Effect.from_json(lesson.effect) for lesson in first.lessons if lesson.effect]
+    assert {(e.kind, e.parameter, e.value, e.count, e.skill) for e in effects} == {
+        ("prior", "grasp_depth", 0.025, 1, "pick"),
+        ("prior", "lift_height", 0.25, 1, "pick"),
+        ("prior", "standoff", 0.05, 1, "pick"),
+    }
+    assert [x.content for x in first.lessons] == [x.content for x in second.lessons]
+    assert "small box from the top" in first.lessons[0].content
+    assert first.source == "run/1"
+    assert first.provenance["planner"] == "skill"
+
+
+def test_success_without_parameters_tells_the_stages() -> None:
+    (lesson,) = memory_episode(episode(theta={}, skill="juggle"), SUCCESS).lessons
+    assert "approach, grasp, close, lift, hold" in lesson.content
+    assert lesson.effect is None
+
+
+def bounds(record: EpisodeRecord) -> list[tuple[str, str, str, float]]:
+    lessons = memory_episode(record, FAIL).lessons
+    assert all(lesson.type == "failure_avoidance" for lesson in lessons)
+    found = [Effect.from_json(lesson.effect) for lesson in lessons if lesson.effect]
+    return [(e.kind, e.parameter, e.op, pytest.approx(e.value, abs=1e-9)) for e in found]
+
+
+def test_a_slip_asks_for_a_deeper_grasp_within_the_object() -> None:
+    slipped = {4: {"held": False, "gripper_width": 0.0, "abort": "slipped", "message": "lost"}}
+    assert kinds(episode(slipped)) == ["slip"]
+    assert bounds(episode(slipped)) == [("bound", "grasp_depth", ">=", 0.03)]
+    deep = episode(slipped, theta={**THETA, "grasp_depth": 0.048})
+    assert bounds(deep) == [("bound", "grasp_depth", ">=", 0.05)]
+    assert kinds(episode({4: {"held": False}})) == ["slip"]
+    assert bounds(episode(slipped, theta={})) == []
+
+
+def test_closing_on_nothing_is_no_slip() -> None:
+    missed = episode({2: {"held": False, "gripper_width": 0.0, "abort": "slipped"}})
+    assert kinds(missed) == ["missed_grasp"]
+    (lesson,) = memory_episode(missed, FAIL).lessons
+    assert lesson.effect is None
+
+
+def test_contact_on_the_way_asks_for_more_clearance() -> None:
+    touched = episode({0: {"contacts": ("panda_hand",)}})
+    assert bounds(touched) == [("bound", "transit_clearance", ">=", 0.07)]
+    lifting = episode({0: {"abort": "collision"}}, theta={"lift_height": 0.1})
+    assert bounds(lifting) == [("bound", "lift_height", ">=", 0.13)]
+    # Fingers touch what they grasp and carry.
+    assert kinds(episode({i: {"contacts": ("panda_leftfinger",)} for i in (1, 2, 3, 4)})) == []
+
+
+PUSH = (
+    Waypoint((0.2, 0.1, 0.77), 0.0, "lower", DOWN),
+    Waypoint((0.45, 0.1, 0.77), 0.0, "push", DOWN, allowed_contacts=frozenset({"a"})),
+)
+
+
+@pytest.mark.parametrize(
+    ("x", "expected"),
+    [
+        (0.56, [("bound", "push_overshoot", "<=", -0.04)]),
+        (0.42, [("bound", "push_overshoot", ">=", 0.1)]),
+        (0.505, []),
+    ],
+)
+def test_a_push_is_corrected_by_its_error_along_the_way(x: float, expected: list[Any]) -> None:
+    after = scene(thing("z", 0.3, -0.2, "blue"), thing("y", x, 0.12, "red"))
+    record = episode(skill="push", waypoints=PUSH, roles={"theme": "a", "goal": "goal"},
+                     theta={"push_overshoot": 0.02}, after_scene=after)  # fmt: skip
+    assert bounds(record) == expected
+
+
+def test_an_unreachable_approach_is_forbidden_only_where_another_remains() -> None:
+    stuck = {0: {"abort": "unreachable", "message": "no IK"}}
+    two = (Candidate("top", 1.0), Candidate("side", 0.8), Candidate("below", 0.1, "out of reach"))
+    assert bounds(episode(stuck, candidates=two)) == [("forbid", "approach:top", ">=", 0.0)]
+    assert bounds(episode(stuck, candidates=two[1:])) == []
+    assert kinds(episode(stuck, candidates=two[1:])) == ["unreachable"]
+
+
+def test_approaches_are_named_by_the_grasp() -> None:
+    assert approach_of(Plan(Trajectory(PICK))) == "top"
+    assert approach_of(Plan(Trajectory(tuple(replace(w, orientation=SIDE) for w in PICK)))) == "side"
+    assert approach_of(Plan(Trajectory(tuple(replace(w, orientation=Orientation()) for w in PICK)))) == ""
+    assert approach_of(Plan(None)) == ""
+
+
+def test_an_undiagnosed_failure_teaches_words_alone() -> None:
+    (lesson,) = memory_episode(episode(), FAIL).lessons
+    assert lesson.type == "failure_avoidance"
+    assert lesson.effect is None
+    assert memory_episode(episode(), UNCERTAIN).lessons == ()
+    (lesson,) = memory_episode(episode({1: {"abort": "tracking"}}), FAIL).lessons
+    assert "stopped at 'grasp' (tracking)" in lesson.content
+
+
+def test_nothing_executed_teaches_no_motion() -> None:
+    abstained = replace(
+        episode(),
+        plan=Plan(None, abstention=Abstention("ambiguous", "two red cubes")),
+        checks=None,
+        report=None,
+    )
+    findings = (Finding("kinematics", False, 1, "unreachable", "too far"),)
+    rejected = replace(episode(), checks=CheckReport(findings), report=None)
+    for record, words in ((abstained, "ambiguous"), (rejected, "unreachable")):
+        (lesson,) = memory_episode(record, UNCERTAIN).lessons
+        assert lesson.type == "tool_usage"
+        assert words in lesson.content
+        assert lesson.effect is None
+    assert memory_episode(replace(episode(), plan=None, report=None), UNCERTAIN).lessons == ()
+
+
+def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
+    record = episode({4: {"abort": "slipped", "message": "lost", "contacts": ("panda_hand",)}},
+                     failure=Failure("execute", "slipped", "lost"), after_scene=SCENE)  # fmt: skip
+    text = transcript(record)
+    for words in ("Pick up the red cube", "a: red cube", "grasp_depth 0.025", "contact of panda_hand",
+                  "STOPPED (slipped)", "Ended at execute"):  # fmt: skip
+        assert words in text
+    crowd = scene(*(thing(f"object-{i}", 0.1, 0.1, "red") for i in range(400)))
+    assert len(transcript(replace(record, scene=crowd))) <= 8000
+    assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
+
+
+def open_bank(tmp_path: Path) -> KnowledgeBank:
+    return KnowledgeBank.open(
+        f"sqlite:///{tmp_path / 'memory.db'}",
+        retriever=HybridRetriever(HybridConfig()),
+        embedder=HashEmbedder(),
+    )
+
+
+def advice(context: MemoryContext) -> Advice:
+    """As the loop makes it."""
+    return Advice(context.text, tuple(Effect.from_json(i.effect, i.id) for i in context.items if i.effect))
+
+
+def test_lessons_come_back_as_effects_that_change_the_next_plan(tmp_path: Path) -> None:
+    with open_bank(tmp_path) as bank:
+        for depth in (0.024, 0.026, 0.025):
+            bank.learn(memory_episode(episode(theta={**THETA, "grasp_depth": depth}), SUCCESS), SUCCESS)
+        slipped = episode({4: {"held": False, "abort": "slipped"}}, theta={**THETA, "grasp_depth": 0.025})
+        bank.learn(memory_episode(slipped, FAIL), FAIL)
+
+        asked = EpisodeRecord("run/9", "Please lift the blue cube", "", 9, {}, scene=SCENE)
+        context = bank.recall(memory_task(asked))
+        given = advice(context)
+        changed, notes = apply_effects({"grasp_depth": 0.015, "lift_height": 0.25}, given.effects, "pick")
+        assert changed["grasp_depth"] == pytest.approx(0.03)  # pulled to the mean, then held to the bound
+        assert len(notes) == 2
+        ids = [item.id for item in context.items]
+        assert any(i.startswith("avoid-") and f"from {i}" in notes[1] for i in ids)
+        assert "grasp_depth at least 0.03" in given.text
+        (mean,) = [e for e in given.effects if e.kind == "prior" and e.parameter == "grasp_depth"]
+        assert (mean.count, mean.value, mean.sd) == (3, pytest.approx(0.025), pytest.approx(0.001))
+
+        unrelated = EpisodeRecord("run/9", "What is the capital of France?", "", 9, {}, scene=SCENE)
+        assert advice(bank.recall(memory_task(unrelated))) == Advice()
+
+
+def test_recalled_records_are_credited_by_the_episode_that_used_them(tmp_path: Path) -> None:
+    with open_bank(tmp_path) as bank:
+        bank.learn(memory_episode(episode(), SUCCESS), SUCCESS)
+        context = bank.recall(memory_task(episode()))
+        bank.learn(memory_episode(replace(episode(), recalled=context), SUCCESS), SUCCESS)
+        assert {record.usage for record in bank.records()} == {1}
+
+
+def test_correspondence_is_one_to_one_and_keeps_paint_apart() -> None:
+    after = scene(thing("r", 0.5, 0.1, "green", "region", 0.1), thing("q", 0.5, 0.1, "red"))
+    found = correspond(SCENE, after)
+    assert {name: later.id for name, later in found.later.items()} == {"a": "q", "goal": "r"}
+    assert found.of("b") is None
+    assert correspond(SCENE, scene()).later == {}

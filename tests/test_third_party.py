@@ -1,0 +1,105 @@
+"""The example distribution, installed as a stranger would: listed, composed, swept, conforming."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "third_party"
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The distribution in a folder of its own, from a copy: a build leaves files beside its source."""
+    folder = tmp_path_factory.mktemp("third_party")
+    source, target = folder / "source", folder / "site"
+    subprocess.run(["cp", "-r", str(EXAMPLE), str(source)], check=True)
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"),
+            *("--disable-pip-version-check", "--target", str(target), str(source)),
+        ],
+        check=True,
+    )
+    return target
+
+
+@pytest.fixture
+def python(installed: Path, tmp_path: Path):
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(installed)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    return run
+
+
+def test_the_whole_plugin_is_short():
+    source = (EXAMPLE / "gvla2_hover" / "__init__.py").read_text()
+    code = [
+        line for line in source.splitlines() if line.strip() and not line.lstrip().startswith(('"""', "#"))
+    ]
+    assert len(code) <= 20
+
+
+def test_it_is_listed_with_its_options(python):
+    done = python("-m", "gvla2.cli", "plugins", "planner")
+    assert done.returncode == 0, done.stderr
+    row = next(line.split() for line in done.stdout.splitlines() if "Hovers above" in line)
+    assert row[:2] == ["planner", "hover"]
+    assert "hover (gvla2-hover 0.1.0)" in done.stdout
+    assert "planner.height" in done.stdout
+    assert "broken" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("overrides", "height"),
+    [
+        (["planner=hover"], 0.12),
+        (["planner=hover", "planner.height=0.2"], 0.2),
+        (["planner=hover_high"], 0.3),
+    ],
+)
+def test_it_composes(python, overrides: list[str], height: float):
+    done = python("-m", "gvla2.cli", "run", "--cfg", "job", "--package", "planner", *overrides)
+    assert done.stdout == f"# @package planner\nname: hover\nheight: {height}\n", done.stderr
+
+
+def test_it_is_completed(python, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("COMP_LINE", "gvla2 run planner=ho")
+    done = python("-m", "gvla2.cli", "-sc", "query=bash")
+    assert done.stdout.split() == ["planner=hover", "planner=hover_high"]
+
+
+def test_its_wrong_options_are_told(python):
+    done = python("-m", "gvla2.cli", "run", "planner=hover", "planner.hight=1")
+    assert done.returncode == 1
+    assert (
+        done.stderr
+        == "gvla2: No option 'hight' of 'planner' (hover). Did you mean 'height'? Options: height.\n"
+    )
+
+
+def test_it_conforms(python):
+    done = python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(EXAMPLE / "tests"))
+    assert done.returncode == 0, done.stdout
+
+
+def test_it_runs_in_a_sweep(python, tmp_path: Path):
+    """Two real episodes in the simulator: the planner's preset and its defaults."""
+    memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
+    done = python("-m", "gvla2.cli", "run", "-m", "planner=hover,hover_high", "quiet=true", memory)
+    assert done.returncode == 0, done.stderr
+    results = [json.loads(p.read_text()) for p in sorted(tmp_path.glob("outputs/run/*/*/*/result.json"))]
+    assert [r["planner"] for r in results] == ["hover", "hover"]
+    assert [r["parameters"] for r in results] == [{"height": 0.12}, {"height": 0.3}]
+    assert [r["success"] for r in results] == [False, False], "hovering lifts nothing"
+    assert {r["failure"]["kind"] for r in results} == {"goal_not_reached"}

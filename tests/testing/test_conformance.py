@@ -1,0 +1,436 @@
+"""The conformance checks pass what is good, the reference plugins among it, and catch what is bad."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from omegaconf import OmegaConf
+
+from gvla2 import Component, ComponentConfig
+from gvla2.catalog import Registry, load_plugins
+from gvla2.memory.contracts import Learned, MemoryContext, MemoryItem, Ranked, Verdict
+from gvla2.planning.contracts import Abstention, Plan
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
+from gvla2.testing import CHECKS, ConformanceError, check_component
+from gvla2.testing.inputs import INSTRUCTION, RED, TABLE, WORKSPACE, ball, gantry, observation, scene, views
+
+REFERENCE = [(kind, name) for kind in CHECKS for name in load_plugins().components(kind)]
+
+
+@pytest.mark.parametrize(("kind", "name"), REFERENCE)
+def test_reference_components_conform(kind: str, name: str, registry: Registry, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    component = registry.get(kind, name)
+    chosen = {need: min(registry.components(need)) for need in component.needs}
+    needs = registry.build_all(chosen, component.needs)
+    check_component(component, kind, **needs)
+
+
+class Bad:
+    """Any component: its methods are given as functions of their arguments."""
+
+    def __init__(self, **methods: Any) -> None:
+        vars(self).update(methods)
+
+
+def lifting(*points: tuple[float, float, float], **changes: Any) -> Plan:
+    return Plan(Trajectory(tuple(Waypoint(p, 0.5, "go", **changes) for p in points)))
+
+
+INSIDE = (0.3, 0.0, TABLE + 0.3)
+
+
+def planner(answer: Callable[[Any], Any]) -> Bad:
+    return Bad(plan=answer)
+
+
+def touching_input(request: Any) -> Plan:
+    request.scene.objects[0].points[0] = 0.0
+    return lifting(INSIDE, INSIDE)
+
+
+@pytest.mark.parametrize(
+    ("answer", "message"),
+    [
+        (lambda r: None, "must be Plan, got NoneType"),
+        (lambda r: Plan(None), "either a trajectory or an abstention"),
+        (
+            lambda r: replace(lifting(INSIDE, INSIDE), abstention=Abstention("other", "no")),
+            "either a trajectory or",
+        ),
+        (lambda r: Plan(None, abstention=Abstention("", "")), "needs a kind and a message"),
+        (lambda r: lifting(INSIDE), "2 to 20 waypoints, got 1"),
+        (lambda r: lifting(*[INSIDE] * 21), "got 21"),
+        (lambda r: lifting(INSIDE, (0.3, float("nan"), 1.0)), "not finite"),
+        (
+            lambda r: Plan(Trajectory((Waypoint(INSIDE, 1.5, "a"), Waypoint(INSIDE, 0, "b")))),
+            r"lie in \[0, 1\]",
+        ),
+        (lambda r: lifting(INSIDE, INSIDE, frame="base"), "frame is 'base'"),
+        (lambda r: lifting(INSIDE, INSIDE, speed=0.0), "must be positive"),
+        (lambda r: lifting(INSIDE, INSIDE, carries="ghost"), "ghost"),
+        (lambda r: replace(lifting(INSIDE, INSIDE), roles={"theme": "ghost"}), "role 'theme' names 'ghost'"),
+        (lambda r: replace(lifting(INSIDE, INSIDE), parameters={"lift": float("inf")}), "'lift' is inf"),
+        (lambda r: 1 / 0, "raised ZeroDivisionError"),
+        (lambda r: lifting(INSIDE, INSIDE) if r.scene.objects else r.scene["red_cube"], "for an empty scene"),
+        (touching_input, "read-only"),
+    ],
+)
+def test_bad_planners_are_caught(answer: Callable[[Any], Any], message: str):
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["planner"](planner(answer))
+
+
+def seeing(change: Callable[[Scene], Any]) -> Bad:
+    return Bad(perceive=lambda observation, instruction, workspace: change(scene()))
+
+
+def test_a_good_perceiver_passes():
+    CHECKS["perceiver"](seeing(lambda s: s))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda s: None, "must be Scene"),
+        (lambda s: replace(s, objects=s.objects[:1]), "No object lies within 3 cm of the blue cube"),
+        (lambda s: replace(s, objects=s.objects * 2), "must be unique"),
+        (lambda s: replace(s, table_height=TABLE + 0.05), "height is off by 0.050"),
+        (
+            lambda s: s.with_object(replace(s["red_cube"], extents=np.array([0.1, -0.1, 0.1]))),
+            "not be negative",
+        ),
+        (
+            lambda s: s.with_object(replace(s["red_cube"], points=np.zeros((3, 2)))),
+            "points must have the shape",
+        ),
+        (
+            lambda s: s.with_object(replace(s["red_cube"], world_from_object=np.diag([1, 1, -1, 1.0]))),
+            "mirrored",
+        ),
+        (lambda s: s.with_object(replace(s["red_cube"], parent="lamp")), "'lamp' is not in the scene"),
+        (lambda s: s["nothing"], "raised KeyError"),
+    ],
+)
+def test_bad_perceivers_are_caught(change: Callable[[Scene], Any], message: str):
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["perceiver"](seeing(change))
+
+
+def estimate(v: Any, **changes: Any) -> GeometryEstimate:
+    shape = (len(v), v[0].camera.height, v[0].camera.width)
+    whole = GeometryEstimate(np.ones(shape, dtype=np.float32), np.ones(shape, dtype=np.float32))
+    return replace(whole, **changes)
+
+
+@pytest.mark.parametrize(
+    ("predict", "message"),
+    [
+        (lambda v: estimate(v, depth=np.ones((1, 2, 2), dtype=np.float32)), "must have the shape"),
+        (lambda v: estimate(v, depth=-estimate(v).depth), "must be positive"),
+        (lambda v: estimate(v, depth=estimate(v).depth / np.float32(1e-45)), "never infinite"),
+        (lambda v: estimate(v, confidence=-estimate(v).depth), "number >= 0"),
+        (lambda v: estimate(v, world_from_camera=np.zeros((len(v), 4, 4))), "not orthonormal"),
+        (lambda v: estimate(v) if v[0].depth is not None else v[0].points(), "one colour view"),
+        (lambda v: v[0].image.sort() if v[0].depth is not None else None, "read-only"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:(overflow|divide by zero)")
+def test_bad_priors_are_caught(predict: Callable[[Any], Any], message: str):
+    CHECKS["prior"](Bad(predict=estimate))
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["prior"](Bad(predict=predict))
+
+
+def test_bad_reconstructors_are_caught():
+    centre = RED.world_from_block[:3, 3].astype(np.float32)
+    there = ball(50, 0.02).with_centres(ball(50, 0.02).centres + centre)
+    CHECKS["reconstructor"](Bad(reconstruct=lambda v: Reconstruction(there, None)))
+    for made, message in (
+        (Reconstruction(ball(50, 0.02), None), "in another frame"),
+        (Reconstruction(None, None), "Gaussians or a mesh"),
+        (Reconstruction(there, None, ""), "never empty"),
+        ("a cube", "must be Reconstruction"),
+    ):
+        with pytest.raises(ConformanceError, match=message):
+            CHECKS["reconstructor"](Bad(reconstruct=lambda v, made=made: made))
+
+
+@pytest.mark.parametrize(
+    ("fuse", "message"),
+    [
+        (lambda a, b, u, v: a[:-1], "must have the shape"),
+        (lambda a, b, u, v: a + 0.001, "must fuse to themselves"),
+        (lambda a, b, u, v: (a * u[:, None] + b * v[:, None]) / (u + v)[:, None], "not finite"),
+        (lambda a, b, u, v: np.add(a, b, out=a), "read-only"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:invalid value")
+def test_bad_fusions_are_caught(fuse: Callable[..., Any], message: str):
+    CHECKS["fusion"](Bad(fuse=lambda a, b, u, v: 0.5 * (a + b)))
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["fusion"](Bad(fuse=fuse))
+
+
+@pytest.mark.parametrize(
+    ("render", "message"),
+    [
+        (lambda g, c, b: (np.ones((c.height, c.width, 3)), np.ones((c.height, c.width))), "float32"),
+        (lambda g, c, b: _flat(c, b, 0.0), "has alpha 0.00"),
+        (lambda g, c, b: _flat(c, (0.9, 0.2, 0.1), 1.0), "must show the background"),
+        (lambda g, c, b: _flat(c, b, 2.0), r"leaves \[0, 1\]"),
+    ],
+)
+def test_bad_renderers_are_caught(render: Callable[..., Any], message: str):
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["renderer"](Bad(render=render))
+
+
+def _flat(camera: Any, colour: Any, alpha: float) -> tuple[Any, Any]:
+    size = (camera.height, camera.width)
+    return np.broadcast_to(np.float32(colour), (*size, 3)), np.full(size, alpha, dtype=np.float32)
+
+
+def remembering(context: Any = None, learned: Any = None, close: Any = None) -> Bad:
+    return Bad(
+        recall=lambda task: MemoryContext() if context is None else context,
+        learn=lambda episode, verdict: Learned() if learned is None else learned,
+        close=close or (lambda: None),
+    )
+
+
+ITEM = MemoryItem("r1", "procedural_hint", "lift", 0.9, 0.5, {"text": 0.5}, False)
+
+
+@pytest.mark.parametrize(
+    ("memory", "message"),
+    [
+        (remembering(context="nothing"), "must be MemoryContext"),
+        (remembering(learned=3), "must be Learned"),
+        (remembering(context=MemoryContext((ITEM, ITEM))), "recalled twice"),
+        (remembering(context=MemoryContext((ITEM,), abstained="unsure")), "that abstains"),
+        (remembering(context=MemoryContext((replace(ITEM, score=2.0),))), "terms sum to 0.5"),
+        (remembering(context=MemoryContext((replace(ITEM, confidence=2.0),))), "confidence must lie"),
+        (remembering(context=MemoryContext(text="x" * 200_000)), "must be bounded"),
+        (remembering(close=iter([None]).__next__), "called twice"),
+        (Bad(recall=lambda t: MemoryContext(), close=lambda: None), r"lacks learn\(\)"),
+    ],
+)
+def test_bad_memories_are_caught(memory: Bad, message: str):
+    CHECKS["memory"](remembering(MemoryContext((ITEM,), "lift")))
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["memory"](memory)
+
+
+@pytest.mark.parametrize(
+    ("rank", "message"),
+    [
+        (lambda t, c, q: ([Ranked(9, 1.0, {"a": 1.0})], ""), "no such row"),
+        (lambda t, c, q: ([Ranked(i, i, {"a": i}) for i in range(len(c.ids))], ""), "best first"),
+        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})] * min(2, len(c.ids)), ""), "comes twice"),
+        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})][: len(c.ids)], "unsure"), "returns no rows"),
+        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 0.2})][: len(c.ids)], ""), "terms sum to 0.2"),
+        (lambda t, c, q: ([], None), "must be str"),
+        (
+            lambda t, c, q: ([Ranked(int(np.argmax(c.embeddings @ q)), 1.0, {"a": 1.0})], ""),
+            "raised ValueError",
+        ),
+    ],
+)
+def test_bad_retrievers_are_caught(rank: Callable[..., Any], message: str):
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["retriever"](Bad(rank=rank))
+
+
+def _unit(texts: Any) -> Any:
+    return np.array([[1.0, 0.0] if t else [0.0, 0.0] for t in texts], dtype=np.float32).reshape(-1, 2)
+
+
+@pytest.mark.parametrize(
+    ("embed", "message"),
+    [
+        (lambda texts: 2 * _unit(texts), "length 1"),
+        (lambda texts: _unit(["x" for _ in texts]), "zero row"),
+        (lambda texts: _unit(texts).astype(np.float64), "float32"),
+        (lambda texts: _unit(texts)[:, :, None], "must have the shape"),
+        (lambda texts: _unit(texts) if texts else np.zeros((0, 5)), "of no text"),
+        (lambda texts: _unit(texts) * (1 if len(texts) > 1 else -1), "rest of the batch"),
+    ],
+)
+def test_bad_embedders_are_caught(embed: Callable[..., Any], message: str):
+    CHECKS["embedder"](Bad(model="two", embed=_unit))
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["embedder"](Bad(model="two", embed=embed))
+
+
+@pytest.mark.parametrize(
+    ("verify", "message"),
+    [
+        (
+            lambda e: Verdict("verified_success", 0.2, 0.6, {"a": 0.2}),
+            "is 'verified_fail', not 'verified_success'",
+        ),
+        (lambda e: Verdict("verified_success", 0.9, 0.1, {"a": 0.9}), "has the confidence 0.800"),
+        (lambda e: Verdict("verified_success", 1.4, 1.8, {"a": 1.4}), "quality must lie"),
+        (lambda e: Verdict("unavailable", 0.0, 0.0), "says why"),
+        (lambda e: "yes", "must be Verdict"),
+        (lambda e: Verdict.from_criteria({"done": float(e.report.completed)}), "raised AttributeError"),
+        (
+            lambda e: Verdict.from_criteria({"a": 0.1 if getattr(e, "gripper_width", 0) else 0.9}),
+            "judged better",
+        ),
+    ],
+)
+def test_bad_verifiers_are_caught(verify: Callable[..., Any], message: str):
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["verifier"](Bad(verify=verify))
+
+
+# -- tasks ------------------------------------------------------------------------------------------------------
+
+
+def a_body(rng: np.random.Generator, height: float, name: str = "cube") -> Body:
+    pose = np.eye(4)
+    pose[:3, 3] = [*rng.uniform(-0.1, 0.1, 2), height + 0.025]
+    return Body(name, (Primitive("box", (0.05, 0.05, 0.05), (1, 0, 0)),), pose)
+
+
+def a_task(change: Callable[[TaskInstance], TaskInstance] = lambda i: i, repeatable: bool = True) -> Bad:
+    noise = np.random.default_rng(0)
+
+    def sample(rng: np.random.Generator, site: Any, instruction: str | None = None) -> TaskInstance:
+        layout = Layout((a_body(rng if repeatable else noise, site.table_height),))
+        done = {p: lambda state: state.held("cube") for p in ("eased", "strict")}
+        made = TaskInstance(layout, "lift the cube", done)
+        return replace(change(made), **({"instruction": instruction} if instruction else {}))
+
+    return Bad(instructions=("a", "b", "c", "d"), sample=sample)
+
+
+def with_body(**changes: Any) -> Callable[[TaskInstance], TaskInstance]:
+    return lambda i: replace(i, layout=Layout((replace(i.layout.bodies[0], **changes),)))
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        (Bad(instructions=("a", "a", "a", "a"), sample=lambda *a: None), "four paraphrases"),
+        (a_task(repeatable=False), "same layout each time"),
+        (a_task(with_body(world_from_body=np.eye(4))), "into the table"),
+        (a_task(with_body(mass=0.0)), "mass must be positive"),
+        (a_task(with_body(solids=())), "has no solids"),
+        (a_task(lambda i: replace(i, instruction="lift the {colour} cube")), "finished sentence"),
+        (a_task(lambda i: replace(i, succeeded={"eased": lambda s: False})), "profiles 'eased' and 'strict'"),
+        (
+            a_task(lambda i: replace(i, succeeded=dict.fromkeys(("eased", "strict"), lambda s: True))),
+            "already done",
+        ),
+        (a_task(lambda i: replace(i, layout=Layout(i.layout.bodies * 2))), "unique names"),
+        (
+            a_task(
+                lambda i: replace(
+                    i,
+                    layout=Layout(
+                        i.layout.bodies,
+                        (
+                            Joint(
+                                "j", "prismatic", "cube", "ghost", np.array([0, 0, 1.0]), np.zeros(3), (0, 1)
+                            ),
+                        ),
+                    ),
+                )
+            ),
+            "not there",
+        ),
+    ],
+)
+def test_bad_tasks_are_caught(task: Bad, message: str):
+    CHECKS["task"](a_task())
+    with pytest.raises(ConformanceError, match=message):
+        CHECKS["task"](task)
+
+
+def test_a_task_that_ignores_its_seed_is_caught():
+    with pytest.raises(ConformanceError, match="all give the same layout"):
+        CHECKS["task"](
+            a_task(with_body(world_from_body=a_body(np.random.default_rng(1), 0.752).world_from_body))
+        )
+
+
+# -- components -------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Fine(ComponentConfig):
+    depth: int = 3
+
+
+def test_bad_components_are_caught():
+    @dataclass
+    class Local(ComponentConfig):
+        depth: int = 3
+
+    for component, message in (
+        ("no component", "must be Component"),
+        (Component("a", Fine, lambda config: None), "has no summary"),
+        (Component("a.b", Fine, lambda config: None, summary="s"), "cannot be chosen"),
+        (Component("a", dict, lambda config: None, summary="s"), "extends ComponentConfig"),
+        (Component("a", Local, lambda config: None, summary="s"), "Pickling Local"),
+    ):
+        with pytest.raises(ConformanceError, match=message):
+            check_component(component)
+    needy = Component("a", Fine, lambda config, embedder: None, summary="s", needs=("embedder",))
+    check_component(needy)
+    with pytest.raises(ConformanceError, match="needs embedder"):
+        check_component(needy, "planner")
+    with pytest.raises(ConformanceError, match=r"lacks plan\(\)"):
+        check_component(needy, "planner", embedder=object())
+
+
+# -- the inputs themselves --------------------------------------------------------------------------------------
+
+
+def test_the_gantry_is_an_arm():
+    arm = gantry()
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        joints = np.array([*rng.uniform(WORKSPACE.low, WORKSPACE.high), rng.uniform(-3, 3)])
+        solved = arm.inverse(arm.forward(joints), joints)
+        assert solved is not None
+        np.testing.assert_allclose(solved.joints, joints, atol=1e-9)
+    assert arm.inverse(np.eye(4)) is None, "it points down only, and the origin is outside"
+    path = arm.line(arm.home, arm.forward(arm.home - [0, 0, 0.2, 0]))
+    assert path is not None
+    assert len(path) >= 20
+
+
+def test_the_gantry_feels_what_it_touches():
+    arm, world = gantry(), scene()
+    above = np.array([*RED.centre, TABLE + 0.3, RED.yaw])
+    free = arm.clearance(above, 1.0, world)
+    assert free.distance > 0.1
+    closed = np.array([*RED.centre, TABLE + RED.side, RED.yaw])
+    hit = arm.clearance(closed, 0.0, world)
+    assert hit.other == "red_cube"
+    assert hit.distance < 0
+    straddling = np.array([*RED.centre, TABLE + 0.5 * RED.side, RED.yaw])
+    assert arm.clearance(straddling, 1.0, world).distance > 0, "the open fingers pass on both sides"
+    assert arm.clearance(straddling, 0.0, world, frozenset({"red_cube"})).other != "red_cube"
+
+
+def test_views_and_scene_agree():
+    seen = views(masked=RED)
+    for view in seen:
+        points = view.points()[view.mask > 0]
+        local = np.abs(points - RED.world_from_block[:3, 3])
+        assert len(points) > 20
+        assert local.max() < RED.side
+    assert OmegaConf.create({"instruction": INSTRUCTION}).instruction
+    assert observation().gripper == 1.0
