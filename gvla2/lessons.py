@@ -17,11 +17,12 @@ from gvla2.record.contents import EpisodeRecord
 
 TRANSCRIPT_LIMIT = 8000
 SKILL_WORDS = {
-    "pick": "Pick up (grasp and lift)",
-    "place": "Place (put down on or into a goal)",
-    "push": "Push (slide to a goal)",
-    "press": "Press (push down, switch on)",
+    "pick": "Pick up (grasp, grab, take, lift, raise)",
+    "place": "Place (put, set down on or into a goal)",
+    "push": "Push (slide, shove, move to a goal)",
+    "press": "Press (push down, switch or turn on)",
 }
+"""How a lesson names a skill; the other verbs let other wordings of an instruction find it."""
 KEY_PARAMETERS = {
     "pick": ("grasp_depth", "lift_height", "standoff"),
     "place": ("place_height", "grasp_depth", "transit_clearance"),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import secrets
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import fields, is_dataclass
@@ -16,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import OutputError
+from gvla2.writing import write_whole
 
 
 def make_folder(folder: Path) -> Path:
@@ -26,7 +25,10 @@ def make_folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _refusal(folder, "make", error) from error
+        raise OutputError(
+            f"Cannot make the folder '{folder}': {error.strerror or error}. "
+            "Choose another with hydra.run.dir=FOLDER."
+        ) from error
     return folder
 
 
@@ -37,19 +39,7 @@ def write_bytes(path: Path, data: bytes) -> Path:
     the old file is then untouched. Returns ``path``.
     """
     make_folder(path.parent)
-    aside = path.parent / f".{path.name}.{secrets.token_hex(4)}.part"
-    try:
-        try:
-            with aside.open("xb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            aside.replace(path)
-        finally:
-            # After the move there is nothing left here; after an error or Ctrl-C the half-written part goes.
-            aside.unlink(missing_ok=True)
-    except OSError as error:
-        raise _refusal(path.parent, f"write '{path.name}' in", error) from error
+    write_whole(path, data)
     return path
 
 
@@ -89,11 +79,3 @@ def plain(value: object) -> Any:
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     return str(value)
-
-
-def _refusal(folder: Path, what: str, error: OSError) -> OutputError:
-    reason = error.strerror or str(error)
-    return OutputError(
-        f"Cannot {what} the folder '{folder}': {reason}. Free space or permissions there, or choose another folder "
-        "with hydra.run.dir=FOLDER."
-    )

@@ -21,13 +21,18 @@ def write_whole(path: str | os.PathLike[str], content: bytes | bytearray) -> Non
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
             Path(aside).chmod(_mode_of_new_files())
             Path(aside).replace(target)
         except BaseException:
             Path(aside).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise OutputError(f"Cannot write {target}: {error.strerror or error}.") from error
+        raise OutputError(
+            f"Cannot write '{target.name}' in the folder '{target.parent}': {error.strerror or error}. "
+            "Free space or permissions there, or choose another folder."
+        ) from error
 
 
 def _mode_of_new_files() -> int:
