@@ -7,6 +7,7 @@ where a merge can pool them.
 from __future__ import annotations
 
 import math
+import re
 
 import gvla2
 from gvla2.diagnosis import approach_of, diagnose, theme_of
@@ -24,12 +25,15 @@ SKILL_WORDS = {
 }
 """How a lesson names a skill; the other verbs let other wordings of an instruction find it."""
 KEY_PARAMETERS = {
-    "pick": ("grasp_depth", "lift_height", "standoff"),
+    "pick": ("grasp_depth", "approach_tilt", "standoff"),
     "place": ("place_height", "grasp_depth", "transit_clearance"),
     "push": ("push_overshoot", "push_height", "standoff"),
     "press": ("press_depth", "standoff"),
 }
-"""The parameters of each skill that decide most; as many as a recall shows hints at a time."""
+"""The parameters of each skill that decide most; as many as a recall shows hints at a time.
+
+How high to lift and how far to push are not among them: that is the instruction's to say, not experience's.
+"""
 MOST_PARAMETERS = 3
 
 
@@ -163,7 +167,7 @@ def _from_failure(record: EpisodeRecord, *, certain: bool) -> list[Lesson]:
 
 
 def _subject(record: EpisodeRecord) -> str:
-    """Skill, size class and shape, and approach: the kind of episode, without this one's colours and numbers."""
+    """Skill, size class, build and shape, and approach: the kind of episode, without its colours and numbers."""
     assert record.plan is not None
     plan, theme = record.plan, theme_of(record)
     words = SKILL_WORDS.get(plan.skill, plan.skill.capitalize() or "Follow an instruction")
@@ -175,22 +179,29 @@ def _subject(record: EpisodeRecord) -> str:
 
 
 def _size_class(thing: SceneObject) -> str:
-    largest = float(max(thing.extents))
-    for name, limit in (("tiny", 0.03), ("small", 0.075), ("medium", 0.15)):
-        if largest < limit:
-            return name
-    return "large"
+    """In words: "small", "tall medium", "flat tiny"; boxes alike in words are alike in build too."""
+    across, height = float(max(thing.extents[:2])), float(thing.extents[2])
+    build = "tall " if height > 1.5 * across else "flat " if height < 0.5 * across else ""
+    sizes = (("tiny", 0.03), ("small", 0.075), ("medium", 0.15))
+    return build + next((name for name, limit in sizes if max(across, height) < limit), "large")
 
 
 def _mentioned(instruction: str, scene: Scene) -> SceneObject | None:
-    """The one solid object whose label and colour share most words with the instruction; None when tied."""
+    """The one solid object whose label and colour share most words with the instruction.
+
+    None when tied, and for a thing with parts: the words don't tell which part will be handled.
+    """
     solids = scene.obstacles()
-    if len(solids) == 1:
-        return solids[0]
-    said = set(instruction.casefold().replace(",", " ").replace(".", " ").split())
+    said = set(re.findall(r"\w+", instruction.casefold()))
     hits = [len(said & {*thing.label.casefold().split(), thing.colour.casefold()} - {""}) for thing in solids]
     best = max(hits, default=0)
-    return solids[hits.index(best)] if best > 0 and hits.count(best) == 1 else None
+    if len(solids) == 1:
+        found = solids[0]
+    elif best > 0 and hits.count(best) == 1:
+        found = solids[hits.index(best)]
+    else:
+        return None
+    return None if any(other.parent == found.id for other in scene.objects) else found
 
 
 def _seen(thing: SceneObject) -> str:

@@ -55,6 +55,7 @@ PICK = (
 )
 THETA = {
     "standoff": 0.05,
+    "approach_tilt": 0.0,
     "grasp_depth": 0.025,
     "lift_height": 0.25,
     "transit_clearance": 0.04,
@@ -123,7 +124,7 @@ def test_success_gives_priors_whose_words_repeat() -> None:
     effects = [Effect.from_json(lesson.effect) for lesson in first.lessons if lesson.effect]
     assert {(e.kind, e.parameter, e.value, e.count, e.skill) for e in effects} == {
         ("prior", "grasp_depth", 0.025, 1, "pick"),
-        ("prior", "lift_height", 0.25, 1, "pick"),
+        ("prior", "approach_tilt", 0.0, 1, "pick"),
         ("prior", "standoff", 0.05, 1, "pick"),
     }
     assert [x.content for x in first.lessons] == [x.content for x in second.lessons]

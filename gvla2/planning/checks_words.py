@@ -174,7 +174,7 @@ def check_gripper(trajectory: Trajectory, scene: Scene) -> list[Finding]:
                 fail(i, "carries_without_grasp",
                      f"{name} carries '{w.carries}', but the hand has not closed on it; close at the object first.",
                      opening, 1.0)  # fmt: skip
-            elif w.carries in objects:
+            elif w.carries in objects and len(closed_at[1]) == 3 and np.isfinite(closed_at[1]).all():
                 box = objects[w.carries]
                 local = np.abs(transform_points(invert_rigid(box.world_from_object), closed_at[1]))
                 gap = float(np.linalg.norm(np.maximum(local - 0.5 * box.extents, 0.0)))

@@ -21,6 +21,9 @@ class HybridConfig(ComponentConfig):
     record is recalled when its relevance is at least ``min_relevance``, its score S at least ``min_score``, and it
     either shares ``min_coverage`` of the query's words or has a cosine of ``min_cosine``: BM25 over its own
     maximum alone would find the best of a bad lot. ``weights`` are the constants of S.
+
+    A record from another geometry does not apply, whatever it says: those of the numbers ``essential`` that both
+    scenes have may differ by ``max_difference`` of the larger one.
     """
 
     bm25_weight: float = 0.5
@@ -31,6 +34,8 @@ class HybridConfig(ComponentConfig):
     min_score: float = 1.2
     min_coverage: float = 0.3
     min_cosine: float = 0.35
+    max_difference: float = 0.5
+    essential: list[str] = field(default_factory=lambda: ["theme_length", "theme_width", "theme_height"])
     weights: ScoreWeights = field(default_factory=ScoreWeights)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -57,6 +57,9 @@ class HybridRetriever:
             if relevance[row] >= config.min_relevance
             and (coverage(query, documents[row]) >= config.min_coverage or cosine[row] >= config.min_cosine)
         ]
+        applicable = [row for row in relevant if self._fits(task.signature, candidates.signatures[row])]
+        if relevant and not applicable:
+            return (), f"{len(relevant)} records are about this, all of them from other geometry."
         if not relevant:
             best = max(rows, key=lambda row: float(relevance[row]))
             return (), (
@@ -64,7 +67,7 @@ class HybridRetriever:
                 f"{coverage(query, documents[best]):.0%} of the query's words (at least {config.min_coverage:.0%} "
                 f"are asked) with cosine {cosine[best]:.2f} (at least {config.min_cosine:.2f})."
             )
-        ranked = [self._score(row, task, candidates, float(relevance[row])) for row in relevant]
+        ranked = [self._score(row, task, candidates, float(relevance[row])) for row in applicable]
         ranked.sort(key=lambda rank: (-rank.score, candidates.ids[rank.row]))
         reliable = [rank for rank in ranked if rank.score >= config.min_score]
         if not reliable:
@@ -73,6 +76,14 @@ class HybridRetriever:
                 f"{ranked[0].score:.2f}, at least {config.min_score:.2f} is asked."
             )
         return self._cut(reliable, candidates), ""
+
+    def _fits(self, asked: Mapping[str, float], known: Mapping[str, float]) -> bool:
+        shared = [name for name in self._config.essential if name in asked and name in known]
+        return all(
+            (signature_distance({name: asked[name]}, {name: known[name]}) or 0.0)
+            <= self._config.max_difference
+            for name in shared
+        )
 
     def _score(self, row: int, task: MemoryTask, candidates: Candidates, relevance: float) -> Ranked:
         terms = score_terms(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from gvla2_plugins.skill.proposals import Proposal
 
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
@@ -44,7 +45,8 @@ def choose(
     After a rejection by the checks, the candidate that was answered then is passed over.
     """
     forbidden = _forbidden(request.advice.effects, skill)
-    scored = [(*_ease(p, request), p) for p in proposals]
+    reach = _Reach(request)
+    scored = [(*_ease(p, request, reach), p) for p in proposals]
     scored.sort(key=lambda item: -item[0])  # stable: equal scores keep the schema's order
     candidates: list[Candidate] = []
     chosen: Proposal | None = None
@@ -83,19 +85,34 @@ def _forbidden(effects: Sequence[Effect], skill: str) -> dict[str, str]:
     }
 
 
-def _ease(proposal: Proposal, request: PlanRequest) -> tuple[float, str]:
+class _Reach:
+    """Inverse kinematics that remembers: candidates share poses."""
+
+    def __init__(self, request: PlanRequest) -> None:
+        self._arm, self._scene = request.arm, request.scene
+        self._known: dict[tuple[bytes, bytes], IKSolution | None] = {}
+
+    def inside(self, xyz: FloatArray) -> bool:
+        """Whether both workspaces have the point (3,)."""
+        return bool(self._arm.workspace.contains(xyz, -1e-6) & self._scene.workspace.contains(xyz, -1e-6))
+
+    def __call__(self, pose: FloatArray, near: FloatArray) -> IKSolution | None:
+        key = (pose.tobytes(), near.tobytes())
+        if key not in self._known:
+            self._known[key] = self._arm.inverse(pose, near=near) if self.inside(pose[:3, 3]) else None
+        return self._known[key]
+
+
+def _ease(proposal: Proposal, request: PlanRequest, reach: _Reach) -> tuple[float, str]:
     """The score, and why the arm cannot do it at all ("" when it can get to every waypoint)."""
     arm, scene = request.arm, request.scene
     margin, manipulability, room = LIMIT_COMFORT, EASE, ROOM
     near, opening = request.joints, 1.0
     for waypoint, pose in zip(proposal.trajectory, proposal.trajectory.poses(request.start), strict=True):
-        inside = bool(
-            arm.workspace.contains(pose[:3, 3], -1e-6) & scene.workspace.contains(pose[:3, 3], -1e-6)
-        )
-        solution: IKSolution | None = arm.inverse(pose, near=near) if inside else None
+        solution = reach(pose, near)
         if solution is None:
             xyz = ", ".join(f"{v:.2f}" for v in waypoint.xyz)
-            why = "out of the arm's reach" if inside else "outside the workspace"
+            why = "out of the arm's reach" if reach.inside(pose[:3, 3]) else "outside the workspace"
             return round(proposal.preference - 1.0, 4), f"{waypoint.stage} at ({xyz}) is {why}"
         margin, manipulability = (
             min(margin, solution.limit_margin),

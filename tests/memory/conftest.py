@@ -90,7 +90,9 @@ def episode() -> Callable[..., MemoryEpisode]:
     return make
 
 
-def hint(content: str = "Pick up (grasp, grab, take, lift, raise) a small box: this grasp depth succeeded.") -> Lesson:
+def hint(
+    content: str = "Pick up (grasp, grab, take, lift, raise) a small box: this grasp depth succeeded.",
+) -> Lesson:
     effect = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
               "skill": "pick", "source": ""}  # fmt: skip
     return Lesson("procedural_hint", content, effect)

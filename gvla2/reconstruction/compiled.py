@@ -1,0 +1,78 @@
+"""Loops compiled by numba, and how they share the cores.
+
+A compiled loop releases the interpreter's lock, so plain threads run it on all cores. Numba's own ``parallel=True``
+would do the same, but its thread layers abort the process when two threads enter at once or after a fork, and
+it takes several times as long to compile.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Compile on the first call and keep the result on disk.
+
+    Sums may be reordered, but NaN and infinity keep their meaning.
+    """
+    return cast(F, numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp"})(function))
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_together(jobs: Sequence[Callable[[], None]]) -> None:
+    """Run jobs that release the interpreter's lock, on as many threads as there are cores.
+
+    The first exception of a job is raised here after all have ended.
+    """
+    workers = min(cores(), len(jobs))
+    errors: list[BaseException] = []
+    waiting = iter(jobs)
+    lock = threading.Lock()
+
+    def work() -> None:
+        while True:
+            with lock:
+                job = next(waiting, None)
+            if job is None:
+                return
+            try:
+                job()
+            except BaseException as error:
+                errors.append(error)
+                return
+
+    threads = [threading.Thread(target=work) for _ in range(workers - 1)]
+    for thread in threads:
+        thread.start()
+    work()
+    for thread in threads:
+        thread.join()
+    if errors:
+        raise errors[0]
+
+
+def run_chunks(body: Callable[[int, int], None], count: int, least: int = 20_000) -> None:
+    """Call ``body(start, stop)`` over 0..count in chunks of at least ``least``, one a core."""
+    pieces = max(1, min(cores(), count // least))
+    if pieces == 1:
+        body(0, count)
+        return
+    bounds = [count * k // pieces for k in range(pieces + 1)]
+
+    def piece(start: int, stop: int) -> Callable[[], None]:
+        return lambda: body(start, stop)
+
+    run_together([piece(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)])

@@ -1,0 +1,188 @@
+"""From Gaussians to ellipses in the image: numba kernels, float32.
+
+Elliptical weighted average splatting (Zwicker et al. 2001) as in 3D Gaussian splatting (Kerbl et al. 2023):
+with the Gaussian's axes as columns of L = R S and the projection's Jacobian J at its centre, the ellipse is
+V V^T + low_pass I with V = J W L. Keeping V (2, 3) instead of a 3x3 covariance makes both ways short, and the
+determinant a sum of squares: |v1 x v2|^2 + low_pass (|v1|^2 + |v2|^2) + low_pass^2 loses nothing to cancellation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+TILE = 16
+"""Side of the square tiles in pixels."""
+
+U, V, CONIC_A, CONIC_B, CONIC_C, OPACITY, REACH, RED, GREEN, BLUE, DEPTH = range(11)
+"""Columns of a projected Gaussian ("splat"); REACH is ln(opacity / min_alpha): alpha stays above min_alpha
+while half the squared Mahalanobis distance is below it."""
+SPLAT_COLUMNS = 11
+
+ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
+"""Where things lie in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
+the least and greatest slopes x/z, y/z at which the projection is linearised, and the renderer's options."""
+CAMERA_ENTRIES = 27
+
+MOST_SPREAD = np.float32(1e3)
+"""A standard deviation of so many depths covers any image; more would only overflow."""
+SH_C0 = np.float32(0.2820948)
+
+_FAST = {"contract", "nsz"}
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def to_camera(camera, centre):
+    """A point of the world in the camera's frame."""
+    x = camera[0] * centre[0] + camera[1] * centre[1] + camera[2] * centre[2] + camera[9]
+    y = camera[3] * centre[0] + camera[4] * centre[1] + camera[5] * centre[2] + camera[10]
+    z = camera[6] * centre[0] + camera[7] * centre[1] + camera[8] * centre[2] + camera[11]
+    return x, y, z
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def gaussian_axes(log_scale, rotation, z, axes):
+    """Write L = R S (3, 3), one axis of the Gaussian a column, for a Gaussian at depth ``z``."""
+    w, x, y, q = rotation[0], rotation[1], rotation[2], rotation[3]
+    inverse = np.float32(1.0) / math.sqrt(w * w + x * x + y * y + q * q)
+    w, x, y, q = w * inverse, x * inverse, y * inverse, q * inverse
+    most = MOST_SPREAD * z
+    a, b, c = (
+        min(math.exp(log_scale[0]), most),
+        min(math.exp(log_scale[1]), most),
+        min(math.exp(log_scale[2]), most),
+    )
+    one, two = np.float32(1.0), np.float32(2.0)
+    axes[0, 0] = (one - two * (y * y + q * q)) * a
+    axes[1, 0] = two * (x * y + w * q) * a
+    axes[2, 0] = two * (x * q - w * y) * a
+    axes[0, 1] = two * (x * y - w * q) * b
+    axes[1, 1] = (one - two * (x * x + q * q)) * b
+    axes[2, 1] = two * (y * q + w * x) * b
+    axes[0, 2] = two * (x * q + w * y) * c
+    axes[1, 2] = two * (y * q - w * x) * c
+    axes[2, 2] = (one - two * (x * x + y * y)) * c
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def image_axes(camera, x, y, z, axes, frame, image):
+    """Write J W (2, 3) to ``frame`` and V = J W L (2, 3) to ``image``; return the slopes of linearisation.
+
+    Far outside the image the slopes stay at its margin, as in 3DGS.
+    """
+    slope_x = min(max(x / z, camera[SLOPES]), camera[SLOPES + 1])
+    slope_y = min(max(y / z, camera[SLOPES + 2]), camera[SLOPES + 3])
+    inverse = np.float32(1.0) / z
+    k00, k01, k11 = camera[INTRINSICS], camera[INTRINSICS + 1], camera[INTRINSICS + 3]
+    for j in range(3):
+        along_x = (camera[j] - slope_x * camera[6 + j]) * inverse
+        along_y = (camera[3 + j] - slope_y * camera[6 + j]) * inverse
+        frame[0, j] = k00 * along_x + k01 * along_y
+        frame[1, j] = k11 * along_y
+    for row in range(2):
+        for k in range(3):
+            image[row, k] = (
+                frame[row, 0] * axes[0, k] + frame[row, 1] * axes[1, k] + frame[row, 2] * axes[2, k]
+            )
+    return slope_x, slope_y
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def ellipse(image, low_pass):
+    """Variances xx, xy, yy of V V^T + low_pass I in square pixels, and the determinant."""
+    xx = image[0, 0] * image[0, 0] + image[0, 1] * image[0, 1] + image[0, 2] * image[0, 2]
+    yy = image[1, 0] * image[1, 0] + image[1, 1] * image[1, 1] + image[1, 2] * image[1, 2]
+    xy = image[0, 0] * image[1, 0] + image[0, 1] * image[1, 1] + image[0, 2] * image[1, 2]
+    c0 = image[0, 1] * image[1, 2] - image[0, 2] * image[1, 1]
+    c1 = image[0, 2] * image[1, 0] - image[0, 0] * image[1, 2]
+    c2 = image[0, 0] * image[1, 1] - image[0, 1] * image[1, 0]
+    det = c0 * c0 + c1 * c1 + c2 * c2 + low_pass * (xx + yy) + low_pass * low_pass
+    return xx + low_pass, xy, yy + low_pass, det
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def project(
+    start, stop, camera, width, height, centres, log_scales, rotations, logits, sh_dc, sh_rest,
+    splats, boxes, counts,
+):  # fmt: skip
+    """Project Gaussians ``start`` to ``stop``.
+
+    Writes ``splats`` (N, 11) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for
+    what is not seen; adds to ``counts`` (tiles,) how many of these Gaussians each tile gets.
+    """
+    across = (width + TILE - 1) // TILE
+    low_pass, near, min_alpha = camera[LOW_PASS], camera[NEAR], camera[MIN_ALPHA]
+    axes = np.empty((3, 3), np.float32)
+    frame, image = np.empty((2, 3), np.float32), np.empty((2, 3), np.float32)
+    half = np.float32(0.5)
+    for i in range(start, stop):
+        boxes[i, 0] = boxes[i, 1] = boxes[i, 2] = boxes[i, 3] = 0
+        x, y, z = to_camera(camera, centres[i])
+        if not z > near:
+            continue
+        opacity = np.float32(1.0) / (np.float32(1.0) + math.exp(-logits[i]))
+        if not opacity > min_alpha:
+            continue
+        gaussian_axes(log_scales[i], rotations[i], z, axes)
+        image_axes(camera, x, y, z, axes, frame, image)
+        xx, xy, yy, det = ellipse(image, low_pass)
+        if not (det > 0 and det < np.inf):  # flat and edge-on without a low-pass
+            continue
+        u = camera[INTRINSICS] * x / z + camera[INTRINSICS + 1] * y / z + camera[INTRINSICS + 2]
+        v = camera[INTRINSICS + 3] * y / z + camera[INTRINSICS + 4]
+        # The pixels whose centres (k + 0.5) lie in the box around the ellipse where alpha reaches min_alpha.
+        reach = math.log(opacity / min_alpha)
+        half_u, half_v = math.sqrt(np.float32(2.0) * reach * xx), math.sqrt(np.float32(2.0) * reach * yy)
+        left, right = np.ceil(u - half_u - half), np.floor(u + half_u - half)
+        top, bottom = np.ceil(v - half_v - half), np.floor(v + half_v - half)
+        if not (left <= right and top <= bottom and right >= 0 and bottom >= 0 and left < width and top < height):
+            continue
+        column0, column1 = int(max(left, 0)) // TILE, int(min(right, width - 1)) // TILE + 1
+        row0, row1 = int(max(top, 0)) // TILE, int(min(bottom, height - 1)) // TILE + 1
+        boxes[i, 0], boxes[i, 1], boxes[i, 2], boxes[i, 3] = column0, column1, row0, row1
+        for row in range(row0, row1):
+            for column in range(column0, column1):
+                counts[row * across + column] += 1
+        splats[i, U], splats[i, V], splats[i, DEPTH] = u, v, z
+        splats[i, CONIC_A], splats[i, CONIC_B], splats[i, CONIC_C] = yy / det, -xy / det, xx / det
+        splats[i, OPACITY], splats[i, REACH] = opacity, reach
+        _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def _colour(camera, centre, sh_dc, sh_rest, i, splat):
+    """Colour >= 0 towards the camera, from spherical harmonics up to degree 3 in the order of 3DGS."""
+    for k in range(3):
+        splat[RED + k] = np.float32(0.5) + SH_C0 * sh_dc[k]
+    count = sh_rest.shape[1] // 3
+    if count > 0:
+        x, y, z = centre[0] - camera[EYE], centre[1] - camera[EYE + 1], centre[2] - camera[EYE + 2]
+        inverse = np.float32(1.0) / max(math.sqrt(x * x + y * y + z * z), np.float32(1e-12))
+        x, y, z = x * inverse, y * inverse, z * inverse
+        xx, yy, zz = x * x, y * y, z * z
+        basis = (
+            -0.4886025119 * y,
+            0.4886025119 * z,
+            -0.4886025119 * x,
+            1.0925484306 * x * y,
+            -1.0925484306 * y * z,
+            0.3153915653 * (2 * zz - xx - yy),
+            -1.0925484306 * x * z,
+            0.5462742153 * (xx - yy),
+            -0.5900435899 * y * (3 * xx - yy),
+            2.8906114426 * x * y * z,
+            -0.4570457995 * y * (4 * zz - xx - yy),
+            0.3731763326 * z * (2 * zz - 3 * xx - 3 * yy),
+            -0.4570457995 * x * (4 * zz - xx - yy),
+            1.4453057213 * z * (xx - yy),
+            -0.5900435899 * x * (xx - 3 * yy),
+        )
+        for k in range(3):
+            total = 0.0
+            for j in range(count):
+                total += basis[j] * sh_rest[i, k * count + j]
+            splat[RED + k] += np.float32(total)
+    for k in range(3):
+        splat[RED + k] = max(splat[RED + k], np.float32(0.0))

@@ -1,0 +1,254 @@
+"""Sorting Gaussians into tiles, front-to-back compositing, and its gradient: numba kernels, float32.
+
+A tile's Gaussians are taken nearest first, and each is painted over the pixels of its ellipse, row by row: the
+ends of a row follow from a square root, so no pixel outside is touched, and along the row the exponential is a
+recurrence of two products. A pixel whose transmittance is spent is skipped, a row and a tile of such pixels too.
+
+The gradient runs front to back as well. With ``rest``, the part of (gradient . final colour) that lies behind
+the Gaussian at hand, d loss / d alpha = T (gradient . colour) - rest / (1 - alpha): one number a pixel is enough,
+and both kernels walk the same rows in the same order.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from gvla2.reconstruction.rasteriser_projection import (
+    BLUE,
+    CONIC_A,
+    CONIC_B,
+    CONIC_C,
+    DEPTH,
+    GREEN,
+    OPACITY,
+    REACH,
+    RED,
+    TILE,
+    U,
+    V,
+)
+
+_FAST = {"contract", "nsz"}
+SUMS = 9
+"""What a tile knows of one Gaussian's gradient, p = alpha d loss / d alpha summed over its pixels: p, p dx, p dy,
+p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def scatter(start, stop, across, boxes, splats, cursors, members, depths):
+    """Append Gaussians ``start`` to ``stop`` to their tiles' lists, at ``cursors`` (tiles,), which it moves."""
+    for i in range(start, stop):
+        for row in range(boxes[i, 2], boxes[i, 3]):
+            for column in range(boxes[i, 0], boxes[i, 1]):
+                tile = row * across + column
+                at = cursors[tile]
+                members[at] = i
+                depths[at] = splats[i, DEPTH]
+                cursors[tile] = at + 1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _sort(keys, values, other_keys, other_values):
+    """Sort by ``keys`` (n,), bit patterns of positive floats, stably, in place: radix sort by bytes from below."""
+    n = len(keys)
+    if n < 2:
+        return
+    least, most = keys[0], keys[0]
+    for k in range(n):
+        least, most = min(least, keys[k]), max(most, keys[k])
+    spread = most - least  # near depths share their upper bytes, which then need no pass
+    counts = np.empty(256, np.int32)
+    shift = 0
+    while (spread >> shift) > 0:
+        counts[:] = 0
+        for k in range(n):
+            counts[((keys[k] - least) >> shift) & 255] += 1
+        total = 0
+        for k in range(256):
+            total, counts[k] = total + counts[k], total
+        for k in range(n):
+            digit = ((keys[k] - least) >> shift) & 255
+            at = counts[digit]
+            other_keys[at], other_values[at] = keys[k], values[k]
+            counts[digit] = at + 1
+        keys[:] = other_keys
+        values[:] = other_values
+        shift += 8
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def _row_span(splat, y, spread, x_low, x_high):
+    """First and last column within ``x_low`` <= x < ``x_high`` whose centre lies in the ellipse, in row ``y``."""
+    half = np.float32(0.5)
+    dy = np.float32(y) + half - splat[V]
+    a = splat[CONIC_A]
+    below = np.float32(2.0) * splat[REACH] * a - dy * dy * spread
+    if not below > 0:
+        return x_high, x_low, dy
+    reach = math.sqrt(below) / a
+    middle = splat[U] - splat[CONIC_B] * dy / a - half
+    first = int(max(np.ceil(middle - reach), np.float32(x_low)))
+    last = int(min(np.floor(middle + reach), np.float32(x_high - 1)))
+    return first, last, dy
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def composite(
+    part, parts, across, offsets, members, keys, splats, background, max_alpha, stop, image, left, longest
+):
+    """Sort and paint the tiles ``part``, ``part + parts``, ...; rows of ``members`` end up nearest first.
+
+    Writes ``image`` (H, W, 3), unclipped and with the background, and ``left`` (H, W), the light still passing.
+    """
+    height, width = left.shape
+    one, half = np.float32(1.0), np.float32(0.5)
+    other_keys, other_values = np.empty(longest, np.uint32), np.empty(longest, np.int32)
+    light = np.empty((TILE, TILE), np.float32)
+    colour = np.empty((TILE, TILE, 3), np.float32)
+    open_in_row = np.empty(TILE, np.int32)
+    for tile in range(part, len(offsets) - 1, parts):
+        x0, y0 = (tile % across) * TILE, (tile // across) * TILE
+        x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
+        begin, end = offsets[tile], offsets[tile + 1]
+        count = end - begin
+        _sort(keys[begin:end], members[begin:end], other_keys[:count], other_values[:count])
+        light[:] = one
+        colour[:] = np.float32(0.0)
+        open_in_row[:] = x1 - x0
+        still_open = (x1 - x0) * (y1 - y0)
+        for entry in range(begin, end):
+            if still_open == 0:
+                break
+            splat = splats[members[entry]]
+            a, b, opacity = splat[CONIC_A], splat[CONIC_B], splat[OPACITY]
+            red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
+            spread = a * splat[CONIC_C] - b * b
+            tall = math.sqrt(np.float32(2.0) * splat[REACH] * a / spread)
+            top = int(max(np.ceil(splat[V] - tall - half), np.float32(y0)))
+            bottom = int(min(np.floor(splat[V] + tall - half), np.float32(y1 - 1)))
+            shrink = math.exp(-a)
+            for y in range(top, bottom + 1):
+                if open_in_row[y - y0] == 0:
+                    continue
+                first, last, dy = _row_span(splat, y, spread, x0, x1)
+                if first > last:
+                    continue
+                dx = np.float32(first) + half - splat[U]
+                alpha = opacity * math.exp(-half * (a * dx * dx + splat[CONIC_C] * dy * dy) - b * dx * dy)
+                ratio = math.exp(-a * (dx + half) - b * dy)
+                for x in range(first - x0, last + 1 - x0):
+                    passing = light[y - y0, x]
+                    if passing > stop:
+                        used = min(alpha, max_alpha)
+                        weight = passing * used
+                        colour[y - y0, x, 0] += weight * red
+                        colour[y - y0, x, 1] += weight * green
+                        colour[y - y0, x, 2] += weight * blue
+                        passing -= weight
+                        light[y - y0, x] = passing
+                        if passing <= stop:
+                            open_in_row[y - y0] -= 1
+                            still_open -= 1
+                    alpha *= ratio
+                    ratio *= shrink
+        for y in range(y0, y1):
+            for x in range(x0, x1):
+                passing = light[y - y0, x - x0]
+                left[y, x] = passing
+                for k in range(3):
+                    image[y, x, k] = colour[y - y0, x - x0, k] + passing * background[k]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def composite_back(
+    part, parts, across, offsets, members, boxes, splats, first_entry, background, max_alpha, stop,
+    image, left, to_image, to_alpha, partial,
+):  # fmt: skip
+    """Write ``partial`` (entries, 9), see ``SUMS``, for the tiles ``part``, ``part + parts``, ...
+
+    ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) are the loss's gradients at the image and at alpha = 1 - left.
+    """
+    height, width = left.shape
+    one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
+    light, rest = np.empty((TILE, TILE), np.float32), np.empty((TILE, TILE), np.float32)
+    slope = np.empty((TILE, TILE, 3), np.float32)
+    open_in_row = np.empty(TILE, np.int32)
+    for tile in range(part, len(offsets) - 1, parts):
+        begin, end = offsets[tile], offsets[tile + 1]
+        if begin == end:
+            continue
+        tile_column, tile_row = tile % across, tile // across
+        x0, y0 = tile_column * TILE, tile_row * TILE
+        x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
+        light[:] = one
+        open_in_row[:] = x1 - x0
+        still_open = (x1 - x0) * (y1 - y0)
+        for y in range(y0, y1):
+            for x in range(x0, x1):
+                total = -to_alpha[y, x] * left[y, x]
+                for k in range(3):
+                    slope[y - y0, x - x0, k] = to_image[y, x, k]
+                    total += to_image[y, x, k] * image[y, x, k]
+                rest[y - y0, x - x0] = total
+        for entry in range(begin, end):
+            if still_open == 0:
+                break
+            i = members[entry]
+            splat = splats[i]
+            a, b, opacity = splat[CONIC_A], splat[CONIC_B], splat[OPACITY]
+            red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
+            spread = a * splat[CONIC_C] - b * b
+            tall = math.sqrt(np.float32(2.0) * splat[REACH] * a / spread)
+            top = int(max(np.ceil(splat[V] - tall - half), np.float32(y0)))
+            bottom = int(min(np.floor(splat[V] + tall - half), np.float32(y1 - 1)))
+            shrink = math.exp(-a)
+            s0 = sx = sy = sxx = sxy = syy = to_red = to_green = to_blue = zero
+            for y in range(top, bottom + 1):
+                if open_in_row[y - y0] == 0:
+                    continue
+                first, last, dy = _row_span(splat, y, spread, x0, x1)
+                if first > last:
+                    continue
+                dx = np.float32(first) + half - splat[U]
+                alpha = opacity * math.exp(-half * (a * dx * dx + splat[CONIC_C] * dy * dy) - b * dx * dy)
+                ratio = math.exp(-a * (dx + half) - b * dy)
+                r0 = rx = rxx = zero
+                for x in range(first - x0, last + 1 - x0):
+                    passing = light[y - y0, x]
+                    if passing > stop:
+                        used = min(alpha, max_alpha)
+                        weight = passing * used
+                        g_red, g_green, g_blue = slope[y - y0, x, 0], slope[y - y0, x, 1], slope[y - y0, x, 2]
+                        shade = g_red * red + g_green * green + g_blue * blue
+                        behind = rest[y - y0, x] - weight * shade
+                        rest[y - y0, x] = behind
+                        to_red += weight * g_red
+                        to_green += weight * g_green
+                        to_blue += weight * g_blue
+                        if alpha <= max_alpha:
+                            p = alpha * (passing * shade - behind / (one - used))
+                            r0 += p
+                            rx += p * dx
+                            rxx += p * dx * dx
+                        passing -= weight
+                        light[y - y0, x] = passing
+                        if passing <= stop:
+                            open_in_row[y - y0] -= 1
+                            still_open -= 1
+                    alpha *= ratio
+                    ratio *= shrink
+                    dx += one
+                s0 += r0
+                sx += rx
+                sy += r0 * dy
+                sxx += rxx
+                sxy += rx * dy
+                syy += r0 * dy * dy
+            columns = boxes[i, 1] - boxes[i, 0]
+            at = first_entry[i] + (tile_row - boxes[i, 2]) * columns + tile_column - boxes[i, 0]
+            partial[at, 0], partial[at, 1], partial[at, 2] = s0, sx, sy
+            partial[at, 3], partial[at, 4], partial[at, 5] = sxx, sxy, syy
+            partial[at, 6], partial[at, 7], partial[at, 8] = to_red, to_green, to_blue

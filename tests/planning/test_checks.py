@@ -1,0 +1,251 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.arm import IKSolution
+from gvla2.planning.checks import CheckLimits, check_trajectory
+from gvla2.planning.checks_motion import width_along
+from gvla2.planning.effects import Effect
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.repair import repair
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import MAX_WAYPOINTS, Orientation, Trajectory, Waypoint
+from gvla2.testing.gantry import Gantry
+
+TABLE = 0.5
+SPACE = Box(np.array([-0.3, -0.5, TABLE]), np.array([0.7, 0.5, TABLE + 0.8]))
+CHECKS = ("schema", "workspace", "gripper", "kinematics", "clearance", "memory")
+ACROSS = Orientation("grasp", closing=(0.0, 1.0, 0.0))
+
+
+def thing(name: str, xy: tuple[float, float], size=(0.05, 0.05, 0.05), shape="box") -> SceneObject:
+    extents = np.array(size)
+    pose = rigid(translation=(*xy, TABLE + extents[2] / 2))
+    return SceneObject(name, name, shape, "", pose, extents, np.zeros((0, 3)))
+
+
+ARM = Gantry(SPACE)
+SCENE = Scene((thing("cube", (0.3, 0.0)), thing("wall", (0.3, 0.25), (0.3, 0.02, 0.2))), TABLE, SPACE)
+
+
+def at(x: float, y: float, z: float, gripper: float, stage: str = "move", **more) -> Waypoint:
+    return Waypoint((x, y, TABLE + z), gripper, stage, ACROSS, **more)
+
+
+CUBE = frozenset({"cube"})
+GOOD = (
+    at(0.3, 0.0, 0.15, 1.0, "approach"),
+    at(0.3, 0.0, 0.025, 1.0, "grasp", motion="linear", allowed_contacts=CUBE),
+    at(0.3, 0.0, 0.025, 0.0, "close", motion="linear", allowed_contacts=CUBE),
+    at(0.3, 0.0, 0.3, 0.0, "lift", motion="linear", allowed_contacts=CUBE | {"table"}, carries="cube"),
+)
+
+
+def check(*waypoints: Waypoint, arm=ARM, scene=SCENE, **more) -> CheckReport:
+    return check_trajectory(Trajectory(waypoints), scene, arm, ARM.forward(ARM.home), ARM.home, **more)
+
+
+def kinds(report: CheckReport) -> set[tuple[str, str]]:
+    return {(f.check, f.kind) for f in report.findings if not f.passed}
+
+
+def changed(index: int, **fields) -> tuple[Waypoint, ...]:
+    return tuple(replace(w, **fields) if i == index else w for i, w in enumerate(GOOD))
+
+
+def test_a_good_trajectory_passes_every_check_and_says_so_once_each():
+    report = check(*GOOD)
+    assert report.passed, report.reasons
+    assert tuple(f.check for f in report.findings) == CHECKS
+
+
+BAD = {
+    "one waypoint": (GOOD[:1], ("schema", "too_few_waypoints")),
+    "too many": (GOOD[:1] * (MAX_WAYPOINTS + 1), ("schema", "too_many_waypoints")),
+    "frame": (changed(0, frame="camera"), ("schema", "wrong_frame")),
+    "no stage": (changed(0, stage=""), ("schema", "no_stage")),
+    "motion": (changed(0, motion="hop"), ("schema", "bad_motion")),
+    "nan": (changed(1, xyz=(0.3, float("nan"), 0.6)), ("schema", "not_finite")),
+    "infinite gripper": (changed(1, gripper=float("inf")), ("schema", "not_finite")),
+    "no speed": (changed(1, speed=0.0), ("schema", "not_positive")),
+    "stranger": (changed(1, allowed_contacts=frozenset({"ghost"})), ("schema", "unknown_object")),
+    "no direction": (changed(0, orientation=Orientation("axis", (0.0, 0.0, 0.0))), ("schema", "bad_orientation")),
+    "parallel closing": (
+        changed(0, orientation=Orientation("grasp", closing=(0.0, 0.0, 2.0))), ("schema", "bad_orientation"),
+    ),
+    "policy": (changed(0, orientation=Orientation("spin")), ("schema", "bad_orientation")),  # type: ignore[arg-type]
+    "outside": (changed(0, xyz=(0.9, 0.0, 0.9)), ("workspace", "outside_workspace")),
+    "table": (changed(1, xyz=(0.3, 0.0, TABLE + 0.011)), ("workspace", "table_margin")),
+    "long": (
+        (*GOOD[:1], at(-0.25, -0.4, 0.15, 1.0, motion="linear")), ("workspace", "segment_too_long"),
+    ),
+    "fast": (changed(0, speed=3.0), ("workspace", "too_fast")),
+    "opening": (changed(1, gripper=1.2), ("gripper", "opening_range")),
+    "open carrying": ((*GOOD[:2], *changed(3)[3:]), ("gripper", "carries_without_grasp")),
+    "opens while carrying": (
+        (*GOOD, at(0.3, 0.0, 0.32, 1.0, carries="cube"), at(0.3, 0.0, 0.34, 1.0, carries="cube")),
+        ("gripper", "opens_while_carrying"),
+    ),
+    "vanished": ((*GOOD, at(0.3, -0.1, 0.3, 0.0)), ("gripper", "dropped_silently")),
+    "other object": ((*GOOD, at(0.3, -0.1, 0.3, 0.0, carries="wall")), ("gripper", "not_released")),
+    "beside": (
+        tuple(replace(w, xyz=(w.xyz[0] - 0.09, *w.xyz[1:])) for w in GOOD), ("gripper", "grasp_misses"),
+    ),
+    "reach": (changed(0, orientation=Orientation("axis", (1.0, 0.0, 0.0))), ("kinematics", "unreachable")),
+    "into the wall": (
+        (*GOOD[:1], at(0.3, 0.4, 0.12, 1.0, motion="linear")), ("clearance", "collision"),
+    ),
+    "ends in the wall": ((*GOOD[:1], at(0.3, 0.205, 0.1, 1.0)), ("clearance", "collision")),
+    "starts in touch": (
+        (*(replace(w, gripper=0.65) for w in GOOD[:2]), at(0.3, 0.0, 0.15, 1.0, "up")),
+        ("clearance", "blocked_start"),
+    ),
+    "narrow opening": (
+        (*(replace(w, gripper=0.5) for w in GOOD[:2]), *GOOD[2:]), ("clearance", "too_wide"),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("waypoints", "expected"), BAD.values(), ids=BAD.keys())
+def test_each_fault_is_found_by_its_check_and_named(waypoints, expected):
+    report = check(*waypoints)
+    assert expected in kinds(report)
+    assert not report.passed
+    message = next(f.message for f in report.findings if (f.check, f.kind) == expected)
+    assert len(message) > 20
+    assert message in report.reasons
+    if "waypoint" in message.lower() and expected[1] not in ("too_few_waypoints", "too_many_waypoints"):
+        assert any(w.stage in message for w in waypoints if w.stage) or expected[1] == "no_stage"
+
+
+def test_all_faults_are_reported_at_once_and_every_check_speaks():
+    worst = (
+        replace(GOOD[0], speed=5.0, frame="camera"),
+        replace(GOOD[1], gripper=1.5, xyz=(0.9, 0.0, 0.505)),
+        replace(GOOD[3], carries="wall"),
+    )
+    report = check(*worst, effects=[Effect("bound", "lift_height", 0.2)], parameters={"lift_height": 0.1})
+    found = kinds(report)
+    assert {("schema", "wrong_frame"), ("workspace", "too_fast"), ("workspace", "outside_workspace"),
+            ("gripper", "opening_range"), ("memory", "bound_broken"),
+            ("kinematics", "unchecked"), ("clearance", "unchecked")} <= found  # fmt: skip
+    assert {f.check for f in report.findings} == set(CHECKS)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    index=st.integers(0, 3),
+    field=st.sampled_from(["x", "y", "z", "gripper", "speed", "tolerance"]),
+    value=st.sampled_from([float("nan"), float("inf"), -float("inf")]),
+)
+def test_a_number_that_is_none_never_passes_and_never_raises(index, field, value):
+    xyz = dict(zip("xyz", GOOD[index].xyz, strict=True))
+    fields = {"xyz": tuple({**xyz, field: value}.values())} if field in xyz else {field: value}
+    assert ("schema", "not_finite") in kinds(check(*changed(index, **fields)))
+
+
+class Stiff(Gantry):
+    """A gantry that is near its limits, singular, or jumps: what a real arm can be."""
+
+    margin, manipulability, jump = 1.0, 1.0, 0.0
+
+    def inverse(self, world_from_tcp, near=None):
+        solution = super().inverse(world_from_tcp, near)
+        if solution is None:
+            return None
+        return IKSolution(solution.joints, self.margin, self.manipulability, 0.0, 0.0)
+
+    def line(self, start, world_from_tcp, step=0.01):
+        path = super().line(start, world_from_tcp, step)
+        return None if path is None else [*path[:-1], path[-1] + self.jump]
+
+
+@pytest.mark.parametrize(
+    ("fault", "expected"),
+    [
+        ({"margin": 0.01}, "joint_limit"),
+        ({"manipulability": 1e-4}, "singular"),
+        ({"jump": 1.0}, "joint_jump"),
+    ],
+)
+def test_a_pose_that_is_reached_badly_is_rejected(fault, expected):
+    arm = Stiff(SPACE)
+    assert check(*GOOD, arm=arm).passed
+    for name, value in fault.items():
+        setattr(arm, name, value)
+    assert ("kinematics", expected) in kinds(check(*GOOD, arm=arm))
+
+
+def test_a_held_object_is_swept_along():
+    # The fingertips pass 5 mm over the wall, the cube hangs 15 mm lower.
+    low = (*GOOD, at(0.3, 0.0, 0.215, 0.0, "down", motion="linear", carries="cube"),
+           at(0.3, 0.4, 0.215, 0.0, "carry", motion="linear", carries="cube"))  # fmt: skip
+    assert kinds(check(*low)) == {("clearance", "collision")}
+    high = (*GOOD, at(0.3, 0.0, 0.32, 0.0, "up", motion="linear", carries="cube"),
+            at(0.3, 0.4, 0.32, 0.0, "carry", motion="linear", carries="cube"))  # fmt: skip
+    assert check(*high).passed
+
+
+def test_memory_bounds_hold_for_their_own_skill():
+    bound = Effect("bound", "lift_height", 0.2, ">=", skill="pick", source="r7")
+    parameters = {"lift_height": 0.1}
+    report = check(*GOOD, effects=[bound], parameters=parameters, skill="pick")
+    assert kinds(report) == {("memory", "bound_broken")}
+    assert "r7" in report.reasons[0]
+    assert check(*GOOD, effects=[bound], parameters=parameters, skill="push").passed
+    assert check(*GOOD, effects=[bound], parameters={"lift_height": 0.25}, skill="pick").passed
+    upper = Effect("bound", "lift_height", 0.05, "<=")
+    assert not check(*GOOD, effects=[upper], parameters=parameters).passed
+
+
+def test_limits_can_be_set():
+    assert ("workspace", "too_fast") in kinds(check(*GOOD, limits=CheckLimits(max_speed=0.1)))
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere"])
+def test_the_width_of_a_thing_is_that_of_its_outline(shape):
+    turned = thing("a", (0.0, 0.0), (0.04, 0.04, 0.1 if shape != "sphere" else 0.04), shape)
+    diagonal = np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)
+    assert width_along(turned, diagonal) == pytest.approx(0.04 * np.sqrt(2.0) if shape == "box" else 0.04)
+
+
+def repaired(*waypoints: Waypoint) -> tuple[Trajectory, tuple[str, ...]]:
+    return repair(Trajectory(waypoints), check(*waypoints), SCENE, ARM)
+
+
+@pytest.mark.parametrize(
+    "waypoints",
+    [
+        changed(0, speed=3.0),
+        changed(0, xyz=(0.3, 0.0, TABLE + 0.83)),
+        changed(1, xyz=(0.3, 0.0, TABLE + 0.011)),
+        changed(0, gripper=1.3),
+        (at(-0.25, -0.4, 0.2, 1.0), at(0.4, -0.3, 0.2, 1.0, motion="linear")),
+        (at(0.3, 0.0, 0.15, 1.0), at(0.3, 0.4, 0.12, 1.0, "over", motion="linear")),
+    ],
+    ids=["fast", "high", "low", "opening", "long", "wall"],
+)
+def test_repair_mends_what_can_be_mended_and_says_what(waypoints):
+    assert not check(*waypoints).passed
+    mended, said = repaired(*waypoints)
+    assert said
+    assert check(*mended.waypoints).passed, check(*mended.waypoints).reasons
+
+
+def test_repair_leaves_alone_what_it_cannot_mend():
+    for waypoints in (GOOD, changed(1, xyz=(float("nan"), 0.0, 0.6)), changed(0, frame="camera")):
+        mended, said = repaired(*waypoints)
+        assert said == ()
+        assert len(mended) == len(waypoints)
+
+
+def test_repair_never_makes_a_trajectory_too_long():
+    ends = [at(-0.25, -0.4, 0.2, 1.0), at(0.4, -0.4, 0.2, 1.0, motion="linear")]
+    mended, _ = repaired(*(ends * (MAX_WAYPOINTS // 2)))
+    assert len(mended) <= MAX_WAYPOINTS

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint, grasp_rotation
+
+angles = st.floats(-3.0, 3.0)
+
+
+@given(angles, angles, angles)
+def test_a_grasp_points_along_its_approach_and_closes_across_it(a, b, c):
+    approach = Rotation.from_euler("xyz", [a, b, c]).apply([0.0, 0.0, 2.0])
+    closing = Rotation.from_euler("xyz", [a, b, c]).apply([0.3, 1.0, 0.8])
+    R = grasp_rotation(approach, closing)
+    np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-9)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    np.testing.assert_allclose(R[:, 2], approach / np.linalg.norm(approach), atol=1e-9)
+    assert R[:, 1] @ closing > 0
+
+
+def test_a_grasp_that_closes_along_its_approach_is_refused():
+    with pytest.raises(ValueError, match="parallel"):
+        grasp_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 3.0]))
+
+
+@given(angles, st.floats(0.0, 1.0))
+def test_policies_follow_from_the_rotation_before(angle, share):
+    start = grasp_rotation(np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0]))
+    waypoints = (
+        Waypoint((0.0, 0.0, 0.5), 1.0, "a"),
+        Waypoint((0.0, 0.0, 0.5), 1.0, "b", Orientation("twist", (0.0, 0.0, 1.0), angle=angle)),
+        Waypoint((0.0, 0.0, 0.5), 1.0, "c", Orientation("slerp", (0.0, 0.0, -1.0), (1.0, 0.0, 0.0), share)),
+        Waypoint((0.0, 0.0, 0.5), 1.0, "d", Orientation("axis", (1.0, 0.0, 0.0))),
+    )
+    held, twisted, slerped, axis = (p[:3, :3] for p in Trajectory(waypoints).poses(rigid(start)))
+    np.testing.assert_allclose(held, start)
+    np.testing.assert_allclose(twisted, Rotation.from_euler("z", angle).as_matrix() @ start, atol=1e-9)
+    goal = grasp_rotation(np.array([0.0, 0.0, -1.0]), np.array([1.0, 0.0, 0.0]))
+    left = Rotation.from_matrix(goal @ slerped.T).magnitude()
+    assert left == pytest.approx((1 - share) * Rotation.from_matrix(goal @ twisted.T).magnitude(), abs=1e-6)
+    np.testing.assert_allclose(axis[:, 2], [1.0, 0.0, 0.0], atol=1e-6)
+    least = np.arccos(np.clip(slerped[:, 2] @ [1.0, 0.0, 0.0], -1, 1))
+    assert Rotation.from_matrix(axis @ slerped.T).magnitude() == pytest.approx(least, abs=1e-6)
+
+
+def test_the_paper_view_and_json_keep_every_number():
+    waypoint = Waypoint((0.1, 0.2, 0.3), 0.5, "grasp", allowed_contacts=frozenset({"b", "a"}), carries="a")
+    trajectory = Trajectory((waypoint, waypoint))
+    np.testing.assert_allclose(trajectory.xyzg(), [[0.1, 0.2, 0.3, 0.5]] * 2)
+    written = trajectory.to_json()[0]
+    assert written["allowed_contacts"] == ["a", "b"]
+    assert (written["xyz"], written["carries"], written["stage"]) == ([0.1, 0.2, 0.3], "a", "grasp")
