@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -58,7 +58,7 @@ class EpisodeRequest:
 
     seed: int
     instruction: str | None = None
-    depth_noise: DepthNoise = DepthNoise()
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
     source: str = ""
 
 

@@ -6,9 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
-from gvla2_plugins.hybrid import HybridConfig
-from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 from gvla2.correspondence import correspond
 from gvla2.diagnosis import approach_of, diagnose
@@ -22,6 +19,9 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
+from gvla2_plugins.hybrid import HybridConfig
+from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 TABLE = 0.75
 SUCCESS = Verdict.from_criteria({"task_completion": 1.0, "collision_safety": 1.0})
@@ -296,3 +296,27 @@ def test_correspondence_is_one_to_one_and_keeps_paint_apart() -> None:
     assert {name: later.id for name, later in found.later.items()} == {"a": "q", "goal": "r"}
     assert found.of("b") is None
     assert correspond(SCENE, scene()).later == {}
+
+
+def test_words_do_not_settle_which_part_of_a_thing_is_meant() -> None:
+    lamp = replace(thing("lamp", 0.4, 0.0, "blue", size=0.12), label="lamp")
+    button = replace(thing("button", 0.4, 0.0, "red", "disc", 0.03), label="red button", parent="lamp")
+    record = EpisodeRecord("run/1", "turn on the lamp", "", 0, {}, scene=scene(lamp, button))
+    assert "theme_length" not in memory_task(record).signature
+    pressed = memory_task(replace(record, instruction="press the red button"))
+    assert pressed.signature["theme_length"] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    ("extents", "words"),
+    [
+        ((0.05, 0.05, 0.05), "a small box"),
+        ((0.02, 0.02, 0.06), "a tall small box"),
+        ((0.3, 0.2, 0.02), "a flat large box"),
+        ((0.12, 0.09, 0.07), "a medium box"),
+    ],
+)
+def test_lessons_name_size_and_build(extents: tuple[float, float, float], words: str) -> None:
+    shaped = replace(SCENE["a"], extents=np.array(extents))
+    (lesson, *_) = memory_episode(episode(scene=SCENE.with_object(shaped)), SUCCESS).lessons
+    assert words in lesson.content

@@ -9,7 +9,6 @@ Each stage reports what it did and why; a stage that the views speak against is 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -21,8 +20,6 @@ from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.axis import AxisOptions, compensate
-from gvla2.reconstruction.colour_calibration import calibrate_colours
 from gvla2.reconstruction.contracts import (
     FusionStrategy,
     GeometryPrior,
@@ -30,10 +27,6 @@ from gvla2.reconstruction.contracts import (
     Renderer,
     StageReport,
 )
-from gvla2.reconstruction.gate import accept
-from gvla2.reconstruction.guidance import guide
-from gvla2.reconstruction.soft_hull import soft_hull
-from gvla2.reconstruction.support import mask_support
 
 Move = Callable[[FloatArray], FloatArray]
 """Takes points (N, 3) of the object to where a stage puts them; serves Gaussians and mesh alike."""

@@ -16,10 +16,10 @@ from numba import njit
 TILE = 16
 """Side of the square tiles in pixels."""
 
-U, V, CONIC_A, CONIC_B, CONIC_C, OPACITY, REACH, RED, GREEN, BLUE, DEPTH = range(11)
-"""Columns of a projected Gaussian ("splat"); REACH is ln(opacity / min_alpha): alpha stays above min_alpha
-while half the squared Mahalanobis distance is below it."""
-SPLAT_COLUMNS = 11
+U, V, CONIC_A, CONIC_B, CONIC_C, CONIC_DET, OPACITY, REACH, RED, GREEN, BLUE, DEPTH = range(12)
+"""Columns of a projected Gaussian ("splat"). The conic is the inverse ((A, B), (B, C)) of the ellipse; REACH is
+ln(opacity / min_alpha): alpha stays above min_alpha while half the squared Mahalanobis distance is below it."""
+SPLAT_COLUMNS = 12
 
 ROTATION, TRANSLATION, INTRINSICS, EYE, SLOPES, LOW_PASS, NEAR, MIN_ALPHA = 0, 9, 12, 17, 20, 24, 25, 26
 """Where things lie in the camera's vector: camera_from_world (9 + 3), k00 k01 k02 k11 k12, the optical centre,
@@ -109,7 +109,7 @@ def project(
 ):  # fmt: skip
     """Project Gaussians ``start`` to ``stop``.
 
-    Writes ``splats`` (N, 11) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for
+    Writes ``splats`` (N, 12) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for
     what is not seen; adds to ``counts`` (tiles,) how many of these Gaussians each tile gets.
     """
     across = (width + TILE - 1) // TILE
@@ -147,6 +147,7 @@ def project(
                 counts[row * across + column] += 1
         splats[i, U], splats[i, V], splats[i, DEPTH] = u, v, z
         splats[i, CONIC_A], splats[i, CONIC_B], splats[i, CONIC_C] = yy / det, -xy / det, xx / det
+        splats[i, CONIC_DET] = np.float32(1.0) / det
         splats[i, OPACITY], splats[i, REACH] = opacity, reach
         _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
 

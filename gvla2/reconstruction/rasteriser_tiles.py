@@ -20,7 +20,7 @@ from gvla2.reconstruction.rasteriser_projection import (
     BLUE,
     CONIC_A,
     CONIC_B,
-    CONIC_C,
+    CONIC_DET,
     DEPTH,
     GREEN,
     OPACITY,
@@ -80,19 +80,36 @@ def _sort(keys, values, other_keys, other_values):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-def _row_span(splat, y, spread, x_low, x_high):
-    """First and last column within ``x_low`` <= x < ``x_high`` whose centre lies in the ellipse, in row ``y``."""
+def _rows(splat, low, high):
+    """First and last row within ``low`` <= y < ``high`` whose pixel centres the ellipse reaches."""
     half = np.float32(0.5)
-    dy = np.float32(y) + half - splat[V]
+    tall = math.sqrt(np.float32(2.0) * splat[REACH] * splat[CONIC_A] / splat[CONIC_DET])
+    first = int(max(np.ceil(splat[V] - tall - half), np.float32(low)))
+    last = int(min(np.floor(splat[V] + tall - half), np.float32(high - 1)))
+    return first, last
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def _span(splat, y, low, high):
+    """One row of an ellipse: first and last column within ``low`` <= x < ``high``, then the row's start.
+
+    With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels.
+    Returns first, last (less than first when empty), dy, t and the exponent at the first pixel's centre.
+    """
+    half = np.float32(0.5)
     a = splat[CONIC_A]
-    below = np.float32(2.0) * splat[REACH] * a - dy * dy * spread
-    if not below > 0:
-        return x_high, x_low, dy
-    reach = math.sqrt(below) / a
-    middle = splat[U] - splat[CONIC_B] * dy / a - half
-    first = int(max(np.ceil(middle - reach), np.float32(x_low)))
-    last = int(min(np.floor(middle + reach), np.float32(x_high - 1)))
-    return first, last, dy
+    dy = np.float32(y) + half - splat[V]
+    shift = splat[CONIC_B] / a * dy
+    down = half * splat[CONIC_DET] / a * dy * dy
+    room = splat[REACH] - down
+    if not room > 0:
+        return 0, -1, dy, dy, dy
+    reach = math.sqrt(np.float32(2.0) * room / a)
+    middle = splat[U] - shift - half
+    first = int(max(np.ceil(middle - reach), np.float32(low)))
+    last = int(min(np.floor(middle + reach), np.float32(high - 1)))
+    t = np.float32(first) - middle
+    return first, last, dy, t, -half * a * t * t - down
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
@@ -123,22 +140,18 @@ def composite(
             if still_open == 0:
                 break
             splat = splats[members[entry]]
-            a, b, opacity = splat[CONIC_A], splat[CONIC_B], splat[OPACITY]
+            a, opacity = splat[CONIC_A], splat[OPACITY]
             red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-            spread = a * splat[CONIC_C] - b * b
-            tall = math.sqrt(np.float32(2.0) * splat[REACH] * a / spread)
-            top = int(max(np.ceil(splat[V] - tall - half), np.float32(y0)))
-            bottom = int(min(np.floor(splat[V] + tall - half), np.float32(y1 - 1)))
+            top, bottom = _rows(splat, y0, y1)
             shrink = math.exp(-a)
             for y in range(top, bottom + 1):
                 if open_in_row[y - y0] == 0:
                     continue
-                first, last, dy = _row_span(splat, y, spread, x0, x1)
+                first, last, dy, t, exponent = _span(splat, y, x0, x1)
                 if first > last:
                     continue
-                dx = np.float32(first) + half - splat[U]
-                alpha = opacity * math.exp(-half * (a * dx * dx + splat[CONIC_C] * dy * dy) - b * dx * dy)
-                ratio = math.exp(-a * (dx + half) - b * dy)
+                alpha = opacity * math.exp(exponent)
+                ratio = math.exp(-a * (t + half))
                 for x in range(first - x0, last + 1 - x0):
                     passing = light[y - y0, x]
                     if passing > stop:
@@ -164,7 +177,7 @@ def composite(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
 def composite_back(
-    part, parts, across, offsets, members, boxes, splats, first_entry, background, max_alpha, stop,
+    part, parts, across, offsets, members, boxes, splats, first_entry, max_alpha, stop,
     image, left, to_image, to_alpha, partial,
 ):  # fmt: skip
     """Write ``partial`` (entries, 9), see ``SUMS``, for the tiles ``part``, ``part + parts``, ...
@@ -198,23 +211,20 @@ def composite_back(
                 break
             i = members[entry]
             splat = splats[i]
-            a, b, opacity = splat[CONIC_A], splat[CONIC_B], splat[OPACITY]
+            a, opacity = splat[CONIC_A], splat[OPACITY]
             red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-            spread = a * splat[CONIC_C] - b * b
-            tall = math.sqrt(np.float32(2.0) * splat[REACH] * a / spread)
-            top = int(max(np.ceil(splat[V] - tall - half), np.float32(y0)))
-            bottom = int(min(np.floor(splat[V] + tall - half), np.float32(y1 - 1)))
+            top, bottom = _rows(splat, y0, y1)
             shrink = math.exp(-a)
             s0 = sx = sy = sxx = sxy = syy = to_red = to_green = to_blue = zero
             for y in range(top, bottom + 1):
                 if open_in_row[y - y0] == 0:
                     continue
-                first, last, dy = _row_span(splat, y, spread, x0, x1)
+                first, last, dy, t, exponent = _span(splat, y, x0, x1)
                 if first > last:
                     continue
+                alpha = opacity * math.exp(exponent)
+                ratio = math.exp(-a * (t + half))
                 dx = np.float32(first) + half - splat[U]
-                alpha = opacity * math.exp(-half * (a * dx * dx + splat[CONIC_C] * dy * dy) - b * dx * dy)
-                ratio = math.exp(-a * (dx + half) - b * dy)
                 r0 = rx = rxx = zero
                 for x in range(first - x0, last + 1 - x0):
                     passing = light[y - y0, x]

@@ -54,7 +54,7 @@ def soft_hull(
     eta: float = ETA,
     lambda_max: float = LAMBDA_MAX,
 ) -> FloatArray:
-    """p' = c + (p - c) (1 - lambda(p)) (N, 3) of world points (N, 3) with support (N,).
+    """P' = c + (p - c) (1 - lambda(p)) (N, 3) of world points (N, 3) with support (N,).
 
     ``centre`` (3,) is :func:`object_centre` of these points by default; give one centre for Gaussians and mesh
     alike. Raises :class:`GeometryError` for shapes that do not match and as in :func:`shrink_strength`.

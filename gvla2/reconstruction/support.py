@@ -98,7 +98,7 @@ class MaskStack:
         )
 
     def support(self, points: FloatArray) -> FloatArray:
-        """s (N,) of contiguous float64 points (N, 3)."""
+        """S (N,) of contiguous float64 points (N, 3)."""
         out = np.empty(len(points))
 
         def body(start: int, stop: int) -> None:

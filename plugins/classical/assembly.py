@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+
+from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
 from gvla2_plugins.classical.things import Thing
-
-from gvla2.geometry.transform import FloatArray
 
 FRAGMENT_REACH = 0.10  # metres between the middles of two fragments of one thing
 IN_HAND = 0.05  # metres from the fingertips to what they may hold

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, convolve
 from scipy.sparse import coo_matrix
@@ -19,6 +17,8 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
+from gvla2_plugins.classical.frames import Frame
+from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
 
 LIKE = 14.0  # hues of pieces of one thing differ by less
 SHADED = 0.62  # L* + 16 of a thing's darkest face, over that of its lightest, is more

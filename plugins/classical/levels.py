@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from gvla2_plugins.classical.pixels import IntArray
-from gvla2_plugins.classical.solids import narrow_yaw
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2_plugins.classical.pixels import IntArray
+from gvla2_plugins.classical.solids import narrow_yaw
 
 SLICE = 0.010  # metres
 REACH = 0.014  # points of one part in one slice are no further apart

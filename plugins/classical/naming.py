@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from gvla2_plugins.classical.pixels import IntArray, Pixels
-from gvla2_plugins.classical.things import Thing
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Shape
+from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.things import Thing
 
 SURE = 12.0  # by how much the second nearest colour word must be further away to be ruled out
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
+
+from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing, upright_rectangle
-from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
-
-from gvla2.geometry.transform import FloatArray
 
 MOST_FREE, MOST_RAYS = 150, 40  # free points and outermost rays that are kept of one view
 BEFORE = 0.006  # metres in front of a measured surface where a ray is certainly free

@@ -6,6 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+
+from gvla2.errors import PerceptionError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
@@ -16,11 +21,6 @@ from gvla2_plugins.classical.plane import Table, find_table
 from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
-
-from gvla2.errors import PerceptionError
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.geometry.views import Observation
-from gvla2.planning.scene import Box, Scene, SceneObject
 
 BORDER = (
     0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole

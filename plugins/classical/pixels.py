@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from gvla2_plugins.classical.frames import Frame
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import appearance
+from gvla2_plugins.classical.frames import Frame
 
 IntArray = NDArray[np.int64]
 

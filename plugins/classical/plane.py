@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from gvla2_plugins.classical.frames import Frame
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.planning.scene import Box
+from gvla2_plugins.classical.frames import Frame
 
 HYPOTHESES = 96
 SAMPLE = 2000

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views, without_specks
 from gvla2_plugins.classical.frames import Frame
 from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
 from gvla2_plugins.classical.solids import circle_distance, evenly, fit_solid, narrow_yaw, rectangle_distance
 from gvla2_plugins.classical.things import upright_rectangle
-from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
-
-from gvla2.geometry.transform import FloatArray, transform_points
 
 OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
 NARROW = 0.012  # metres: a thinner patch is a seam

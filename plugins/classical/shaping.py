@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+
+from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.frames import Frame
 from gvla2_plugins.classical.outline import completed, hangs, sees_into, silhouette
 from gvla2_plugins.classical.pixels import IntArray, Pixels
@@ -21,8 +23,6 @@ from gvla2_plugins.classical.solids import (
     spread_out,
 )
 from gvla2_plugins.classical.things import THIN, Kind, Thing, upright_rectangle
-
-from gvla2.geometry.transform import FloatArray
 
 GOOD = 0.82  # agreement from which one solid explains a thing
 MOST_SEEN = 420  # points a fit looks at

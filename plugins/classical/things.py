@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from gvla2_plugins.classical.pixels import IntArray
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray, rigid
+from gvla2_plugins.classical.pixels import IntArray
 
 Kind = Literal["box", "cylinder", "sphere", "other"]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from gvla2_plugins.geometric.completion import Case, Finding, completion
 
 from gvla2.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
+from gvla2_plugins.geometric.completion import Case, Finding, completion
 
 if TYPE_CHECKING:
     from gvla2_plugins.geometric import GeometricConfig

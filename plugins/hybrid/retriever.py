@@ -7,11 +7,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from gvla2_plugins.hybrid.words import bm25, coverage, topic_words
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
 from gvla2.memory.scoring import score_terms, signature_distance
+from gvla2_plugins.hybrid.words import bm25, coverage, topic_words
 
 if TYPE_CHECKING:
     from gvla2_plugins.hybrid import HybridConfig

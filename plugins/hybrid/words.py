@@ -9,8 +9,9 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from gvla2_plugins.hybrid.function_words import FUNCTION_WORDS
 from numpy.typing import NDArray
+
+from gvla2_plugins.hybrid.function_words import FUNCTION_WORDS
 
 _WORD = re.compile(r"\w+")
 # Scripts that put no spaces between words: Thai, Lao, Khmer, Myanmar, kana, Han.

@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from gvla2_plugins.reference_renderer import ReferenceRendererConfig
-from gvla2_plugins.reference_renderer.harmonics import view_colours
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2_plugins.reference_renderer import ReferenceRendererConfig
+from gvla2_plugins.reference_renderer.harmonics import view_colours
 
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
 

@@ -5,15 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from gvla2_plugins.sapien_panda import SapienPandaConfig
-from gvla2_plugins.sapien_panda.bodies import PREFIX
-from gvla2_plugins.sapien_panda.cameras import Eyes, camera, check_names
-from gvla2_plugins.sapien_panda.driver import SapienDriver
-from gvla2_plugins.sapien_panda.engine import import_sapien
-from gvla2_plugins.sapien_panda.looks import body_surface, robot_surfaces
-from gvla2_plugins.sapien_panda.panda import make_arm, panda_files
-from gvla2_plugins.sapien_panda.referee import TrueState
-from gvla2_plugins.sapien_panda.world import TABLE, TABLE_HEIGHT, TABLE_RGB, World
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.camera import Camera
@@ -28,6 +19,15 @@ from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
+from gvla2_plugins.sapien_panda import SapienPandaConfig
+from gvla2_plugins.sapien_panda.bodies import PREFIX
+from gvla2_plugins.sapien_panda.cameras import Eyes, camera, check_names
+from gvla2_plugins.sapien_panda.driver import SapienDriver
+from gvla2_plugins.sapien_panda.engine import import_sapien
+from gvla2_plugins.sapien_panda.looks import body_surface, robot_surfaces
+from gvla2_plugins.sapien_panda.panda import make_arm, panda_files
+from gvla2_plugins.sapien_panda.referee import TrueState
+from gvla2_plugins.sapien_panda.world import TABLE, TABLE_HEIGHT, TABLE_RGB, World
 
 SITE_CENTRE, SITE_SIZE = (0.25, 0.0), (0.65, 0.91)
 """Where tasks are laid out, metres."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from gvla2_plugins.sapien_panda.engine import import_sapien
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.robot.task import Body, Joint, Layout, Primitive
+from gvla2_plugins.sapien_panda.engine import import_sapien
 
 PREFIX = "task/"
 """Before the names of a layout's bodies in SAPIEN, so that they are never taken for links of the robot."""

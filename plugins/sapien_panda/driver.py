@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from gvla2_plugins.sapien_panda import SapienPandaConfig
-from gvla2_plugins.sapien_panda.world import World
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
+from gvla2_plugins.sapien_panda import SapienPandaConfig
+from gvla2_plugins.sapien_panda.world import World
 
 WATCH_EVERY = 4
 """Physics steps between looks at contacts, sanity and the film: 60 a second at 240 steps."""

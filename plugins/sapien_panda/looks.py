@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from gvla2_plugins.sapien_panda.collada import PaintedMesh, read_collada, thin
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import RobotError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.robot.task import Body, Primitive
+from gvla2_plugins.sapien_panda.collada import PaintedMesh, read_collada, thin
 
 CELL = 0.004
 """Detail of the robot's looks, metres: 2 to 10 thousand triangles a link. Coarser cells let the dark shells under

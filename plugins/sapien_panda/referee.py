@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.sapien_panda.bodies import PREFIX
 from gvla2_plugins.sapien_panda.world import World
-
-from gvla2.geometry.transform import FloatArray
 
 HOLDING_FORCE = 0.2
 """Newtons from which a finger presses; a cube of 0.125 kg needs about 0.5 N from each to stay."""

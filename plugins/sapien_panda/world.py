@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.robot.task import Body, Layout, Primitive
 from gvla2_plugins.sapien_panda import SapienPandaConfig
 from gvla2_plugins.sapien_panda.bodies import PREFIX, build_bodies, pose_of
 from gvla2_plugins.sapien_panda.description import FINGER_LINKS, load_panda
 from gvla2_plugins.sapien_panda.engine import import_sapien
 from gvla2_plugins.sapien_panda.panda import BASE_POSITION, FINGERS, HOME, panda_files
-
-from gvla2.errors import RobotError
-from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.robot.task import Body, Layout, Primitive
 
 TABLE_HEIGHT = 0.752
 TABLE_RGB = (0.76, 0.61, 0.43)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from gvla2_plugins.skill.proposals import Proposal
-
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
+from gvla2_plugins.skill.proposals import Proposal
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.08, 0.04
 """Distance to joint limits (radians), manipulability and clearance (metres) from which more is no better."""

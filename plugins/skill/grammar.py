@@ -288,12 +288,15 @@ def _combine(intents: Sequence[Intent]) -> Intent:
         return replace(intents[0], skill="") if intents else Intent()
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
+    if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
+        acting = [i for i in acting if i.skill != "push" or (i.theme is not None and not i.theme.pronoun)]
     skill = _one_skill({i.skill for i in acting})
     named = [i.theme for i in acting if i.theme is not None and not i.theme.pronoun]
     theme = (
         _one_theme(named, skill) if named else next((i.theme for i in acting if i.theme is not None), None)
     )
-    aims = [i for i in acting if i.goal is not None]
+    # A clause without a verb of its own may go on with the goal: "push it, without lifting, to the square".
+    aims = [i for i in intents if i.goal is not None]
     whole = Intent(
         skill or acting[0].skill,
         acting[0].verb,
@@ -319,7 +322,6 @@ def _one_skill(skills: set[str]) -> str:
         ({"pick", "place"}, "place"),
         ({"place", "push"}, "push"),  # "move it there by pushing"
         ({"pick", "push"}, "push"),
-        ({"press", "push"}, "press"),
     ):
         if skills == group:
             return whole

@@ -6,17 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.phrases import Phrase
-from gvla2_plugins.skill.words import noun_class, tokenise
 
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2_plugins.skill import lexicon
+from gvla2_plugins.skill.phrases import Phrase
+from gvla2_plugins.skill.words import noun_class, tokenise
 
 TIE = 0.9
 """Objects that fit this share of the best fit are as good as the best: only a selector parts them."""
 NEAR_COLOUR = 0.7
+DOUBTFUL = 0.25
+"""How well a thing of another shape fits, where its colour is the one that was named."""
 BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
 """A round thing no wider, whose top is no higher above the table, may be a button, metres."""
 
@@ -89,7 +91,10 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     speaking = classes - lexicon.SHAPE_NOUNS
     if speaking and noun not in lexicon.SHAPE_NOUNS:
         return 0.0  # a lamp is no cup, whatever its shape
-    return lexicon.SHAPE_FIT.get(noun, {}).get(thing.shape, 0.0) * sure
+    fit = lexicon.SHAPE_FIT.get(noun, {}).get(thing.shape, 0.0)
+    if not fit and phrase.colour == thing.colour != "" and thing.shape in lexicon.CONFUSED.get(noun, ()):
+        fit = DOUBTFUL
+    return fit * sure
 
 
 def _label_classes(thing: SceneObject) -> set[str]:
@@ -146,10 +151,12 @@ def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Ab
             f"'{phrase.text}' fits {len(tied)} things equally ({names}); say which, for example by side.",
         )
     chosen = tied[0]
-    notes = ()
+    notes: tuple[str, ...] = ()
     if chosen.near_colour:
-        notes = (f"Nothing is {phrase.colour}; the {chosen.object.colour or 'nearest'} {_noun(chosen.object)} was "
-                 "taken for it.",)  # fmt: skip
+        seen = chosen.object.colour or "nearest"
+        notes = (f"Nothing is {phrase.colour}; the {seen} {_noun(chosen.object)} was taken for it.",)
+    elif phrase.noun and chosen.score <= DOUBTFUL:
+        notes = (f"The {chosen.object.label} was taken for '{phrase.text}', by its colour alone.",)
     return Grounded(chosen.object, chosen.score, notes)
 
 

@@ -11,7 +11,7 @@ VERBS: dict[str, tuple[str, ...]] = {
         "pick * up", "pick", "pick out", "lift * up", "lift", "grab", "grab hold", "raise * up", "raise", "grasp",
         "hoist * up", "hoist", "get hold", "get ahold", "take hold", "lay hold", "seize", "elevate", "snatch * up",
         "snatch", "pluck", "clutch", "grip", "hold * up", "hold", "heave * up", "heave", "scoop * up", "scoop",
-        "give * lift",        "boost", "gather * up", "catch", "lever * up", "bring * up", "move * up", "close around",
+        "give * lift",        "boost", "gather * up", "catch", "lever * up", "bring * up", "move * up", "close * around",
     ),
     "fetch": (
         "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "hand", "give", "acquire",
@@ -95,6 +95,16 @@ SHAPE_FIT: dict[str, dict[str, float]] = {
     "object": dict.fromkeys(("box", "cylinder", "sphere", "disc", "plate", "other"), 0.8),
 }
 """How well a perceived shape can be what a noun says, where the label does not decide; absent: it cannot."""
+
+CONFUSED: dict[str, frozenset[str]] = {
+    "block": frozenset(("cylinder", "other")),
+    "cylinder": frozenset(("box", "sphere")),
+    "ball": frozenset(("cylinder", "box")),
+    "bottle": frozenset(("other",)),
+    "cup": frozenset(("box",)),
+    "jar": frozenset(("box",)),
+}
+"""Shapes that a camera may take a thing for, from a few pixels: believed only where the colour speaks for it."""
 
 SHAPE_NOUNS: frozenset[str] = frozenset(("block", "cylinder", "ball", "disc", "plate", "object"))
 """Classes that name a shape only: a label of such a class says nothing about what the thing is for."""

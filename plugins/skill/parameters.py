@@ -21,10 +21,9 @@ They are what is asked for. The motion stops short where it must: the fingertips
 
 from __future__ import annotations
 
-from gvla2_plugins.skill import SkillConfig
-
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import SceneObject
+from gvla2_plugins.skill import SkillConfig
 
 TABLE_GAP = 0.004
 """The fingertips' end stays this far above the table, metres: about twice what depth cameras err by."""

@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.effects import apply_effects
+from gvla2.planning.scene import SceneObject
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.candidates import choose
 from gvla2_plugins.skill.grammar import Intent, parse
@@ -13,10 +17,6 @@ from gvla2_plugins.skill.parameters import defaults
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.proposals import Job, Proposal
 from gvla2_plugins.skill.schemas import SCHEMAS
-
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.effects import apply_effects
-from gvla2.planning.scene import SceneObject
 
 
 class SkillPlanner:

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from gvla2_plugins.skill.parameters import TABLE_GAP
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2_plugins.skill.parameters import TABLE_GAP
 
 LONGEST_LINE = 0.5
 """Longer straight moves are written as several, metres."""

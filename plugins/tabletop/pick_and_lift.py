@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PickAndLiftConfig
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.placing import (
@@ -13,11 +18,6 @@ from gvla2_plugins.tabletop.placing import (
     sample_until,
     vertical_span,
 )
-
-from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 
 START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the eased profile, standing on the table about the cube's starting place, metres."""
@@ -30,8 +30,8 @@ a slab of 5 cm about that height that is tripped by any part of the cube, as a p
 class PickAndLift:
     """Lift the cube of the named colour.
 
-    eased: the cube's centre has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting
-    place. strict: both fingers hold the cube and some part of it is in the sensor's slab.
+    eased: the cube has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting place: no
+    part of it is below the volume's top, or its centre is beyond the volume's sides. strict: both fingers hold the cube and some part of it is in the sensor's slab.
     """
 
     def __init__(self, config: PickAndLiftConfig) -> None:
@@ -63,10 +63,14 @@ class PickAndLift:
         colours = sample_colours(rng, site, self._config.cubes)
         target = int(rng.integers(len(poses)))
         sentence = self.instructions[int(rng.integers(len(self.instructions)))].format(colour=colours[target])
+        aside = ""
         if instruction is not None:
             sentence = instruction
             named = [i for i, colour in enumerate(colours) if colour in colours_in(instruction)]
-            target = named[0] if len(named) == 1 else target
+            if len(named) == 1:
+                target = named[0]
+            else:
+                aside = "; the sentence names no single cube by its colour, so the seed's own target is judged"
         bodies = tuple(
             Body(
                 f"cube_{i}", (Primitive("box", (size, size, size), COLOURS[colour]),), pose, self._config.mass
@@ -78,9 +82,9 @@ class PickAndLift:
 
         def eased(world: WorldState) -> bool:
             offset = transform_points(np.linalg.inv(start), world.pose(body)[:3, 3])
-            above_table = world.pose(body)[2, 3] - site.table_height
+            low, _ = vertical_span(world.pose(body), extents)
             within = np.abs(offset[:2]) <= 0.5 * np.asarray(START_VOLUME[:2])
-            return not (within.all() and above_table <= START_VOLUME[2])
+            return not (within.all() and low <= site.table_height + START_VOLUME[2])
 
         def strict(world: WorldState) -> bool:
             low, high = vertical_span(world.pose(body), extents)
@@ -96,7 +100,7 @@ class PickAndLift:
             sentence,
             {"eased": eased, "strict": strict},
             f"eased: the {colours[target]} cube has left its place on the table; "
-            f"strict: the fingers hold it about {SENSOR_HEIGHT} m above the table",
+            f"strict: the fingers hold it about {SENSOR_HEIGHT} m above the table{aside}",
         )
 
     def _draw_poses(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:

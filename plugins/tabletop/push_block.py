@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from gvla2_plugins.tabletop import PushBlockConfig
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import PushBlockConfig
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
 
 PAINT = 0.0005
 """Thickness of the painted square, metres."""

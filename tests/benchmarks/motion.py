@@ -7,13 +7,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from gvla2_plugins.sapien_panda.panda import make_arm
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.motion import MotionPath, MotionPlanner
 from gvla2.robot.timing import MotionLimits, time_path
+from gvla2_plugins.sapien_panda.panda import make_arm
 
 
 def clutter(rng: np.random.Generator, arm: Any) -> Scene:

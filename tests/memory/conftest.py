@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
-from gvla2_plugins.hybrid import HybridConfig
-from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
+from gvla2_plugins.hybrid import HybridConfig
+from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 
 class Clock:

@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
-from gvla2_plugins.hybrid import HybridConfig
-from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.store import Store
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
+from gvla2_plugins.hybrid import HybridConfig
+from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 SUCCESS = Verdict.from_criteria({"task_completion": 1.0})
 Open = Callable[..., Any]

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from gvla2_plugins.classical import ClassicalConfig, gvla2_perceivers
-from gvla2_plugins.classical.perceiver import ClassicalPerceiver
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2_plugins.classical import ClassicalConfig, gvla2_perceivers
+from gvla2_plugins.classical.perceiver import ClassicalPerceiver
 
 
 def _bench():

@@ -6,8 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gvla2_plugins.geometric import GeometricConfig, gvla2_verifiers
-from gvla2_plugins.geometric.completion import outside_footprint
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -21,6 +19,8 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.testing.component import check_component
+from gvla2_plugins.geometric import GeometricConfig, gvla2_verifiers
+from gvla2_plugins.geometric.completion import outside_footprint
 
 TABLE = 0.75
 RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2), "white": (0.9, 0.9, 0.9)}

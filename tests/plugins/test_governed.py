@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gvla2_plugins import governed, hash_embedder, hybrid
-from gvla2_plugins.governed import GovernedConfig
-from gvla2_plugins.governed.memory import GovernedMemory, default_url
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.testing.component import check_component
+from gvla2_plugins import governed, hash_embedder, hybrid
+from gvla2_plugins.governed import GovernedConfig
+from gvla2_plugins.governed.memory import GovernedMemory, default_url
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")

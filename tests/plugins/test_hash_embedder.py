@@ -5,12 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from gvla2_plugins.hash_embedder import gvla2_embedders
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
+from gvla2_plugins.hash_embedder import gvla2_embedders
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
 
 
 def test_golden_values() -> None:

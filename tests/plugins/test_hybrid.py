@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
-from gvla2_plugins.hybrid import HybridConfig, gvla2_retrievers
-from gvla2_plugins.hybrid.words import bm25, coverage, tokens, topic_words
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
+from gvla2_plugins.hash_embedder.embedder import HashEmbedder
+from gvla2_plugins.hybrid import HybridConfig, gvla2_retrievers
+from gvla2_plugins.hybrid.words import bm25, coverage, tokens, topic_words
 
 
 def candidates(*texts: str, **columns: Any) -> Candidates:
@@ -132,3 +132,19 @@ def test_configuration_is_light_and_typed() -> None:
     config = HybridConfig()
     assert (config.bm25_weight, config.cosine_weight, config.top_k) == (0.5, 0.5, 3)
     assert (config.min_relevance, config.min_score, config.weights.verified) == (0.08, 1.2, 0.3)
+
+
+def test_a_record_from_another_geometry_does_not_apply() -> None:
+    flat = {"theme_height": 0.02, "theme_length": 0.05, "objects": 1.0}
+    bank = candidates(
+        "lift the cube", "lift the cube", signatures=[flat, {"theme_height": 0.05, "objects": 9.0}]
+    )
+    (component,) = gvla2_retrievers()
+    retriever = component.build(component.config(name="hybrid"))
+    task = MemoryTask("lift the cube", {"theme_height": 0.055, "theme_length": 0.05, "objects": 1.0})
+    ranked, _ = retriever.rank(task, bank, HashEmbedder().embed(["lift the cube"])[0])
+    assert [r.row for r in ranked] == [1]
+    alone = candidates("lift the cube", signatures=[flat])
+    ranked, reason = retriever.rank(task, alone, HashEmbedder().embed(["lift the cube"])[0])
+    assert not ranked
+    assert "other geometry" in reason

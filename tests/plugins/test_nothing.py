@@ -5,12 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from gvla2_plugins import nothing
 
 from gvla2 import Component
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import View, Views
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2_plugins import nothing
 
 VIEWS = Views((View(Camera.from_fov(1.0, np.eye(4), 2, 2), np.zeros((2, 2, 3), np.uint8)),))
 HOOKS = [

@@ -5,7 +5,6 @@ import sys
 
 import numpy as np
 import pytest
-from gvla2_plugins.reference_renderer import ReferenceRendererConfig, gvla2_renderers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -14,6 +13,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.transform import look_along, rigid, transform_points
+from gvla2_plugins.reference_renderer import ReferenceRendererConfig, gvla2_renderers
 
 CAMERA = Camera.from_fov(0.5, np.eye(4), 33, 33)
 

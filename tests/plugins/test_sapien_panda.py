@@ -4,16 +4,16 @@ import sys
 
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.sapien_panda.backend import SapienPanda
-from gvla2_plugins.sapien_panda.driver import SapienDriver
-from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT
-from gvla2_plugins.tabletop import gvla2_tasks
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
 from gvla2.geometry.transform import transform_points
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
+from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien_panda.backend import SapienPanda
+from gvla2_plugins.sapien_panda.driver import SapienDriver
+from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT
+from gvla2_plugins.tabletop import gvla2_tasks
 
 TASKS = {c.name: c.build(c.config()) for c in gvla2_tasks()}
 

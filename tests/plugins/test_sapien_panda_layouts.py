@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
+from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT
 
 
 @pytest.fixture(scope="module")

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda.collada import PaintedMesh, read_collada, thin
-from gvla2_plugins.sapien_panda.looks import body_surface, find_mesh, robot_surfaces
-from gvla2_plugins.sapien_panda.panda import panda_files
 
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.task import Body, Primitive
+from gvla2_plugins.sapien_panda.collada import PaintedMesh, read_collada, thin
+from gvla2_plugins.sapien_panda.looks import body_surface, find_mesh, robot_surfaces
+from gvla2_plugins.sapien_panda.panda import panda_files
 
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

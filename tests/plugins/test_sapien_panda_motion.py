@@ -2,11 +2,6 @@
 
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.sapien_panda.backend import SapienPanda
-from gvla2_plugins.sapien_panda.driver import SapienDriver
-from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT
-from gvla2_plugins.tabletop import gvla2_tasks
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS, colours_in
@@ -15,6 +10,11 @@ from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint, grasp_r
 from gvla2.robot.backend import ExecutionListener
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2.robot.timing import MotionLimits, time_path
+from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien_panda.backend import SapienPanda
+from gvla2_plugins.sapien_panda.driver import SapienDriver
+from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT
+from gvla2_plugins.tabletop import gvla2_tasks
 
 DOWN = np.array([0.0, 0.0, -1.0])
 TASKS = {c.name: c.build(c.config()) for c in gvla2_tasks()}

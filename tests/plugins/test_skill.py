@@ -4,9 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda.panda import BASE_POSITION, make_arm
-from gvla2_plugins.skill import SkillConfig
-from gvla2_plugins.skill.planner import SkillPlanner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -18,6 +15,9 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.testing import inputs
 from gvla2.testing.planning import check_planner
+from gvla2_plugins.sapien_panda.panda import BASE_POSITION, make_arm
+from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.planner import SkillPlanner
 
 TABLE = 0.752
 PLANNER = SkillPlanner(SkillConfig())
@@ -219,8 +219,8 @@ def test_a_relation_decides_between_two_of_a_kind(arm, words, expected):
 
 
 def test_a_landmark_decides_too(arm):
-    twins = (cube("a", "red", (0.4, 0.2)), cube("b", "red", (0.25, -0.1)))
-    assert plan(arm, "pick up the red cube next to the blue cube", *twins, BLUE).roles["theme"] == "b"
+    twins = (cube("one", "red", (0.4, 0.2)), cube("other", "red", (0.25, -0.1)))
+    assert plan(arm, "pick up the red cube next to the blue cube", *twins, BLUE).roles["theme"] == "other"
 
 
 def test_a_near_colour_is_taken_with_a_note_only_where_one_is_near(arm):
@@ -230,6 +230,15 @@ def test_a_near_colour_is_taken_with_a_note_only_where_one_is_near(arm):
     assert any("lime" in note for note in made.notes)
     assert refusal(plan(arm, "pick up the green cube", RED, BLUE)) == "nothing_matches"
     assert plan(arm, "pick up the green cube", lime, cube("g", "green", (0.3, -0.1))).roles["theme"] == "g"
+
+
+def test_a_shape_that_cameras_confuse_is_believed_by_its_colour_only(arm):
+    can = thing("a", "blue box", "box", (0.35, 0.1), (0.05, 0.05, 0.08))
+    made = plan(arm, "pick up the blue cylinder", can, RED)
+    assert made.roles["theme"] == "a"
+    assert any("colour alone" in note for note in made.notes)
+    assert refusal(plan(arm, "pick up the cylinder", can, RED)) == "nothing_matches"
+    assert refusal(plan(arm, "pick up the green cylinder", can, RED)) == "nothing_matches"
 
 
 def test_labels_of_any_perceiver_can_be_named(arm):

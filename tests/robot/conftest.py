@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda.panda import make_arm
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
+from gvla2_plugins.sapien_panda.panda import make_arm
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gvla2_plugins.sapien_panda import panda
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -18,6 +17,7 @@ from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.joint_search import rrt_connect
 from gvla2.robot.kinematics import Finger
+from gvla2_plugins.sapien_panda import panda
 
 
 def angle_between(a, b):

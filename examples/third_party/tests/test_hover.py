@@ -1,6 +1,5 @@
-from gvla2_hover import gvla2_planners
-
 from gvla2.testing import check_component
+from gvla2_hover import gvla2_planners
 
 
 def test_it_is_a_planner():

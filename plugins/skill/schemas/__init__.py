@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from gvla2.planning.contracts import Abstention
 from gvla2_plugins.skill.proposals import Job, Proposal
 from gvla2_plugins.skill.schemas.pick import propose_pick
 from gvla2_plugins.skill.schemas.place import propose_place
 from gvla2_plugins.skill.schemas.press import propose_press
 from gvla2_plugins.skill.schemas.push import propose_push
-
-from gvla2.planning.contracts import Abstention
 
 SCHEMAS: Mapping[str, Callable[[Job], list[Proposal] | Abstention]] = {
     "pick": propose_pick,

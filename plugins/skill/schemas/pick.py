@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Orientation
+from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
 
 GRASP_PLAY = 0.006
 """The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 2 mm a side."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
-from gvla2_plugins.skill.schemas.pick import Grasp, grasps, take
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
+from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
+from gvla2_plugins.skill.schemas.pick import Grasp, grasps, take
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """The object may be put down turned by a quarter: what is out of the wrist's reach one way is in reach the other."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
 
 YAWS = 8

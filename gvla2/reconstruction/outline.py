@@ -1,0 +1,229 @@
+"""Silhouettes of point sets and meshes, drawn into images.
+
+A point set has no outline of its own: its discs of some radius r are drawn and the radius is taken back, which
+closes the gaps between the points and leaves the outline where the outermost points are (a morphological
+closing). Both steps use real-valued distances, so that the outline is right to a fraction of a pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.support import NEAR, projection
+
+Field = NDArray[np.float32]
+SHELL = 1.5
+"""Pixels beyond the drawn discs in which distances are exact; more than a pixel's diagonal."""
+_LEAST_RADIUS, _MOST_RADIUS = 1.0, 8.0  # pixels
+_MOST_GROWTH = 8.0  # pixels that a point's own extent may add
+_CELL = 8  # pixels; side of the cells in which points are counted
+
+
+@dataclass(frozen=True)
+class Outline:
+    """The silhouette of points in one image.
+
+    ``inside`` (H, W) pixels from a pixel's centre to the outline, positive inside; exact near the outline,
+    clipped at a few pixels elsewhere. ``nearest`` (H, W) the index of the point drawn nearest, -1 where none is.
+    ``radius`` in pixels is the radius of the closing.
+    """
+
+    inside: Field
+    nearest: NDArray[np.int32]
+    radius: float
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """(H, W) pixels whose centre is inside."""
+        return np.asarray(self.inside >= 0)
+
+
+def outline(
+    points: FloatArray, camera: Camera, extents: FloatArray | None = None, radius: float | None = None
+) -> Outline:
+    """The outline of world points (N, 3), contiguous float64; points that are not finite are left out.
+
+    ``extents`` (N,) metres, how far the surface lies outside each point (for the Gaussians of a splat), 0 by
+    default. ``radius`` of the closing in pixels, chosen by the points' density (:func:`closing_radius`) if None.
+    """
+    P = projection(camera)
+    height, width = camera.height, camera.width
+    uv = np.empty((len(points), 2), dtype=np.float32)
+    growth = np.zeros(len(points) if extents is not None else 0, dtype=np.float32)
+    sizes = np.zeros(0) if extents is None else np.ascontiguousarray(extents, dtype=np.float64)
+    _project(points, P, sizes, 0.5 * (camera.K[0, 0] + camera.K[1, 1]), uv, growth)
+    if radius is None:
+        radius = closing_radius(uv, width, height)
+    distance = np.full((height, width), np.inf, dtype=np.float32)
+    nearest = np.full((height, width), -1, dtype=np.int32)
+    inside = np.empty((height, width), dtype=np.float32)
+    _draw(uv, growth, radius + SHELL, distance, nearest)
+    _close(distance, radius, inside)
+    return Outline(inside, nearest, radius)
+
+
+def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
+    """The radius, in pixels, of the largest gap to be expected between projected points (N, 2), NaN ignored.
+
+    For a Poisson process of density d over an area A the largest empty disc has d pi r^2 = ln(d A); d is the
+    fifth percentile over cells of 8 pixels that lie within the object, so that thin spots count.
+    """
+    counts = np.zeros((height // _CELL + 1, width // _CELL + 1), dtype=np.int64)
+    _count(uv, width, height, counts)
+    taken = counts > 0
+    if not taken.any():
+        return _LEAST_RADIUS
+    core = np.zeros_like(taken)
+    core[1:-1, 1:-1] = np.logical_and.reduce(
+        [taken[1 + i : len(taken) - 1 + i, 1 + j : taken.shape[1] - 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    )
+    many = core.sum() >= 8
+    per_cell = np.percentile(counts[core], 5) if many else counts[taken].mean()
+    density = max(float(per_cell), 1.0) / _CELL**2
+    expected = max(np.log(density * _CELL**2 * taken.sum()), 1.0)
+    return float(np.clip(np.sqrt(expected / (np.pi * density)), _LEAST_RADIUS, _MOST_RADIUS))
+
+
+def mesh_mask(vertices: FloatArray, faces: NDArray[np.int64], camera: Camera) -> NDArray[np.bool_]:
+    """(H, W) pixels whose centre some triangle covers; triangles that reach behind the camera are left out."""
+    covered = np.zeros((camera.height, camera.width), dtype=np.bool_)
+    uv = np.empty((len(vertices), 2), dtype=np.float32)
+    _project(vertices, projection(camera), np.zeros(0), 1.0, uv, np.zeros(0, dtype=np.float32))
+    _fill(uv.astype(np.float64), np.ascontiguousarray(faces, dtype=np.int64), covered)
+    return covered
+
+
+@compiled
+def _project(
+    points: FloatArray,
+    P: FloatArray,
+    extents: FloatArray,
+    focal: float,
+    uv: NDArray[np.float32],
+    growth: NDArray[np.float32],
+) -> None:
+    """Pixels uv (N, 2), NaN for points that are not in front; ``growth`` is the extent in pixels, if there is one."""
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        depth = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
+        if not depth > NEAR:
+            uv[n, 0] = np.nan
+            uv[n, 1] = np.nan
+            continue
+        uv[n, 0] = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth
+        uv[n, 1] = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth
+        if len(extents):
+            growth[n] = min(focal * extents[n] / depth, _MOST_GROWTH)
+
+
+@compiled
+def _count(uv: NDArray[np.float32], width: int, height: int, counts: NDArray[np.int64]) -> None:
+    for n in range(len(uv)):
+        u, v = uv[n, 0], uv[n, 1]
+        if u >= 0 and v >= 0 and u < width and v < height:
+            counts[int(v) // _CELL, int(u) // _CELL] += 1
+
+
+@compiled
+def _draw(
+    uv: NDArray[np.float32],
+    growth: NDArray[np.float32],
+    reach: float,
+    distance: Field,
+    nearest: NDArray[np.int32],
+) -> None:
+    """Distance (H, W) from pixel centres to the nearest disc, where below ``reach``; 0 deep inside."""
+    height, width = distance.shape
+    most = np.float32(0.0)
+    for n in range(len(growth)):
+        most = max(most, growth[n])
+    # A point all of whose neighbouring pixels hold points cannot be the nearest of any empty pixel: of a dense
+    # set, only the rim is drawn in full.
+    window = int(np.ceil(reach + most + 0.5))
+    sums = np.zeros((height + 1, width + 1), dtype=np.int32)
+    for n in range(len(uv)):
+        u, v = uv[n, 0], uv[n, 1]
+        if u >= 0 and v >= 0 and u < width and v < height:
+            sums[int(v) + 1, int(u) + 1] = 1
+    for i in range(height):
+        row = np.int32(0)
+        for j in range(width):
+            row += sums[i + 1, j + 1]
+            sums[i + 1, j + 1] = row + sums[i, j + 1]
+    for n in range(len(uv)):
+        u, v = uv[n, 0], uv[n, 1]
+        grown = growth[n] if len(growth) else np.float32(0.0)
+        far = np.float32(reach) + grown
+        if not (u > -far and v > -far and u < width + far and v < height + far):
+            continue
+        if u >= 0 and v >= 0 and u < width and v < height:
+            i, j = int(v), int(u)
+            top, bottom = max(i - window, 0), min(i + window + 1, height)
+            left, right = max(j - window, 0), min(j + window + 1, width)
+            full = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+            if full == (bottom - top) * (right - left):
+                distance[i, j] = min(distance[i, j], np.float32(0.0))
+                nearest[i, j] = n
+                continue
+        for i in range(max(int(np.ceil(v - far - 0.5)), 0), min(int(np.floor(v + far - 0.5)), height - 1) + 1):
+            down = np.float32(i) + np.float32(0.5) - v
+            for j in range(max(int(np.ceil(u - far - 0.5)), 0), min(int(np.floor(u + far - 0.5)), width - 1) + 1):
+                across = np.float32(j) + np.float32(0.5) - u
+                d = np.sqrt(across * across + down * down) - grown
+                if d < distance[i, j]:
+                    distance[i, j] = d
+                    nearest[i, j] = n
+
+
+@compiled
+def _close(distance: Field, radius: float, inside: Field) -> None:
+    """Signed distance (H, W) to the outline that is left when discs of ``radius`` are taken back."""
+    height, width = distance.shape
+    limit = np.float32(radius + SHELL)
+    for i in range(height):
+        for j in range(width):
+            inside[i, j] = SHELL if distance[i, j] <= radius else -limit
+    window = int(np.ceil(radius + SHELL + 1))
+    for i in range(height):
+        for j in range(width):
+            # Pixels just outside the discs know how far off the discs' edge is, to a fraction of a pixel.
+            beyond = distance[i, j] - np.float32(radius)
+            if not (beyond > 0 and beyond <= SHELL):
+                continue
+            for k in range(max(i - window, 0), min(i + window + 1, height)):
+                for m in range(max(j - window, 0), min(j + window + 1, width)):
+                    apart = np.sqrt(np.float32((k - i) * (k - i) + (m - j) * (m - j)))
+                    inside[k, m] = min(inside[k, m], apart - beyond - np.float32(radius))
+
+
+@compiled
+def _fill(uv: FloatArray, faces: NDArray[np.int64], covered: NDArray[np.bool_]) -> None:
+    height, width = covered.shape
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, bx, by, cx, cy = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1], uv[c, 0], uv[c, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if not (abs(area) > 0 and np.isfinite(area)):  # NaN: behind the camera
+            continue
+        if area < 0:
+            bx, by, cx, cy = cx, cy, bx, by
+        low_u, high_u = min(ax, bx, cx), max(ax, bx, cx)
+        low_v, high_v = min(ay, by, cy), max(ay, by, cy)
+        if high_u < 0 or high_v < 0 or low_u > width or low_v > height:
+            continue
+        for i in range(max(int(np.ceil(low_v - 0.5)), 0), min(int(np.floor(high_v - 0.5)), height - 1) + 1):
+            y = i + 0.5
+            for j in range(max(int(np.ceil(low_u - 0.5)), 0), min(int(np.floor(high_u - 0.5)), width - 1) + 1):
+                x = j + 0.5
+                if (
+                    (bx - ax) * (y - ay) >= (by - ay) * (x - ax)
+                    and (cx - bx) * (y - by) >= (cy - by) * (x - bx)
+                    and (ax - cx) * (y - cy) >= (ay - cy) * (x - cx)
+                ):
+                    covered[i, j] = True

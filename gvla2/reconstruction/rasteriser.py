@@ -1,0 +1,286 @@
+"""A tile-based rasteriser of Gaussians on the CPU, with gradients.
+
+``render`` gives the image and alpha of one camera; ``forward`` and ``backward`` give them with the gradients that
+an optimiser needs; ``expected_depth`` gives the depth of what is rendered. The kernels are numba's, compiled on
+first use and cached. Work is shared by plain threads (the kernels leave Python's lock), and no result depends on
+how many there are: tiles are independent, and sums over tiles are taken in a fixed order.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.reconstruction import rasteriser_gradients, rasteriser_projection, rasteriser_tiles
+from gvla2.reconstruction.rasteriser_projection import CAMERA_ENTRIES, SPLAT_COLUMNS, TILE
+
+Floats = NDArray[np.float32]
+_FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
+_FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
+
+
+@dataclass(frozen=True)
+class RasterOptions:
+    """How Gaussians are painted; the defaults are those of 3D Gaussian splatting.
+
+    ``low_pass`` square pixels added to both variances of an ellipse; ``near`` metres, nearer centres are left
+    out; ``min_alpha`` contributions below it are left out; ``max_alpha`` no Gaussian alone hides more;
+    ``stop`` a pixel is finished when it lets no more than this share of light pass; ``threads`` 0 means all cores.
+    Raises :class:`ConfigurationError` for values that make no sense.
+    """
+
+    low_pass: float = 0.3
+    near: float = 0.01
+    min_alpha: float = 1 / 255
+    max_alpha: float = 0.99
+    stop: float = 1e-4
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        if not (
+            0 < self.min_alpha < self.max_alpha <= 1
+            and self.near > 0
+            and self.low_pass >= 0
+            and 0 <= self.stop < 1
+            and self.threads >= 0
+        ):
+            raise ConfigurationError(
+                "A rasteriser needs 0 < min_alpha < max_alpha <= 1, near > 0, low_pass >= 0, 0 <= stop < 1 and "
+                f"threads >= 0, got {self}."
+            )
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered camera, and what :func:`backward` needs to know of it.
+
+    ``image`` (H, W, 3) with the background, not clipped; ``alpha`` (H, W) in [0, 1]. The rest is the rasteriser's
+    own: ``splats`` (N, 12) projected Gaussians, ``boxes`` (N, 4) their tiles, ``offsets`` (tiles + 1,) and
+    ``members`` (entries,) each tile's Gaussians, nearest first.
+    """
+
+    gaussians: Gaussians
+    camera: Camera
+    background: tuple[float, float, float]
+    options: RasterOptions
+    image: Floats
+    alpha: Floats
+    splats: Floats
+    boxes: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+    members: NDArray[np.int32]
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """(N,) whether a Gaussian falls into the image; it may still be hidden by others."""
+        return np.asarray(self.boxes[:, 1] > self.boxes[:, 0])
+
+
+@dataclass(frozen=True)
+class GaussianGradients:
+    """A loss's gradients, each in the shape of the field of :class:`Gaussians` of the same name, float32."""
+
+    centres: Floats
+    log_scales: Floats
+    rotations: Floats
+    opacity_logits: Floats
+    sh_dc: Floats
+
+
+def render(
+    gaussians: Gaussians,
+    camera: Camera,
+    background: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    options: RasterOptions | None = None,
+) -> tuple[Floats, Floats]:
+    """Image (H, W, 3) and alpha (H, W), both float32 in [0, 1]; the image has the background added."""
+    frame = forward(gaussians, camera, background, options)
+    return np.clip(frame.image, 0.0, 1.0), frame.alpha
+
+
+def forward(
+    gaussians: Gaussians,
+    camera: Camera,
+    background: tuple[float, float, float] = (1.0, 1.0, 1.0),
+    options: RasterOptions | None = None,
+) -> Frame:
+    """Render, and keep what the gradients need. Raises :class:`GeometryError` for a K that is not a pinhole's."""
+    options = options or RasterOptions()
+    count, height, width = len(gaussians), camera.height, camera.width
+    across, down = -(-width // TILE), -(-height // TILE)
+    tiles = across * down
+    packed = _pack(camera, options)
+    splats = np.empty((count, SPLAT_COLUMNS), np.float32)
+    boxes = np.empty((count, 4), np.int32)
+    rest = gaussians.sh_rest if gaussians.sh_rest is not None else np.zeros((0, 0), np.float32)
+    arrays = [
+        np.ascontiguousarray(array)
+        for array in (
+            gaussians.centres, gaussians.log_scales, gaussians.rotations, gaussians.opacity_logits,
+            gaussians.sh_dc, rest,
+        )
+    ]  # fmt: skip
+    parts = _threads(options, count)
+    bounds = [count * part // parts for part in range(parts + 1)]
+    counts = np.zeros((parts, tiles), np.int64)
+
+    def project(part: int) -> None:
+        rasteriser_projection.project(
+            bounds[part], bounds[part + 1], packed, width, height, *arrays, splats, boxes, counts[part]
+        )
+
+    _share(project, parts)
+    # Each part appends behind the one before it, so that a tile's list is in the Gaussians' order.
+    ends = np.cumsum(counts.T.ravel()).reshape(tiles, parts)
+    cursors = np.ascontiguousarray((ends - counts.T).T)
+    offsets = np.concatenate([np.zeros(1, np.int64), ends[:, -1]])
+    members = np.empty(offsets[-1], np.int32)
+    depths = np.empty(offsets[-1], np.float32)
+
+    def scatter(part: int) -> None:
+        rasteriser_tiles.scatter(
+            bounds[part], bounds[part + 1], across, boxes, splats, cursors[part], members, depths
+        )
+
+    _share(scatter, parts)
+    image = np.empty((height, width, 3), np.float32)
+    left = np.empty((height, width), np.float32)
+    keys = depths.view(np.uint32)  # positive floats are ordered as their bits
+    longest = int(np.diff(offsets).max(initial=0))
+    colour = np.asarray(background, np.float32)
+
+    def composite(part: int) -> None:
+        rasteriser_tiles.composite(
+            part, parts, across, offsets, members, keys, splats, colour,
+            np.float32(options.max_alpha), np.float32(options.stop), image, left, longest,
+        )  # fmt: skip
+
+    _share(composite, parts)
+    return Frame(gaussians, camera, background, options, image, 1 - left, splats, boxes, offsets, members)
+
+
+def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> GaussianGradients:
+    """Gradients of a loss from its gradients ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) at a frame.
+
+    They are those of the unclipped image, of centres in the frame of the Gaussians. Of the colour only the
+    constant harmonic is differentiated: ``sh_rest`` is rendered, but neither it nor the centres' share in the
+    direction of view gets a gradient. Raises :class:`GeometryError` for a gradient of another size.
+    """
+    gaussians, options = frame.gaussians, frame.options
+    count, shape = len(gaussians), frame.alpha.shape
+    to_image = np.ascontiguousarray(to_image, np.float32)
+    to_alpha = np.zeros(shape, np.float32) if to_alpha is None else np.ascontiguousarray(to_alpha, np.float32)
+    if to_image.shape != (*shape, 3) or to_alpha.shape != shape:
+        raise GeometryError(
+            f"A frame of {shape} pixels needs gradients of {(*shape, 3)} and {shape}, "
+            f"got {to_image.shape} and {to_alpha.shape}."
+        )
+    boxes = frame.boxes
+    first = np.zeros(count + 1, np.int64)
+    np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
+    partial = np.zeros((len(frame.members), rasteriser_tiles.SUMS), np.float32)
+    left, across = 1 - frame.alpha, -(-shape[1] // TILE)
+    parts = _threads(options, count)
+
+    def composite_back(part: int) -> None:
+        rasteriser_tiles.composite_back(
+            part, parts, across, frame.offsets, frame.members, boxes, frame.splats, first,
+            np.float32(options.max_alpha), np.float32(options.stop),
+            frame.image, left, to_image, to_alpha, partial,
+        )  # fmt: skip
+
+    _share(composite_back, parts)
+    packed = _pack(frame.camera, options)
+    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, 3))
+    gradients = [np.zeros(size, np.float32) for size in shapes]
+    sources = [np.ascontiguousarray(a) for a in (gaussians.centres, gaussians.log_scales, gaussians.rotations)]
+    bounds = [count * part // parts for part in range(parts + 1)]
+
+    def project_back(part: int) -> None:
+        rasteriser_gradients.project_back(
+            bounds[part], bounds[part + 1], packed, *sources, frame.splats, first, partial, *gradients
+        )
+
+    _share(project_back, parts)
+    return GaussianGradients(*gradients)
+
+
+def expected_depth(
+    gaussians: Gaussians, camera: Camera, options: RasterOptions | None = None, least_alpha: float = 0.5
+) -> Floats:
+    """(H, W) metres along the camera's z: the centres' depths averaged with the weights of their colours.
+
+    NaN where alpha is below ``least_alpha``.
+    """
+    local = gaussians.centres @ camera.camera_from_world[2, :3].astype(np.float32)
+    depth = np.maximum(local + np.float32(camera.camera_from_world[2, 3]), 0)
+    as_colour = (depth - 0.5) / rasteriser_projection.SH_C0
+    painted = Gaussians(
+        gaussians.centres,
+        gaussians.log_scales,
+        gaussians.rotations,
+        gaussians.opacity_logits,
+        np.repeat(as_colour[:, None], 3, axis=1),
+    )
+    frame = forward(painted, camera, (0.0, 0.0, 0.0), options)
+    known = frame.alpha >= max(least_alpha, 1e-6)
+    return np.where(known, frame.image[..., 0] / np.where(known, frame.alpha, 1), np.nan).astype(np.float32)
+
+
+def _pack(camera: Camera, options: RasterOptions) -> Floats:
+    """The camera as the kernels read it, see ``rasteriser_projection.ROTATION`` and the following."""
+    K, pose = camera.K, camera.camera_from_world
+    if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
+        raise GeometryError(f"Camera '{camera.name}': K must be upper triangular with last row 0 0 1, got\n{K}")
+    # The slopes x/z, y/z at which the image ends; the principal point need not be central.
+    corners = np.array([[0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]])
+    slopes = corners @ np.linalg.inv(K).T
+    low, high = slopes[:, :2].min(axis=0), slopes[:, :2].max(axis=0)
+    packed = np.concatenate(
+        [
+            pose[:3, :3].ravel(),
+            pose[:3, 3],
+            [K[0, 0], K[0, 1], K[0, 2], K[1, 1], K[1, 2]],
+            camera.position,
+            _FRUSTUM_MARGIN * np.array([low[0], high[0], low[1], high[1]]),
+            [options.low_pass, options.near, options.min_alpha],
+        ]
+    )
+    assert len(packed) == CAMERA_ENTRIES
+    return packed.astype(np.float32)
+
+
+def _threads(options: RasterOptions, count: int) -> int:
+    if count < _FEWEST_FOR_THREADS:
+        return 1
+    if options.threads:
+        return options.threads
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+
+
+def _share(work: Callable[[int], None], parts: int) -> None:
+    """Run ``work(0)`` to ``work(parts - 1)``, one a thread; the first error is raised here."""
+    errors: list[BaseException] = []
+
+    def guarded(part: int) -> None:
+        try:
+            work(part)
+        except BaseException as error:
+            errors.append(error)
+
+    others = [threading.Thread(target=guarded, args=(part,), daemon=True) for part in range(1, parts)]
+    for thread in others:
+        thread.start()
+    guarded(0)
+    for thread in others:
+        thread.join()
+    if errors:
+        raise errors[0]
