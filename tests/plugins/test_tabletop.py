@@ -157,7 +157,7 @@ def test_a_seed_is_an_episode(name):
 def test_an_instruction_keeps_the_layout_and_is_passed_on(name):
     own, given_one = sample(name, 9), sample(name, 9, "do something nice")
     assert given_one.instruction == "do something nice"
-    assert given_one.goal == own.goal  # it names no colour, so the referee keeps the seed's target
+    assert given_one.goal.startswith(own.goal)  # it names no colour: the referee keeps the seed's target
     for a, b in zip(own.layout.bodies, given_one.layout.bodies, strict=True):
         np.testing.assert_array_equal(a.world_from_body, b.world_from_body)
 
@@ -192,7 +192,7 @@ def test_lifting_the_named_cube_counts_and_lifting_another_does_not():
 
 @pytest.mark.parametrize(
     ("height", "eased", "strict"),
-    [(0.004, 0, 0), (0.006, 1, 0), (0.17, 1, 0), (0.175, 1, 1), (0.27, 1, 1), (0.28, 1, 0)],
+    [(0.006, 0, 0), (0.029, 0, 0), (0.031, 1, 0), (0.17, 1, 0), (0.175, 1, 1), (0.27, 1, 1), (0.28, 1, 0)],
 )
 def test_heights_that_count(height, eased, strict):
     # The cube of 5 cm spans its height to height + 5 cm; the sensor 0.223 to 0.273 m.

@@ -76,7 +76,7 @@ def push_goal(job: Job) -> FloatArray:
 
 def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[Stroke], str, str, float]]:
     """Strokes, wording, family and preference of each way to push."""
-    theme, hand = job.theme, job.hand
+    theme = job.theme
     shift = goal - theme.centre
     way = shift / np.linalg.norm(shift)
     if theme.shape in ROUND:
@@ -113,7 +113,7 @@ def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[Stroke], str, st
                 ]
                 text = f"push {parts[0] * 100:.0f} cm square to one face, then {parts[1] * 100:.0f} cm to the next"
                 yield strokes, text, "two_strokes", 0.6 + 0.01 * (parts[0] > parts[1])
-    for stroke in _round(theme.centre, goal, way, _corner_radius(job, way, hand.max_width), job):
+    for stroke in _round(theme.centre, goal, way, _corner_radius(job), job):
         yield [stroke], "push on a corner between two fingers", "corner", 0.3
 
 
@@ -158,10 +158,9 @@ def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, j
         yield Stroke(begin, end, way, behind, sign * across, opening)
 
 
-def _corner_radius(job: Job, way: FloatArray, widest: float) -> float:
-    """Radius of the circle about the middle that meets the corner's two faces: the smaller half side."""
-    del way
-    return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * widest)
+def _corner_radius(job: Job) -> float:
+    """Radius of the circle about the middle that touches the nearer faces, as far as the hand opens."""
+    return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * job.hand.max_width)
 
 
 def _push(job: Job, strokes: list[Stroke], how: str, family: str, preference: float) -> Proposal:

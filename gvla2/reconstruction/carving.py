@@ -1,0 +1,249 @@
+"""Space carving: from silhouettes to a closed, coloured surface.
+
+The visual hull (Laurentini 1994) is the zero of a field that is metres, not a count of voxels, so that marching
+cubes finds the surface far more finely than the grid is spaced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, label, map_coordinates
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.colouring import vertex_colours
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.frusta import Region, frusta_region
+from gvla2.reconstruction.occupancy import Field, PackedSilhouettes, fill, pack
+from gvla2.reconstruction.silhouettes import Silhouette, silhouettes
+from gvla2.reconstruction.surfels import surfels
+from gvla2.reconstruction.zbuffer import depth_map
+
+_COARSE = 40  # voxels along a side of the search for the object
+_LONGEST = 4.0  # a grid is at most this many resolutions long, however thin the object
+_SMALL_PART = 0.02  # parts of less than this share of the largest part must be needed by a mask
+_NEEDED = 0.005  # share of a mask that a small part alone must explain to be kept
+_AGREEMENT = 0.75  # below this mean IoU with the masks, one view may be speaking against the others
+_GAIN = 0.10  # what dropping a view must bring
+
+
+@dataclass(frozen=True)
+class Carving:
+    """A carved object: ``mesh`` with colours, ``normals`` (V, 3) smooth, unit and outward, ``seen`` (V,) bool.
+
+    ``seen`` tells which vertices took their colour from a view; the others took their neighbours'. ``views`` names
+    the views that were used and ``iou`` (one a used view) says how well the mesh covers each mask. ``voxel`` is the
+    grid's spacing in metres. ``status`` is ``"ok"`` or what was done otherwise, and why.
+    """
+
+    mesh: Mesh
+    normals: FloatArray
+    seen: NDArray[np.bool_]
+    views: tuple[str, ...]
+    iou: tuple[float, ...]
+    voxel: float
+    status: str = "ok"
+
+    def to_reconstruction(self, count: int = 15_000) -> Reconstruction:
+        """The mesh, and about ``count`` flat Gaussians on it."""
+        return Reconstruction(surfels(self.mesh, self.normals, count), self.mesh, self.status)
+
+
+def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) -> Carving:
+    """Carve the object that the views' masks show.
+
+    The grid has about ``resolution`` cubed voxels and lies in ``bounds`` (2, 3), metres, world, which are found from
+    the masks when they are not given. Views without a mask and views with an empty one are ignored; when the
+    others' silhouettes have no point in common, the worst of them is dropped, again and again. With one view the
+    object is as deep as it is wide. Each of these is told in the status. Deterministic.
+
+    Raises :class:`GeometryError` when no mask shows anything, when two views contradict each other, and for a
+    ``resolution`` below 8.
+    """
+    if resolution < 8:
+        raise GeometryError(f"Carving needs a resolution of at least 8 voxels a side, got {resolution}.")
+    shown, notes = silhouettes(views)
+    depth = _measured_depth(views, shown[0])
+    used, dropped = _agreeing(shown, bounds, depth)
+    region = _region(used, bounds, depth)
+    assert region is not None  # or the views would not agree
+    field = _field(used, region, resolution)
+    field = _without_crumbs(field, used)
+    vertices, faces, normals = _surface(field)
+    mesh = Mesh(vertices, faces)
+    depths = [depth_map(mesh, s.camera) for s in used]
+    colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
+    status = _status(notes, used, dropped, region)
+    iou = tuple(_iou(np.isfinite(d), s) for d, s in zip(depths, used, strict=True))
+    return Carving(
+        Mesh(vertices, faces, colours), normals, seen, tuple(s.name for s in used), iou, field.step, status
+    )
+
+
+def _status(notes: Sequence[str], used: Sequence[Silhouette], dropped: Sequence[str], region: Region) -> str:
+    told = list(notes)
+    if dropped:
+        told.insert(0, f"fallback: the views disagree, so {', '.join(dropped)} was dropped")
+    if len(used) == 1:
+        told.insert(0, "fallback: one view only, so the depth is a guess from the mask's width")
+    elif not region.complete:
+        told.insert(0, "fallback: the views leave the depth open, so it is a guess from the masks' width")
+    return "; ".join(told) or "ok"
+
+
+def _measured_depth(views: Views, first: Silhouette) -> float | None:
+    """Median depth inside the first silhouette, metres, where that view measures depth."""
+    view = next(v for v in views if v.camera is first.camera)
+    if view.depth is None:
+        return None
+    measured = view.depth[first.inside]
+    measured = measured[np.isfinite(measured) & (measured > 0)]
+    return float(np.median(measured)) if len(measured) else None
+
+
+def _region(used: Sequence[Silhouette], bounds: FloatArray | None, depth: float | None) -> Region | None:
+    if bounds is None:
+        return frusta_region(used, depth)
+    given = np.asarray(bounds, dtype=np.float64)
+    if given.shape != (2, 3) or not np.isfinite(given).all() or not (given[0] < given[1]).all():
+        raise GeometryError(f"Bounds must be (2, 3), finite, the lower corner first; got {given.tolist()}.")
+    return Region(given, np.tile([0.0, np.inf], (len(used), 1)), True)
+
+
+def _agreeing(
+    shown: tuple[Silhouette, ...], bounds: FloatArray | None, depth: float | None
+) -> tuple[tuple[Silhouette, ...], list[str]]:
+    """The silhouettes that have an object in common, and the names of those that were dropped to get there."""
+    dropped: list[str] = []
+    used = shown
+    while True:
+        now = _coarse_agreement(used, bounds, depth)
+        if now >= _AGREEMENT or len(used) == 1 or (now > 0 and len(used) < 4):
+            return used, dropped
+        if len(used) == 2:
+            raise GeometryError(
+                f"The views '{used[0].name}' and '{used[1].name}' contradict each other: no point lies in both "
+                "silhouettes. Check the cameras' poses and that the masks show the same object."
+            )
+        without = [used[:i] + used[i + 1 :] for i in range(len(used))]
+        scores = [_coarse_agreement(rest, bounds, depth) for rest in without]
+        best = int(np.argmax(scores))
+        if now > 0 and scores[best] < now + _GAIN:
+            return used, dropped
+        dropped.append(f"view '{used[best].name}'")
+        used = without[best]
+
+
+def _coarse_agreement(used: Sequence[Silhouette], bounds: FloatArray | None, depth: float | None) -> float:
+    """Mean IoU of a coarse hull with the masks that it was carved from; 0 when there is no hull."""
+    region = _region(used, bounds, depth)
+    if region is None:
+        return 0.0
+    found = _tighten(pack(used, region.depths), region.bounds)
+    if found is None:
+        return 0.0
+    field = _grid(pack(used, region.depths), found, 24)
+    if not (field.values > 0).any():
+        # Thinner than a coarse voxel everywhere, but there.
+        return _AGREEMENT
+    vertices, faces, _ = _surface(field)
+    mesh = Mesh(vertices, faces)
+    return float(np.mean([_iou(np.isfinite(depth_map(mesh, s.camera)), s) for s in used]))
+
+
+def _tighten(packed: PackedSilhouettes, bounds: FloatArray) -> FloatArray | None:
+    """The box (2, 3) around all that may be inside the hull, None when nothing is."""
+    for _ in range(2):
+        step = float(np.cbrt(np.prod(np.maximum(bounds[1] - bounds[0], 1e-9)))) / _COARSE
+        step = max(step, float((bounds[1] - bounds[0]).max()) / (_LONGEST * _COARSE))
+        field = fill(packed, bounds, step)
+        # The field grows at most a metre a metre: a voxel whose centre lies deeper outside holds nothing.
+        index = np.argwhere(field.values > -0.9 * step)
+        if len(index) == 0:
+            return None
+        low, high = field.points(index.min(axis=0)), field.points(index.max(axis=0))
+        bounds = np.stack(
+            [np.maximum(low - step, bounds[0] - step), np.minimum(high + step, bounds[1] + step)]
+        )
+    return bounds
+
+
+def _grid(packed: PackedSilhouettes, bounds: FloatArray, resolution: int) -> Field:
+    extent = bounds[1] - bounds[0]
+    step = max(float(np.cbrt(np.prod(extent))) / resolution, float(extent.max()) / (_LONGEST * resolution))
+    return fill(packed, bounds, step)
+
+
+def _field(used: Sequence[Silhouette], region: Region, resolution: int) -> Field:
+    packed = pack(used, region.depths)
+    bounds = _tighten(packed, region.bounds)
+    if bounds is None:
+        raise GeometryError("The silhouettes have no point in common within the bounds.")
+    for finer in (1, 2, 3):
+        field = _grid(packed, bounds, finer * resolution)
+        if (field.values > 0).any():
+            return field
+    raise GeometryError(
+        f"The silhouettes' common part is thinner than a voxel ({1e3 * field.step:.2f} mm); "
+        "raise the resolution or check the masks."
+    )
+
+
+def _without_crumbs(field: Field, used: Sequence[Silhouette]) -> Field:
+    """The field without small parts that no mask needs: where cones cross by chance, phantoms appear."""
+    parts, count = label(field.values > 0, structure=np.ones((3, 3, 3)))
+    if count <= 1:
+        return field
+    sizes = np.bincount(parts.ravel())[1:]
+    small = np.flatnonzero(sizes < _SMALL_PART * sizes.max()) + 1
+    if len(small) == 0:
+        return field
+    main = field.points(np.argwhere((parts > 0) & ~np.isin(parts, small)))
+    unexplained = [s.inside & ~_footprint(main, s, field.step) for s in used]
+    values = field.values.copy()
+    for part in small:
+        index = np.argwhere(parts == part)
+        points = field.points(index)
+        needed = any(
+            (_footprint(points, s, field.step) & open_).sum() > _NEEDED * s.inside.sum()
+            for s, open_ in zip(used, unexplained, strict=True)
+        )
+        if not needed:
+            values[tuple(index.T)] = -0.5 * field.step
+    return Field(values, field.origin, field.step)
+
+
+def _footprint(points: FloatArray, s: Silhouette, step: float) -> NDArray[np.bool_]:
+    """(H, W) bool, pixels that voxels of size ``step`` around points (N, 3) cover."""
+    covered = np.zeros(s.distance.shape, dtype=np.bool_)
+    uv, depth = s.camera.project(points)
+    uv = uv[s.camera.inside(uv)].astype(np.intp)
+    covered[uv[:, 1], uv[:, 0]] = True
+    reach = int(np.ceil(0.5 * step * s.camera.K[0, 0] / max(float(depth.min()), step)))
+    return np.asarray(gaussian_filter(covered.astype(np.float32), 0.5 * reach) > 1e-3) if reach else covered
+
+
+def _surface(field: Field) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    """Vertices (V, 3), faces (F, 3) and smooth outward normals (V, 3) of the field's zero."""
+    from skimage.measure import marching_cubes
+
+    index, faces, _, _ = marching_cubes(field.values, 0.0)
+    smooth = gaussian_filter(np.asarray(field.values, dtype=np.float32), 1.5)
+    slopes = [map_coordinates(np.gradient(smooth, axis=axis), index.T, order=1) for axis in range(3)]
+    normals = -np.stack(slopes, axis=1).astype(np.float64)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.where(length > 1e-12, normals / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
+    return field.points(index), faces.astype(np.int64), normals
+
+
+def _iou(covered: NDArray[np.bool_], s: Silhouette) -> float:
+    inside, known = s.inside, np.isfinite(s.distance)
+    covered = covered & known
+    union = (covered | inside).sum()
+    return float((covered & inside).sum() / union) if union else 0.0

@@ -1,0 +1,57 @@
+"""Depth maps of triangle meshes: what is visible from where (numba)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray, transform_points
+
+
+def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3) -> NDArray[np.float32]:
+    """(H, W) float32 depth along the camera's z of the nearest surface at each pixel's centre, inf where none is.
+
+    Triangles that reach nearer than ``near`` (metres) to the camera's plane are left out.
+    """
+    depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
+    local = transform_points(camera.camera_from_world, mesh.vertices)
+    image = local @ camera.K.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        uv = image[:, :2] / image[:, 2:3]
+    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, near)
+    return depth
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rasterise(
+    uv: FloatArray, z: FloatArray, faces: NDArray[np.int64], depth: NDArray[np.float32], near: float
+) -> None:
+    height, width = depth.shape
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if z[a] < near or z[b] < near or z[c] < near:
+            continue
+        ax, ay, bx, by, cx, cy = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1], uv[c, 0], uv[c, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area == 0.0:
+            continue
+        # Pixel i's centre lies at i + 0.5.
+        left = max(int(np.ceil(max(min(ax, bx, cx), 0.0) - 0.5)), 0)
+        right = min(int(np.floor(min(max(ax, bx, cx), width) - 0.5)), width - 1)
+        top = max(int(np.ceil(max(min(ay, by, cy), 0.0) - 0.5)), 0)
+        bottom = min(int(np.floor(min(max(ay, by, cy), height) - 0.5)), height - 1)
+        ia, ib, ic = 1 / z[a], 1 / z[b], 1 / z[c]
+        for row in range(top, bottom + 1):
+            y = row + 0.5
+            for column in range(left, right + 1):
+                x = column + 0.5
+                wa = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+                wb = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+                wc = 1.0 - wa - wb
+                if wa >= -1e-9 and wb >= -1e-9 and wc >= -1e-9:
+                    # Its inverse, not depth itself, is linear in the image.
+                    d = 1.0 / (wa * ia + wb * ib + wc * ic)
+                    depth[row, column] = min(depth[row, column], d)
