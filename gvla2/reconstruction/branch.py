@@ -92,10 +92,178 @@ def refine_geometry(
     if any(view.mask is None for view in views):
         raise GeometryError("The branch checks geometry against masks: give every view one.")
     _points(g0)
-    a = _source_a(g0, views, prior, renderer, options)
-    b = _source_b(_Source(g0), views, options)
-    out, fused = _fuse(a.state, b, views, fusion, options)
-    return BranchResult(g0, a.state, b.state, out, (*a.stages, *b.stages, *fused))
+    a = _source_a(_Source(g0), views, prior, renderer, options)
+    # The published branch puts source B beside A, both from G0; carrying on from A keeps what A has mended.
+    b = _source_b(_Source(g0 if options.mode == "paper" else a.state), views, options)
+    out = _fused(a.state, b.state, views, fusion, options)
+    out = _settled(out, (g0, a.state, b.state), views, renderer, options)
+    return BranchResult(g0, a.state, b.state, out.state, (*a.stages, *b.stages, *out.stages))
+
+
+def _source_a(
+    source: _Source, views: Views, prior: GeometryPrior, renderer: Renderer, options: BranchOptions
+) -> _Source:
+    """Prior guidance, appearance affine, soft visual hull."""
+    if options.prior:
+        source = _guided(source, views, prior)
+    if options.appearance:
+        source = source.after(*calibrate_colours(source.state, views, renderer))
+    if options.soft_hull:
+        source = _shrunk(source, views, options)
+    return source
+
+
+def _guided(source: _Source, views: Views, prior: GeometryPrior) -> _Source:
+    estimate = prior.predict(views)
+    if estimate is None:
+        return source.after(source.state, StageReport("prior", "skipped", "There is no geometry prior."))
+    guided = guide(_points(source.state), views, estimate)
+    if guided.report.status not in ("applied", "partial"):
+        return source.after(source.state, guided.report)
+    return source.after(_moved(source.state, guided.move), guided.report)
+
+
+def _shrunk(source: _Source, views: Views, options: BranchOptions) -> _Source:
+    """p' = c + (p - c)(1 - lambda(p)): points of low mask support move a little inwards."""
+    began = time.perf_counter()
+    centre = object_centre(source.state)
+
+    def move(points: FloatArray) -> FloatArray:
+        support = mask_support(points, views, compat=options.compat)
+        return soft_hull(points, support, centre, options.tau, options.eta, options.lambda_max)
+
+    return _gated("soft_hull", source, _moved(source.state, move), views, options, began)
+
+
+def _source_b(source: _Source, views: Views, options: BranchOptions) -> _Source:
+    """Axis compensation p'' = c + (p - c) * a + delta, from masks and poses alone."""
+    if not options.axis:
+        return source.after(source.state, StageReport("axis", "skipped", "Source B is switched off."))
+    began = time.perf_counter()
+    points, centre = _points(source.state), object_centre(source.state)
+    fit = compensate(points, views, centre, AxisOptions(mode=options.mode))
+    measures = {"iou": fit.iou_before}, {"iou": fit.iou_after}
+    seconds = time.perf_counter() - began
+    if not fit.accepted:
+        return source.after(source.state, StageReport("axis", "rejected", fit.reason, *measures, seconds))
+    report = StageReport("axis", "applied", fit.reason, *measures, seconds)
+    return source.after(_moved(source.state, fit.apply), report)
+
+
+def _fused(
+    a: Reconstruction, b: Reconstruction, views: Views, fusion: FusionStrategy, options: BranchOptions
+) -> _Source:
+    """x_out from x_A and x_B by the fusion strategy; theta_out = theta_A. Falls back to A when they do not match."""
+    began = time.perf_counter()
+    source = _Source(a)
+    if not options.fusion:
+        kept, which = (b, "B") if options.axis and not (options.prior or options.soft_hull) else (a, "A")
+        return _Source(kept).after(kept, StageReport("fusion", "skipped", f"Switched off: source {which} is the output."))
+    mismatch = _mismatch(a, b)
+    if mismatch:
+        return source.after(a, StageReport("fusion", "fallback", f"{mismatch} Source A is the output."))
+
+    def fuse(of_a: FloatArray, of_b: FloatArray) -> FloatArray:
+        supports = [mask_support(points, views, compat=options.compat) for points in (of_a, of_b)]
+        fused = np.asarray(fusion.fuse(of_a, of_b, *supports), dtype=np.float64)
+        if fused.shape != of_a.shape or not np.isfinite(fused).all():
+            raise GeometryError(f"The fusion strategy returned centres of shape {fused.shape}, or not finite ones.")
+        return fused
+
+    gaussians, mesh = a.gaussians, a.mesh
+    try:
+        if gaussians is not None and b.gaussians is not None:
+            gaussians = gaussians.with_centres(fuse(_double(gaussians.centres), _double(b.gaussians.centres)))
+        if mesh is not None and b.mesh is not None:
+            mesh = mesh.with_vertices(fuse(mesh.vertices, b.mesh.vertices))
+    except GeometryError as error:
+        return source.after(a, StageReport("fusion", "fallback", f"{error} Source A is the output."))
+    return _gated("fusion", source, replace(a, gaussians=gaussians, mesh=mesh), views, options, began)
+
+
+def _settled(
+    out: _Source,
+    others: tuple[Reconstruction, Reconstruction, Reconstruction],
+    views: Views,
+    renderer: Renderer,
+    options: BranchOptions,
+) -> _Source:
+    """The last word of the input views, in default mode.
+
+    Between the fused geometry and a source that explains the masks clearly better, the source is taken; and what
+    explains masks and colours worse than G0 did is not kept at all.
+    """
+    if options.mode == "paper":
+        return out
+    began = time.perf_counter()
+    g0, _, b = others
+    iou = _iou(out.state, views)
+    before = {"iou": iou}
+    if options.fusion and options.axis:
+        iou_b = _iou(b, views)
+        if iou_b > iou + CLEARLY_BETTER:
+            reason = f"Source B explains the masks better than the fusion (symmetric IoU {iou_b:.4f} against {iou:.4f})."
+            report = StageReport("output", "fallback", reason, before, {"iou": iou_b}, time.perf_counter() - began)
+            out = out.after(_with_geometry(out.state, b), report)
+            iou = iou_b
+    if g0.gaussians is None or out.state.gaussians is None or out.state is g0:
+        return out
+    was, now = (float(np.nanmean(colour_errors(g, views, renderer))) for g in (g0.gaussians, out.state.gaussians))
+    iou_0 = _iou(g0, views)
+    if iou < iou_0 - TOLERATED_IOU or now > (1 + TOLERATED_COLOUR) * was:
+        reason = "The views speak against the refinement: G0 is the output."
+        measures = {"iou": iou, "colour_error": now}, {"iou": iou_0, "colour_error": was}
+        return out.after(g0, StageReport("output", "fallback", reason, *measures, time.perf_counter() - began))
+    return out
+
+
+CLEARLY_BETTER = 0.002
+"""Symmetric IoU by which a source must beat the fusion to be taken instead."""
+
+TOLERATED_IOU, TOLERATED_COLOUR = 0.002, 0.02
+"""How far symmetric IoU may fall, absolutely, and the colour error of the inputs rise, as a share, against G0."""
+
+
+def _gated(
+    stage: str, source: _Source, moved: Reconstruction, views: Views, options: BranchOptions, began: float
+) -> _Source:
+    """Keep ``moved`` where the views do not speak against it; always in paper mode, which has no gate."""
+    gate = accept(_points(source.state), _points(moved), views)
+    seconds = time.perf_counter() - began
+    if gate.accepted or options.mode == "paper":
+        return source.after(moved, StageReport(stage, "applied", gate.reason, gate.before, gate.after, seconds))
+    return source.after(
+        source.state, StageReport(stage, "rejected", gate.reason, gate.before, gate.after, seconds)
+    )
+
+
+def _iou(thing: Reconstruction, views: Views) -> float:
+    return symmetric_iou(_points(thing), views)
+
+
+def _mismatch(a: Reconstruction, b: Reconstruction) -> str:
+    """Why the two cannot be fused point by point, or ""."""
+    if (a.gaussians is None) != (b.gaussians is None) or (a.mesh is None) != (b.mesh is None):
+        return "One source has Gaussians or a mesh that the other lacks."
+    if a.gaussians is not None and b.gaussians is not None and len(a.gaussians) != len(b.gaussians):
+        return f"The sources have {len(a.gaussians)} and {len(b.gaussians)} Gaussians."
+    if a.mesh is not None and b.mesh is not None and not np.array_equal(a.mesh.faces, b.mesh.faces):
+        return "The sources' meshes differ in topology."
+    return ""
+
+
+def _with_geometry(attributes: Reconstruction, geometry: Reconstruction) -> Reconstruction:
+    """Everything of ``attributes`` but the positions, which are those of ``geometry``."""
+    gaussians, mesh = attributes.gaussians, attributes.mesh
+    if gaussians is not None and geometry.gaussians is not None:
+        gaussians = gaussians.with_centres(geometry.gaussians.centres)
+    if mesh is not None and geometry.mesh is not None:
+        mesh = mesh.with_vertices(geometry.mesh.vertices)
+    return replace(attributes, gaussians=gaussians, mesh=mesh)
+
+
+def _double(points: np.ndarray) -> FloatArray:
+    return np.asarray(points, dtype=np.float64)
 
 
 def _points(thing: Reconstruction) -> FloatArray:

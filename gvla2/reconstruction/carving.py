@@ -21,7 +21,7 @@ from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.frusta import Region, frusta_region
 from gvla2.reconstruction.occupancy import Field, PackedSilhouettes, fill, pack
-from gvla2.reconstruction.silhouettes import Silhouette, silhouettes
+from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.zbuffer import depth_map
 
@@ -204,7 +204,9 @@ def _without_crumbs(field: Field, used: Sequence[Silhouette]) -> Field:
     small = np.flatnonzero(sizes < _SMALL_PART * sizes.max()) + 1
     if len(small) == 0:
         return field
-    main = field.points(np.argwhere((parts > 0) & ~np.isin(parts, small)))
+    # The skin alone casts the same shadow as the whole.
+    skin = (parts > 0) & (field.values < 1.5 * field.step) & ~np.isin(parts, small)
+    main = field.points(np.argwhere(skin))
     unexplained = [s.inside & ~_footprint(main, s, field.step) for s in used]
     values = field.values.copy()
     for part in small:

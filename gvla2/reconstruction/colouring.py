@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.silhouettes import Silhouette
+from gvla2.reconstruction.mask_distance import Silhouette
 
 _VIEWS = 4  # a vertex listens to this many views at most, those that face it best
 _SLANT = 0.15  # cosine below which a view sees a surface too obliquely

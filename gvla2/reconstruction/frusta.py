@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.silhouettes import Silhouette
+from gvla2.reconstruction.mask_distance import Silhouette
 
 _MARGIN = 0.5  # pixels around a mask's box: a mask is known to half a pixel
 _UNBOUNDED_DEPTH = 1.0  # metres, where nothing at all says how far the object is

@@ -1,4 +1,4 @@
-"""The field whose zero is the visual hull: how deep a point lies inside all silhouettes (numba)."""
+"""The field whose zero is the visual hull: how deep a point lies inside all silhouettes"""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.silhouettes import Silhouette
+from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.mask_distance import Silhouette
 
 _DEEP = 3.0  # the field is exact within this many voxels of the surface and clipped beyond
 
@@ -84,7 +84,7 @@ def fill(packed: PackedSilhouettes, bounds: FloatArray, step: float) -> Field:
     return Field(values, origin, step)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _fill(
     values: NDArray[np.float32],
     origin: FloatArray,

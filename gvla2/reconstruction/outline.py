@@ -63,7 +63,7 @@ def outline(
     distance = np.full((height, width), np.inf, dtype=np.float32)
     nearest = np.full((height, width), -1, dtype=np.int32)
     inside = np.empty((height, width), dtype=np.float32)
-    _draw(uv, growth, radius + SHELL, distance, nearest)
+    _draw(uv, growth, radius, distance, nearest)
     _close(distance, radius, inside)
     return Outline(inside, nearest, radius)
 
@@ -134,51 +134,71 @@ def _count(uv: NDArray[np.float32], width: int, height: int, counts: NDArray[np.
 def _draw(
     uv: NDArray[np.float32],
     growth: NDArray[np.float32],
-    reach: float,
+    radius: float,
     distance: Field,
     nearest: NDArray[np.int32],
 ) -> None:
-    """Distance (H, W) from pixel centres to the nearest disc, where below ``reach``; 0 deep inside."""
+    """Distance (H, W) from pixel centres to the nearest disc: exact in the shell, infinite beyond it.
+
+    A pixel that holds a point is within any closing radius; only the others are searched, ring by ring, and
+    only until the answer is known to be within the radius. So a dense set costs little more than its rim.
+    """
     height, width = distance.shape
     most = np.float32(0.0)
     for n in range(len(growth)):
         most = max(most, growth[n])
-    # A point all of whose neighbouring pixels hold points cannot be the nearest of any empty pixel: of a dense
-    # set, only the rim is drawn in full.
-    window = int(np.ceil(reach + most + 0.5))
-    sums = np.zeros((height + 1, width + 1), dtype=np.int32)
+    reach = np.float32(radius + SHELL)
+    margin = int(np.ceil(reach + most + 0.5))  # points out there reach into the image
+    rows, columns = height + 2 * margin, width + 2 * margin
+    first = np.full((rows, columns), -1, dtype=np.int32)  # the points of a pixel, as linked lists
+    following = np.empty(len(uv), dtype=np.int32)
     for n in range(len(uv)):
-        u, v = uv[n, 0], uv[n, 1]
-        if u >= 0 and v >= 0 and u < width and v < height:
-            sums[int(v) + 1, int(u) + 1] = 1
-    for i in range(height):
-        row = np.int32(0)
-        for j in range(width):
-            row += sums[i + 1, j + 1]
-            sums[i + 1, j + 1] = row + sums[i, j + 1]
-    for n in range(len(uv)):
-        u, v = uv[n, 0], uv[n, 1]
-        grown = growth[n] if len(growth) else np.float32(0.0)
-        far = np.float32(reach) + grown
-        if not (u > -far and v > -far and u < width + far and v < height + far):
-            continue
-        if u >= 0 and v >= 0 and u < width and v < height:
+        u, v = uv[n, 0] + margin, uv[n, 1] + margin
+        if u >= 0 and v >= 0 and u < columns and v < rows:
             i, j = int(v), int(u)
-            top, bottom = max(i - window, 0), min(i + window + 1, height)
-            left, right = max(j - window, 0), min(j + window + 1, width)
-            full = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-            if full == (bottom - top) * (right - left):
-                distance[i, j] = min(distance[i, j], np.float32(0.0))
-                nearest[i, j] = n
+            following[n] = first[i, j]
+            first[i, j] = n
+    sums = np.zeros((rows + 1, columns + 1), dtype=np.int32)
+    for i in range(rows):
+        row = np.int32(0)
+        for j in range(columns):
+            row += np.int32(first[i, j] >= 0)
+            sums[i + 1, j + 1] = row + sums[i, j + 1]
+    for i in range(height):
+        for j in range(width):
+            a, b = i + margin, j + margin
+            if first[a, b] >= 0:
+                distance[i, j] = np.float32(0.0)
+                nearest[i, j] = first[a, b]
                 continue
-        for i in range(max(int(np.ceil(v - far - 0.5)), 0), min(int(np.floor(v + far - 0.5)), height - 1) + 1):
-            down = np.float32(i) + np.float32(0.5) - v
-            for j in range(max(int(np.ceil(u - far - 0.5)), 0), min(int(np.floor(u + far - 0.5)), width - 1) + 1):
-                across = np.float32(j) + np.float32(0.5) - u
-                d = np.sqrt(across * across + down * down) - grown
-                if d < distance[i, j]:
-                    distance[i, j] = d
-                    nearest[i, j] = n
+            if (
+                sums[a + margin + 1, b + margin + 1]
+                - sums[a - margin, b + margin + 1]
+                - sums[a + margin + 1, b - margin]
+                + sums[a - margin, b - margin]
+            ) == 0:
+                continue
+            x, y = np.float32(j + 0.5), np.float32(i + 0.5)
+            best, which = reach, np.int32(-1)
+            for ring in range(1, margin + 1):
+                # No point of this ring or a later one is nearer than this.
+                if best <= max(np.float32(ring - 0.5) - most, np.float32(radius)):
+                    break
+                for k in range(-ring, ring + 1):
+                    step = 1 if abs(k) == ring else 2 * ring
+                    for m in range(-ring, ring + 1, step):
+                        n = first[a + k, b + m]
+                        while n >= 0:
+                            across, down = uv[n, 0] - x, uv[n, 1] - y
+                            d = np.sqrt(across * across + down * down)
+                            if len(growth):
+                                d -= growth[n]
+                            if d < best:
+                                best, which = d, n
+                            n = following[n]
+            if which >= 0:
+                distance[i, j] = best
+                nearest[i, j] = which
 
 
 @compiled

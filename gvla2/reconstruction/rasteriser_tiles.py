@@ -90,26 +90,18 @@ def _rows(splat, low, high):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-def _span(splat, y, low, high):
-    """One row of an ellipse: first and last column within ``low`` <= x < ``high``, then the row's start.
+def _span(u, room, shift, inverse_a, low, high):
+    """One row of an ellipse: first and last column within ``low`` <= x < ``high`` (last < first when empty), and t.
 
-    With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels.
-    Returns first, last (less than first when empty), dy, t and the exponent at the first pixel's centre.
+    With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels;
+    ``shift`` is (B / A) dy and ``room`` what the second term leaves of REACH. t is that of the first pixel.
     """
     half = np.float32(0.5)
-    a = splat[CONIC_A]
-    dy = np.float32(y) + half - splat[V]
-    shift = splat[CONIC_B] / a * dy
-    down = half * splat[CONIC_DET] / a * dy * dy
-    room = splat[REACH] - down
-    if not room > 0:
-        return 0, -1, dy, dy, dy
-    reach = math.sqrt(np.float32(2.0) * room / a)
-    middle = splat[U] - shift - half
+    reach = math.sqrt(np.float32(2.0) * room * inverse_a)
+    middle = u - shift - half
     first = int(max(np.ceil(middle - reach), np.float32(low)))
     last = int(min(np.floor(middle + reach), np.float32(high - 1)))
-    t = np.float32(first) - middle
-    return first, last, dy, t, -half * a * t * t - down
+    return first, last, np.float32(first) - middle
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
@@ -123,8 +115,8 @@ def composite(
     height, width = left.shape
     one, half = np.float32(1.0), np.float32(0.5)
     other_keys, other_values = np.empty(longest, np.uint32), np.empty(longest, np.int32)
-    light = np.empty((TILE, TILE), np.float32)
-    colour = np.empty((TILE, TILE, 3), np.float32)
+    # Unsigned indices spare numba the test for negative ones.
+    light, colour = np.empty(TILE * TILE, np.float32), np.empty((TILE * TILE, 3), np.float32)
     open_in_row = np.empty(TILE, np.int32)
     for tile in range(part, len(offsets) - 1, parts):
         x0, y0 = (tile % across) * TILE, (tile // across) * TILE
@@ -140,39 +132,46 @@ def composite(
             if still_open == 0:
                 break
             splat = splats[members[entry]]
-            a, opacity = splat[CONIC_A], splat[OPACITY]
+            u, v, a, opacity, reach = splat[U], splat[V], splat[CONIC_A], splat[OPACITY], splat[REACH]
             red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-            top, bottom = _rows(splat, y0, y1)
+            inverse_a = one / a
+            lean, flat = splat[CONIC_B] * inverse_a, half * splat[CONIC_DET] * inverse_a
             shrink = math.exp(-a)
+            top, bottom = _rows(splat, y0, y1)
             for y in range(top, bottom + 1):
                 if open_in_row[y - y0] == 0:
                     continue
-                first, last, dy, t, exponent = _span(splat, y, x0, x1)
+                dy = np.float32(y) + half - v
+                down = flat * dy * dy
+                if not down < reach:
+                    continue
+                first, last, t = _span(u, reach - down, lean * dy, inverse_a, x0, x1)
                 if first > last:
                     continue
-                alpha = opacity * math.exp(exponent)
+                alpha = opacity * math.exp(-half * a * t * t - down)
                 ratio = math.exp(-a * (t + half))
-                for x in range(first - x0, last + 1 - x0):
-                    passing = light[y - y0, x]
+                start = np.uint64((y - y0) * TILE + first - x0)
+                closed = 0
+                for k in range(start, start + np.uint64(last + 1 - first)):
+                    passing = light[k]
                     if passing > stop:
-                        used = min(alpha, max_alpha)
-                        weight = passing * used
-                        colour[y - y0, x, 0] += weight * red
-                        colour[y - y0, x, 1] += weight * green
-                        colour[y - y0, x, 2] += weight * blue
+                        weight = passing * min(alpha, max_alpha)
+                        colour[k, 0] += weight * red
+                        colour[k, 1] += weight * green
+                        colour[k, 2] += weight * blue
                         passing -= weight
-                        light[y - y0, x] = passing
-                        if passing <= stop:
-                            open_in_row[y - y0] -= 1
-                            still_open -= 1
+                        light[k] = passing
+                        closed += passing <= stop
                     alpha *= ratio
                     ratio *= shrink
+                open_in_row[y - y0] -= closed
+                still_open -= closed
         for y in range(y0, y1):
             for x in range(x0, x1):
-                passing = light[y - y0, x - x0]
-                left[y, x] = passing
-                for k in range(3):
-                    image[y, x, k] = colour[y - y0, x - x0, k] + passing * background[k]
+                k = (y - y0) * TILE + x - x0
+                left[y, x] = light[k]
+                for channel in range(3):
+                    image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
@@ -186,8 +185,8 @@ def composite_back(
     """
     height, width = left.shape
     one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
-    light, rest = np.empty((TILE, TILE), np.float32), np.empty((TILE, TILE), np.float32)
-    slope = np.empty((TILE, TILE, 3), np.float32)
+    light, rest = np.empty(TILE * TILE, np.float32), np.empty(TILE * TILE, np.float32)
+    slope = np.empty((TILE * TILE, 3), np.float32)
     open_in_row = np.empty(TILE, np.int32)
     for tile in range(part, len(offsets) - 1, parts):
         begin, end = offsets[tile], offsets[tile + 1]
@@ -201,40 +200,48 @@ def composite_back(
         still_open = (x1 - x0) * (y1 - y0)
         for y in range(y0, y1):
             for x in range(x0, x1):
-                total = -to_alpha[y, x] * left[y, x]
-                for k in range(3):
-                    slope[y - y0, x - x0, k] = to_image[y, x, k]
-                    total += to_image[y, x, k] * image[y, x, k]
-                rest[y - y0, x - x0] = total
+                k = (y - y0) * TILE + x - x0
+                rest[k] = -to_alpha[y, x] * left[y, x]
+                for channel in range(3):
+                    slope[k, channel] = to_image[y, x, channel]
+                    rest[k] += to_image[y, x, channel] * image[y, x, channel]
         for entry in range(begin, end):
             if still_open == 0:
                 break
             i = members[entry]
             splat = splats[i]
-            a, opacity = splat[CONIC_A], splat[OPACITY]
+            u, v, a, opacity, reach = splat[U], splat[V], splat[CONIC_A], splat[OPACITY], splat[REACH]
             red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
-            top, bottom = _rows(splat, y0, y1)
+            inverse_a = one / a
+            lean, flat = splat[CONIC_B] * inverse_a, half * splat[CONIC_DET] * inverse_a
             shrink = math.exp(-a)
+            top, bottom = _rows(splat, y0, y1)
             s0 = sx = sy = sxx = sxy = syy = to_red = to_green = to_blue = zero
             for y in range(top, bottom + 1):
                 if open_in_row[y - y0] == 0:
                     continue
-                first, last, dy, t, exponent = _span(splat, y, x0, x1)
+                dy = np.float32(y) + half - v
+                down = flat * dy * dy
+                if not down < reach:
+                    continue
+                first, last, t = _span(u, reach - down, lean * dy, inverse_a, x0, x1)
                 if first > last:
                     continue
-                alpha = opacity * math.exp(exponent)
+                alpha = opacity * math.exp(-half * a * t * t - down)
                 ratio = math.exp(-a * (t + half))
-                dx = np.float32(first) + half - splat[U]
+                dx = t - lean * dy
                 r0 = rx = rxx = zero
-                for x in range(first - x0, last + 1 - x0):
-                    passing = light[y - y0, x]
+                start = np.uint64((y - y0) * TILE + first - x0)
+                closed = 0
+                for k in range(start, start + np.uint64(last + 1 - first)):
+                    passing = light[k]
                     if passing > stop:
                         used = min(alpha, max_alpha)
                         weight = passing * used
-                        g_red, g_green, g_blue = slope[y - y0, x, 0], slope[y - y0, x, 1], slope[y - y0, x, 2]
+                        g_red, g_green, g_blue = slope[k, 0], slope[k, 1], slope[k, 2]
                         shade = g_red * red + g_green * green + g_blue * blue
-                        behind = rest[y - y0, x] - weight * shade
-                        rest[y - y0, x] = behind
+                        behind = rest[k] - weight * shade
+                        rest[k] = behind
                         to_red += weight * g_red
                         to_green += weight * g_green
                         to_blue += weight * g_blue
@@ -244,13 +251,13 @@ def composite_back(
                             rx += p * dx
                             rxx += p * dx * dx
                         passing -= weight
-                        light[y - y0, x] = passing
-                        if passing <= stop:
-                            open_in_row[y - y0] -= 1
-                            still_open -= 1
+                        light[k] = passing
+                        closed += passing <= stop
                     alpha *= ratio
                     ratio *= shrink
                     dx += one
+                open_in_row[y - y0] -= closed
+                still_open -= closed
                 s0 += r0
                 sx += rx
                 sy += r0 * dy

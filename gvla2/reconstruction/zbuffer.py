@@ -1,14 +1,14 @@
-"""Depth maps of triangle meshes: what is visible from where (numba)."""
+"""Depth maps of triangle meshes: what is visible from where"""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.reconstruction.compiled import compiled
 
 
 def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3) -> NDArray[np.float32]:
@@ -25,7 +25,7 @@ def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3) -> NDArray[np.floa
     return depth
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _rasterise(
     uv: FloatArray, z: FloatArray, faces: NDArray[np.int64], depth: NDArray[np.float32], near: float
 ) -> None:

@@ -87,13 +87,26 @@ def _pick(case: Case) -> Finding:
             0.85, f"{theme.label} is gone from its place and the hand is held open by what it holds."
         )
     risen = later.bottom - theme.bottom
-    if risen >= case.config.risen:
+    # A sentence may ask for less than a clear lift.
+    enough = min(case.config.risen, 0.5 * case.evidence.plan.parameters.get("lift_height", np.inf))
+    if risen >= enough:
         return Finding(1.0, f"{theme.label} rose by {100 * risen:.1f} cm and the hand holds something.")
+    if _in_hand(case, later):
+        return Finding(0.45, f"{theme.label} is in the hand, but rose by {100 * risen:.1f} cm only.")
     moved = float(np.linalg.norm(later.centre - theme.centre))
     return Finding(
-        max(0.0, 0.3 * risen / case.config.risen),
+        max(0.0, 0.3 * risen / enough),
         f"{theme.label} was found {100 * moved:.1f} cm from its old place, raised by {100 * risen:.1f} cm only.",
     )
+
+
+def _in_hand(case: Case, thing: SceneObject) -> bool:
+    """Whether the tool ended within the thing's box, give or take what perception misses."""
+    reports = case.evidence.report.waypoints
+    if not reports:
+        return False
+    inside = transform_points(invert_rigid(thing.world_from_object), np.asarray(reports[-1].reached))
+    return bool((np.abs(inside) <= 0.5 * thing.extents + case.config.same_place).all())
 
 
 def _push(case: Case) -> Finding:

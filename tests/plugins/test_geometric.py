@@ -131,6 +131,19 @@ def test_an_object_that_moved_without_rising_was_not_picked() -> None:
     assert pick(moved(BEFORE, "a", 0.34, 0.1), 0.05).outcome == "verified_fail"
 
 
+def test_a_small_lift_counts_when_a_small_lift_was_planned() -> None:
+    low = (*PICK[:3], replace(PICK[3], xyz=(0.3, 0.1, 0.79)))
+    for rise, planned, outcome in (
+        (0.012, 0.02, "verified_success"),
+        (0.012, 0.25, "uncertain"),
+        (0.0, 0.02, "uncertain"),  # in the hand, hardly off the table
+    ):
+        after = moved(BEFORE, "a", 0.3, 0.1, TABLE + rise)
+        shown = evidence(BEFORE, after, "pick", {"theme": "a"}, low, width=0.05,
+                         parameters={"lift_height": planned})  # fmt: skip
+        assert judge(shown).outcome == outcome
+
+
 def test_twins_are_told_apart_by_place() -> None:
     twins = scene(thing("a", 0.3, 0.1), thing("twin", 0.3, -0.1), thing("c", 0.5, 0.0, colour="green"))
     shown = evidence(twins, renamed(without(twins, "a")), "pick", {"theme": "a"}, PICK, width=0.05)

@@ -1,0 +1,181 @@
+"""The GSO-30 view protocol on any textured mesh: 25 cameras, five inputs, fifteen held-out targets.
+
+The mesh is scaled to a longest side of 1 and centred. Cameras look at its centre from random points of the sphere,
+at radius 1.5 to 2.2 (view 0: radius 1.7 to 2.0 at height 0.9 to 1.1), with a 35 mm lens on a 32 mm sensor. Pictures are
+ray cast at 512 x 512 with 2 x 2 rays a pixel and averaged to 256 x 256 on white. The cameras depend on the object's
+name alone. Rendered views are kept on disk under the hash of what can be seen and the protocol's version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import logging
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import GeometryError, OutputError
+from gvla2.evaluation.textured_mesh import TexturedMesh, read_textured_mesh
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import View, Views
+from gvla2.writing import write_whole
+
+VERSION = "gso30-views-1"
+"""Changes whenever a rendered view would: it is part of the cache's keys and of a bench's results."""
+CAMERAS = 25
+INPUTS = tuple(range(5))
+TARGETS = tuple(range(10, 25))
+FOCAL = 35 / 32
+"""Focal length in image widths."""
+SIZE = 256
+SAMPLES = 4
+"""Rays along a pixel's side: 512 x 512 with 2 x 2 rays, averaged to 256 x 256."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ObjectViews:
+    """One object of an evaluation: what a method sees, what it is judged by, and the true shape.
+
+    All in one frame (longest side 1, centred, Z-up). ``inputs`` and ``targets`` have masks; ``inputs`` have depth
+    when the views were rendered here. ``mesh`` is None when the data set has no true shape.
+    """
+
+    name: str
+    inputs: Views
+    targets: Views
+    mesh: Mesh | None
+
+
+def cache_folder() -> Path:
+    """Where rendered views and weights are kept: ``GVLA2_CACHE``, else ``gvla2`` in the XDG cache folder."""
+    own = os.environ.get("GVLA2_CACHE")
+    if own:
+        return Path(own).expanduser()
+    shared = os.environ.get("XDG_CACHE_HOME")
+    return (Path(shared) if shared else Path.home() / ".cache") / "gvla2"
+
+
+def protocol_cameras(name: str, size: int = SIZE) -> tuple[Camera, ...]:
+    """The 25 cameras of the object called ``name``, pictures of ``size`` x ``size`` pixels."""
+    seed = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big")
+    rng = np.random.default_rng(seed)
+    K = np.array([[FOCAL * size, 0, size / 2], [0, FOCAL * size, size / 2], [0, 0, 1.0]])
+    cameras = []
+    for index in range(CAMERAS):
+        if index == 0:
+            radius, height = rng.uniform(1.7, 2.0), rng.uniform(0.9, 1.1)
+        else:
+            radius = rng.uniform(1.5, 2.2)
+            height = radius * rng.uniform(-1, 1)  # uniform over the sphere (Archimedes)
+        turn, flat = rng.uniform(0, 2 * np.pi), np.sqrt(radius**2 - height**2)
+        position = np.array([flat * np.cos(turn), flat * np.sin(turn), height])
+        cameras.append(Camera(K, look_at(position), size, size, f"{index:03d}"))
+    return tuple(cameras)
+
+
+def look_at(position: FloatArray, target: FloatArray | None = None) -> FloatArray:
+    """``world_from_camera`` (4, 4) at ``position`` (3,) looking at ``target`` (the origin), the world's z upwards."""
+    forward = (np.zeros(3) if target is None else target) - position
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, [0.0, 0.0, 1.0])
+    if np.linalg.norm(right) < 1e-6:  # straight above or below: any direction is as good
+        right = np.array([1.0, 0.0, 0.0])
+    right = right / np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    pose[:3, 3] = position
+    return pose
+
+
+def object_views(
+    path: str | os.PathLike[str],
+    name: str | None = None,
+    *,
+    size: int = SIZE,
+    samples: int = SAMPLES,
+    cache: Path | None = None,
+) -> ObjectViews:
+    """The object of a mesh file under the protocol; rendered once, then read from the cache.
+
+    ``name`` (the file's folder by default) chooses the cameras. A cache that cannot be written only costs time;
+    a damaged entry is made anew. Raises :class:`GeometryError` for a file that is no mesh.
+    """
+    textured = read_textured_mesh(path).normalised()
+    name = name or Path(path).absolute().parent.name
+    used = (*INPUTS, *TARGETS)
+    cameras = protocol_cameras(name, size)
+    chosen = [cameras[index] for index in used]
+    folder = (cache_folder() if cache is None else cache) / "views"
+    key = f"{VERSION}|{name}|{size}|{samples}|{textured.content_hash()}"
+    entry = folder / f"{_file_name(name)}-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
+    views = _read_entry(entry, chosen)
+    if views is None:
+        views = render(textured, chosen, samples)
+        _write_entry(entry, views)
+    split = len(INPUTS)
+    return ObjectViews(name, Views(views[:split]), Views(views[split:]), textured.mesh)
+
+
+def render(textured: TexturedMesh, cameras: list[Camera], samples: int = SAMPLES) -> tuple[View, ...]:
+    """Views of a mesh as it lies, with ``samples`` squared rays a pixel; masks are alpha, depth in metres."""
+    from gvla2.evaluation.textured_raycast import TexturedCaster
+
+    caster = TexturedCaster(textured)
+    return tuple(caster.view(camera, samples) for camera in cameras)
+
+
+def without_depth(views: Views) -> Views:
+    """The same views as a colour camera gives them."""
+    return Views(tuple(replace(view, depth=None) for view in views))
+
+
+def _file_name(name: str) -> str:
+    return "".join(letter if letter.isalnum() else "_" for letter in name)[:60]
+
+
+def _write_entry(entry: Path, views: tuple[View, ...]) -> None:
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        image=np.stack([view.image for view in views]),
+        # Alpha is a count of rays: a byte holds it only if there are at most 255 of them.
+        alpha=np.stack([view.mask for view in views if view.mask is not None]),
+        depth=np.stack([view.depth for view in views if view.depth is not None]),
+    )
+    try:
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(entry, buffer.getvalue())
+    except (OSError, OutputError) as error:
+        log.warning("The rendered views could not be kept in %s: %s", entry.parent, error)
+
+
+def _read_entry(entry: Path, cameras: list[Camera]) -> tuple[View, ...] | None:
+    """The entry's views; None when it is absent or damaged."""
+    if not entry.is_file():
+        return None
+    try:
+        with np.load(entry, allow_pickle=False) as stored:
+            image, alpha, depth = (stored[key] for key in ("image", "alpha", "depth"))
+        return _as_views(cameras, image, alpha, depth)
+    except Exception as error:  # a damaged archive fails in many ways, and each has the same cure
+        log.warning("The cached views %s are damaged (%s) and are made anew.", entry, error)
+        return None
+
+
+def _as_views(
+    cameras: list[Camera],
+    image: NDArray[np.uint8],
+    alpha: NDArray[np.float32],
+    depth: NDArray[np.float32],
+) -> tuple[View, ...]:
+    if image.dtype != np.uint8 or alpha.dtype != np.float32 or depth.dtype != np.float32:
+        raise GeometryError(f"wrong types {image.dtype}, {alpha.dtype}, {depth.dtype}")
+    return tuple(View(*row) for row in zip(cameras, image, depth, alpha, strict=True))

@@ -1,0 +1,281 @@
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import SH_C0, Gaussians
+from gvla2.geometry.transform import look_along, rigid, transform_points
+from gvla2.reconstruction.rasteriser import (
+    RasterOptions,
+    backward,
+    expected_depth,
+    forward,
+    render,
+)
+
+CAMERA = Camera.from_fov(0.7, look_along([0.2, -1.5, 0.4], [-0.2, 1.5, -0.4]), 37, 32)
+SKEWED = Camera(
+    np.array([[52.0, 1.5, 11.0], [0, 47.0, 20.0], [0, 0, 1]]), CAMERA.world_from_camera, 32, 37, "skewed"
+)
+FIELDS = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
+
+
+def cloud(count: int, seed: int = 0, spread: float = 0.3, size: float = 0.06) -> Gaussians:
+    rng = np.random.default_rng(seed)
+    return Gaussians(
+        rng.normal(scale=spread, size=(count, 3)),
+        np.log(rng.uniform(0.2, 1.2, (count, 3)) * size),
+        rng.normal(size=(count, 4)),
+        rng.uniform(-2.0, 2.5, count),
+        rng.normal(scale=1.2, size=(count, 3)),
+    )
+
+
+def torch_render(
+    parameters: dict[str, torch.Tensor], camera: Camera, background: tuple[float, float, float], options: RasterOptions
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """3D Gaussian splatting in a few dense lines of float64: every Gaussian at every pixel, no tiles, no stop."""
+    pose, K = torch.tensor(camera.camera_from_world), torch.tensor(camera.K)
+    local = parameters["centres"] @ pose[:3, :3].T + pose[:3, 3]
+    order = torch.argsort(local[:, 2], stable=True)
+    order = order[local[order, 2] > options.near]
+    local = local[order]
+    x, y, z = local.T
+    q = torch.nn.functional.normalize(parameters["rotations"][order], dim=1)
+    w, i, j, k = q.T
+    turn = torch.stack(
+        [
+            torch.stack([1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j)]),
+            torch.stack([2 * (i * j + w * k), 1 - 2 * (i * i + k * k), 2 * (j * k - w * i)]),
+            torch.stack([2 * (i * k - w * j), 2 * (j * k + w * i), 1 - 2 * (i * i + j * j)]),
+        ]
+    ).permute(2, 0, 1)
+    axes = turn * torch.exp(parameters["log_scales"][order])[:, None]
+    corners = torch.tensor([[0.0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]])
+    slopes = 1.3 * corners.double() @ torch.linalg.inv(K).T
+    low, high = slopes.min(dim=0).values, slopes.max(dim=0).values
+    sx, sy = (x / z).clamp(low[0], high[0]), (y / z).clamp(low[1], high[1])
+    zero = torch.zeros_like(z)
+    jacobian = torch.stack(
+        [torch.stack([1 / z, zero, -sx / z]), torch.stack([zero, 1 / z, -sy / z])]
+    ).permute(2, 0, 1)
+    image_axes = K[:2, :2] @ jacobian @ pose[:3, :3] @ axes
+    covariance = image_axes @ image_axes.transpose(1, 2) + options.low_pass * torch.eye(2)
+    uv = (local @ K.T)[:, :2] / z[:, None]
+    offset = torch.tensor(camera.pixel_centres())[:, :, None] - uv
+    power = -0.5 * torch.einsum("hwni,nij,hwnj->hwn", offset, torch.linalg.inv(covariance), offset)
+    alpha = torch.sigmoid(parameters["opacity_logits"][order]) * torch.exp(power)
+    alpha = torch.where(alpha >= options.min_alpha, alpha.clamp(max=options.max_alpha), torch.zeros_like(alpha))
+    passing = torch.cumprod(torch.cat([torch.ones_like(alpha[..., :1]), 1 - alpha], dim=-1), dim=-1)
+    colour = (0.5 + SH_C0 * parameters["sh_dc"][order]).clamp(min=0)
+    image = (passing[..., :-1] * alpha) @ colour + passing[..., -1:] * torch.tensor(background).double()
+    return image, 1 - passing[..., -1]
+
+
+def as_parameters(gaussians: Gaussians) -> dict[str, torch.Tensor]:
+    return {name: torch.tensor(getattr(gaussians, name)).double().requires_grad_() for name in FIELDS}
+
+
+@pytest.mark.parametrize("camera", [CAMERA, SKEWED])
+@pytest.mark.parametrize("background", [(1.0, 1.0, 1.0), (0.1, 0.4, 0.8)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_values_and_gradients_are_those_of_autograd(camera, background, seed) -> None:
+    # min_alpha so small that no pixel sits on its edge, where one side counts it and the other does not.
+    options = RasterOptions(min_alpha=1e-5, stop=0.0)
+    scene, rng = cloud(50, seed), np.random.default_rng(seed + 10)
+    parameters = as_parameters(scene)
+    image, alpha = torch_render(parameters, camera, background, options)
+    frame = forward(scene, camera, background, options)
+    assert np.abs(frame.image - image.detach().numpy()).max() < 5e-5
+    assert np.abs(frame.alpha - alpha.detach().numpy()).max() < 5e-5
+
+    to_image, to_alpha = rng.normal(size=image.shape), rng.normal(size=alpha.shape)
+    ((image * torch.tensor(to_image)).sum() + (alpha * torch.tensor(to_alpha)).sum()).backward()
+    found = backward(frame, to_image.astype(np.float32), to_alpha.astype(np.float32))
+    for name in FIELDS:
+        wanted = parameters[name].grad.numpy()
+        assert np.abs(wanted).max() > 0.1
+        error = np.abs(getattr(found, name) - wanted).max() / np.abs(wanted).max()
+        assert error < 2e-3, f"{name}: {error}"
+
+
+def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
+    options = RasterOptions(min_alpha=1e-5, stop=0.0)
+    scene = cloud(40, 3)
+    logits = scene.opacity_logits.copy()
+    logits[:5] = 7.0  # alpha above 0.99 in the middle: clamped there, without a slope
+    dark = scene.sh_dc.copy()
+    dark[5:10] = -3.0  # black
+    centres = scene.centres.copy()
+    centres[10] = CAMERA.position + [0.5, 0.4, 0]  # seen at a flat angle, beyond the margin
+    centres[11] = CAMERA.position - 0.5 * CAMERA.world_from_camera[:3, 2]  # behind
+    scales = scene.log_scales.copy()
+    scales[10] = np.log(0.25)
+    scene = Gaussians(centres, scales, scene.rotations, logits, dark)
+    parameters = as_parameters(scene)
+    image, _ = torch_render(parameters, CAMERA, (1, 1, 1), options)
+    frame = forward(scene, CAMERA, options=options)
+    assert np.abs(frame.image - image.detach().numpy()).max() < 1e-4
+    to_image = np.random.default_rng(0).normal(size=image.shape)
+    (image * torch.tensor(to_image)).sum().backward()
+    found = backward(frame, to_image.astype(np.float32))
+    for name in FIELDS:
+        wanted, mine = parameters[name].grad.numpy(), getattr(found, name)
+        assert np.isfinite(mine).all()
+        assert np.abs(mine - wanted).max() < 5e-3 * np.abs(wanted).max(), name
+        assert (mine[11] == 0).all()
+    assert (found.sh_dc[5:10] == 0).all()
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60), st.integers(1, 60))
+def test_any_image_size_agrees_with_the_dense_reference(seed: int, width: int, height: int) -> None:
+    camera = Camera.from_fov(0.7, CAMERA.world_from_camera, width, height)
+    scene, options = cloud(25, seed), RasterOptions(min_alpha=1e-5)
+    image, alpha = render(scene, camera, (0.3, 0.2, 0.9), options)
+    wanted, wanted_alpha = torch_render(as_parameters(scene), camera, (0.3, 0.2, 0.9), options)
+    # 1e-4 of the light is the stop's, the rest rounding.
+    assert np.abs(image - wanted.detach().clamp(0, 1).numpy()).max() < 4e-4
+    assert np.abs(alpha - wanted_alpha.detach().numpy()).max() < 2e-4
+
+
+def test_a_long_thin_gaussian_keeps_its_shape() -> None:
+    """A needle across the image, 3000 times longer than wide: nothing may be lost to cancellation."""
+    turn = Rotation.from_euler("z", 37, degrees=True).as_quat()[None, [3, 0, 1, 2]]
+    scene = Gaussians(np.zeros((1, 3)), np.log([[3.0, 0.001, 0.001]]), turn, [4.0], np.zeros((1, 3)))
+    camera = Camera.from_fov(0.7, look_along([0, 0, -1.5], [0, 0, 1.0]), 200, 200)
+    options = RasterOptions(min_alpha=1e-4)
+    _, alpha = render(scene, camera, options=options)
+    _, wanted = torch_render(as_parameters(scene), camera, (1, 1, 1), options)
+    assert wanted.max() > 0.9
+    assert np.abs(alpha - wanted.detach().numpy()).max() < 2e-3
+
+
+@pytest.mark.parametrize("count", [10, 6000])
+def test_threads_change_no_bit(count: int) -> None:
+    scene = cloud(count, 5, size=0.02)
+    to_image = np.random.default_rng(0).normal(size=(32, 37, 3)).astype(np.float32)
+    frames = [forward(scene, CAMERA, options=RasterOptions(threads=n)) for n in (1, 2, 3)]
+    gradients = [backward(frame, to_image, to_image[..., 0]) for frame in frames]
+    for frame, gradient in zip(frames[1:], gradients[1:], strict=True):
+        assert np.array_equal(frame.image, frames[0].image)
+        for name in FIELDS:
+            assert np.array_equal(getattr(gradient, name), getattr(gradients[0], name))
+
+
+def test_two_callers_at_once_do_not_meet() -> None:
+    scene = cloud(6000, 5, size=0.02)
+    wanted, _ = render(scene, CAMERA)
+    answers: list[np.ndarray] = []
+    callers = [threading.Thread(target=lambda: answers.append(render(scene, CAMERA)[0])) for _ in range(3)]
+    for caller in callers:
+        caller.start()
+    for caller in callers:
+        caller.join()
+    assert len(answers) == 3
+    assert all(np.array_equal(answer, wanted) for answer in answers)
+
+
+def test_the_order_of_the_gaussians_does_not_matter() -> None:
+    scene = cloud(200, 6)
+    order = np.random.default_rng(0).permutation(len(scene))
+    shuffled = Gaussians(*(getattr(scene, name)[order] for name in FIELDS))
+    to_image = np.random.default_rng(1).normal(size=(32, 37, 3)).astype(np.float32)
+    one, two = forward(scene, CAMERA), forward(shuffled, CAMERA)
+    assert np.allclose(one.image, two.image, atol=1e-6)
+    first, second = backward(one, to_image), backward(two, to_image)
+    assert np.allclose(first.centres[order], second.centres, rtol=1e-4, atol=1e-4)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_moving_camera_and_gaussians_together_turns_the_gradients_along(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    scene = cloud(30, seed)
+    motion = rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+    turned = Rotation.from_matrix(motion[:3, :3]) * Rotation.from_quat(scene.rotations[:, [1, 2, 3, 0]])
+    moved = Gaussians(
+        transform_points(motion, scene.centres),
+        scene.log_scales,
+        turned.as_quat()[:, [3, 0, 1, 2]],
+        scene.opacity_logits,
+        scene.sh_dc,
+    )
+    camera = Camera(CAMERA.K, motion @ CAMERA.world_from_camera, CAMERA.width, CAMERA.height)
+    options = RasterOptions(min_alpha=1e-5, stop=0.0)
+    to_image = rng.normal(size=(32, 37, 3)).astype(np.float32)
+    one, two = forward(scene, CAMERA, options=options), forward(moved, camera, options=options)
+    assert np.allclose(one.image, two.image, atol=1e-4)
+    first, second = backward(one, to_image), backward(two, to_image)
+    largest = np.abs(first.centres).max()
+    assert np.allclose(first.centres @ motion[:3, :3].T, second.centres, atol=2e-3 * largest)
+
+
+def test_nothing_and_what_is_behind_are_the_background() -> None:
+    empty = Gaussians(*(np.zeros((0, *shape)) for shape in ((3,), (3,), (4,), (), (3,))))
+    scene = cloud(5, spread=0.1)
+    behind = scene.with_centres(scene.centres + 5 * (CAMERA.position / np.linalg.norm(CAMERA.position)))
+    for nothing in (empty, behind):
+        frame = forward(nothing, CAMERA, (0.2, 0.4, 0.6))
+        assert np.allclose(frame.image, [0.2, 0.4, 0.6])
+        assert (frame.alpha == 0).all()
+        assert not frame.visible.any()
+        assert not backward(frame, np.ones_like(frame.image)).centres.any()
+
+
+def test_extreme_but_legal_parameters_stay_finite() -> None:
+    scene = cloud(8)
+    scales, logits = scene.log_scales.copy(), scene.opacity_logits.copy()
+    scales[0], scales[1], scales[2] = 80.0, -np.inf, [5.0, -np.inf, -30.0]
+    logits[3], logits[4], logits[5] = np.inf, -np.inf, 200.0
+    scene = Gaussians(scene.centres, scales, scene.rotations * 1e-6, logits, scene.sh_dc)
+    for options in (RasterOptions(), RasterOptions(low_pass=0.0)):
+        frame = forward(scene, CAMERA, options=options)
+        assert np.isfinite(frame.image).all()
+        assert frame.alpha.min() >= 0
+        assert frame.alpha.max() <= 1
+        gradients = backward(frame, np.ones_like(frame.image))
+        assert all(np.isfinite(getattr(gradients, name)).all() for name in FIELDS)
+
+
+def test_expected_depth_is_the_depth_of_a_wall() -> None:
+    across, up = np.meshgrid(np.linspace(-1, 1, 60), np.linspace(-1, 1, 60))
+    count = across.size
+    centres = np.stack([across.ravel(), up.ravel(), 2 + 0.2 * across.ravel()], axis=1)
+    wall = Gaussians(
+        centres, np.full((count, 3), np.log(0.02)), np.tile([1.0, 0, 0, 0], (count, 1)), np.full(count, 4.0),
+        np.zeros((count, 3)),
+    )  # fmt: skip
+    camera = Camera.from_fov(0.6, np.eye(4), 40, 30)
+    depth = expected_depth(wall, camera)
+    # Along the pixel (u, v) the wall z = 2 + 0.2 x lies at z = 2 / (1 - 0.2 x/z).
+    slope = (camera.pixel_centres()[..., 0] - camera.K[0, 2]) / camera.K[0, 0]
+    assert np.allclose(depth, 2 / (1 - 0.2 * slope), atol=1e-2)  # the nearer neighbours are painted first
+    away = Camera.from_fov(0.6, look_along([0, 0, 0], [0, 0, -1.0]), 40, 30)
+    assert np.isnan(expected_depth(wall, away)).all()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"min_alpha": 0.0}, {"max_alpha": 1.5}, {"near": 0.0}, {"low_pass": -1.0}, {"stop": 1.0}, {"threads": -1}],
+)
+def test_senseless_options_are_refused(options) -> None:
+    with pytest.raises(ConfigurationError, match="rasteriser needs"):
+        RasterOptions(**options)
+
+
+def test_gradients_of_another_size_and_odd_intrinsics_are_refused() -> None:
+    frame = forward(cloud(3), CAMERA)
+    with pytest.raises(GeometryError, match="needs gradients of"):
+        backward(frame, np.zeros((3, 3, 3), np.float32))
+    odd = Camera(np.array([[50.0, 0, 16], [2.0, 50, 16], [0, 0, 1]]), CAMERA.world_from_camera, 32, 32)
+    with pytest.raises(GeometryError, match="upper triangular"):
+        render(cloud(3), odd)
