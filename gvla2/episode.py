@@ -133,7 +133,8 @@ def _run_stage(
         return record
 
     try:
-        return ended(function(record))
+        record = function(record)  # an interrupt of the listener must not lose what the stage found
+        return ended(record)
     except PerceptionError as error:
         return ended(replace(record, failure=Failure(stage, "perception", str(error))))
     except PlanningError as error:
@@ -246,11 +247,11 @@ def _check_plan(record: EpisodeRecord, parts: Parts) -> tuple[EpisodeRecord, Che
     assert record.observation is not None
     scene, start, joints = record.scene, record.observation.world_from_tcp, record.observation.joints
     effects = _effects(record.recalled or MemoryContext())
-    parameters = record.plan.parameters
+    parameters, skill = record.plan.parameters, record.plan.skill
 
     def check(trajectory: Trajectory) -> CheckReport:
         return check_trajectory(
-            trajectory, scene, parts.robot.arm, start, joints, effects=effects, parameters=parameters
+            trajectory, scene, parts.robot.arm, start, joints, effects, parameters, skill=skill
         )
 
     report = check(record.plan.trajectory)

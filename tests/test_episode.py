@@ -91,7 +91,8 @@ class Renamed:
         moved = tuple(_renamed_joint(j, names, joints) for j in instance.layout.joints)
         back = _Renaming(names, joints)
         succeeded = {p: (lambda world, f=f: f(back.of(world))) for p, f in instance.succeeded.items()}
-        layout = replace(instance.layout, bodies=bodies, joints=moved)
+        glows = tuple(replace(g, body=names[g.body], joint=joints[g.joint]) for g in instance.layout.glows)
+        layout = replace(instance.layout, bodies=bodies, joints=moved, glows=glows)
         return replace(instance, layout=layout, succeeded=succeeded, goal="")
 
 

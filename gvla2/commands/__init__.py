@@ -6,6 +6,7 @@ from types import MappingProxyType
 COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "run": "run one episode, or many: observe, plan, execute, verify, learn",
+        "reconstruct": "an object's refined geometry from a folder of calibrated views",
         "plugins": "list robots, planners, memories and all else that can be chosen, with options",
         "doctor": "check this installation and say what to do about what is missing",
     }

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from gvla2.commands.reconstruct_config import ReconstructConfig
 from gvla2.commands.run_config import RunConfig
 
-PRIMARY: Mapping[str, type] = MappingProxyType({"run": RunConfig})
+PRIMARY: Mapping[str, type] = MappingProxyType({"run": RunConfig, "reconstruct": ReconstructConfig})
 CONFIG_MODULE = "gvla2.conf"
 VERSION_BASE = "1.3"

@@ -117,9 +117,18 @@ def _run_one(parts: Parts, config: RunConfig, seed: int, recorder: RunRecorder) 
         finally:
             # Also after an interrupt or a crash: the folder is complete up to there.
             if listener.latest is not None:
-                recorder.finish(listener.latest)
+                _finish(recorder, listener.latest)
         progress.finish(record, recorder.folder)
     return record
+
+
+def _finish(recorder: RunRecorder, record: EpisodeRecord) -> None:
+    """Write the page, also when Ctrl-C comes while it is being made; a second one gives it up."""
+    try:
+        recorder.finish(record)
+    except KeyboardInterrupt:
+        recorder.finish(record)
+        raise
 
 
 def main(argv: list[str]) -> int:

@@ -1,8 +1,12 @@
-"""Intervals for success rates."""
+"""Intervals: of success rates, and of paired changes."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
 
 
 def wilson_interval(successes: int, trials: int, z: float = 1.959964) -> tuple[float, float]:
@@ -17,3 +21,44 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959964) -> tuple[f
     middle = (share + z * z / (2 * trials)) / scale
     half = z * math.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials)) / scale
     return max(0.0, middle - half), min(1.0, middle + half)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A relative change of means, in per cent, with its bootstrap interval; ``count`` is the number of pairs."""
+
+    percent: float
+    low: float
+    high: float
+    count: int
+
+
+def paired_change(
+    before: Sequence[float], after: Sequence[float], *, level: float = 0.95, draws: int = 2000, seed: int = 0
+) -> Change:
+    """How much the mean changed, in per cent of the mean before: 100 (mean(after) / mean(before) - 1).
+
+    ``before[i]`` and ``after[i]`` belong to the same object. The interval is the percentile bootstrap over pairs
+    (Efron), so what objects differ by does not blur what the change is; one pair gives an interval of no width.
+    Raises ValueError for no pairs, unequal lengths, values that are not finite, or a mean of zero before.
+    """
+    old, new = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
+    if old.shape != new.shape or old.ndim != 1 or len(old) == 0:
+        raise ValueError(f"Pairs are needed, got {old.shape} values before and {new.shape} after.")
+    if not (np.isfinite(old).all() and np.isfinite(new).all()) or old.mean() == 0:
+        raise ValueError("Values must be finite and the mean before must not be zero.")
+    picks = np.random.default_rng(seed).integers(0, len(old), size=(draws, len(old)))
+    # A draw whose old values cancel out has no relative change; with positive measures there is none.
+    below = old[picks].mean(axis=1)
+    changes = 100 * (new[picks].mean(axis=1)[below != 0] / below[below != 0] - 1)
+    tail = 50 * (1 - level)
+    low, high = np.percentile(changes, [tail, 100 - tail])
+    return Change(float(100 * (new.mean() / old.mean() - 1)), float(low), float(high), len(old))
+
+
+def mean_and_deviation(values: Sequence[float]) -> tuple[float, float]:
+    """Mean, and sample standard deviation (0 for a single value). Raises ValueError for no values."""
+    if len(values) == 0:
+        raise ValueError("No values: no mean.")
+    array = np.asarray(values, dtype=np.float64)
+    return float(array.mean()), float(array.std(ddof=1)) if len(array) > 1 else 0.0

@@ -55,7 +55,8 @@ def fit_affine(rendered: ArrayLike, observed: ArrayLike, mask: ArrayLike, beta: 
     weights = np.asarray(mask, dtype=np.float64)
     if x.ndim != 3 or x.shape != y.shape or x.shape[:2] != weights.shape:
         raise GeometryError(
-            f"Appearance: rendered {x.shape}, observed {y.shape} and mask {weights.shape} must be (H, W, 3) twice and (H, W)."
+            f"Appearance: rendered {x.shape} and observed {y.shape} must be (H, W, 3) alike, "
+            f"and the mask {weights.shape} (H, W)."
         )
     if not beta >= 0:
         raise GeometryError(f"Appearance: beta must be >= 0, got {beta}.")

@@ -28,7 +28,7 @@ from gvla2.reconstruction.support import MaskStack, as_points, mask_of
 
 LEAST_RESIDUALS = 30
 """With fewer contour points that find an outline, six numbers are not estimated."""
-_RESOLUTION = 0.12
+_RESOLUTION = 0.15
 """Share of the closing radius that an outline of scattered points lies within the true one, measured."""
 
 
@@ -44,7 +44,7 @@ class AxisOptions:
     a and d are meant. ``least_gain`` is the rise of symmetric IoU below which the input is kept.
     """
 
-    mode: Literal["contour", "paper"] = "contour"
+    mode: Literal["default", "paper"] = "default"
     scale_bounds: tuple[float, float] | None = None
     shift_bound: float | None = None
     rho_scale: float | None = None
@@ -62,7 +62,8 @@ class AxisOptions:
         shift = self.shift_bound if self.shift_bound is not None else (0.008 if paper else 0.05)
         if not (0 < low <= 1 <= high and shift >= 0 and side > 0):
             raise GeometryError(
-                f"Axis compensation: scale_bounds must enclose 1 and shift_bound be >= 0, got ({low}, {high}) and {shift}."
+                "Axis compensation: scale_bounds must enclose 1 and shift_bound be >= 0, "
+                f"got ({low}, {high}) and {shift}."
             )
         return np.array([low] * 3 + [-shift] * 3), np.array([high] * 3 + [shift] * 3)
 
@@ -78,8 +79,8 @@ class AxisOptions:
 class AxisFit:
     """``scale`` a (3,) and ``shift`` d (3,) metres about ``centre`` (3,) along the columns of ``axes`` (3, 3).
 
-    When not ``accepted``, a = 1 and d = 0 and ``reason`` says why; ``iou_before`` and ``iou_after`` are the symmetric IoU of
-    the input and of what was found (NaN when no mask shows anything).
+    When not ``accepted``, a = 1 and d = 0 and ``reason`` says why; ``iou_before`` and ``iou_after`` are the
+    symmetric IoU of the input and of what was found (NaN when no mask shows anything).
     """
 
     scale: FloatArray
@@ -93,7 +94,7 @@ class AxisFit:
     axes: FloatArray
 
     def apply(self, points: ArrayLike) -> FloatArray:
-        """T(p) of world points (N, 3), metres; the same for Gaussians and mesh. Not accepted: the points as they are."""
+        """T(p) of world points (N, 3), metres, for Gaussians and mesh alike; the points themselves if not accepted."""
         array = as_points(points)
         return _transform(array, self.centre, self.axes, self.scale, self.shift) if self.accepted else array
 
@@ -121,8 +122,8 @@ def compensate(
         raise GeometryError(f"Axis compensation: the centre must be three finite numbers, got {c}.")
     if axes.shape != (3, 3) or not np.allclose(axes.T @ axes, np.eye(3), atol=1e-6):
         raise GeometryError("Axis compensation: axes must be 3x3 with orthonormal columns.")
-    if chosen.mode not in ("contour", "paper"):
-        raise GeometryError(f"No axis mode '{chosen.mode}'. Available: contour, paper.")
+    if chosen.mode not in ("default", "paper"):
+        raise GeometryError(f"No axis mode '{chosen.mode}'. Available: default, paper.")
     if extents is not None and np.shape(extents) != (len(array),):
         raise GeometryError(f"extents must be ({len(array)},), got shape {np.shape(extents)}.")
     finite = np.flatnonzero(np.isfinite(array).all(axis=1))
@@ -138,7 +139,9 @@ def compensate(
     return search.by_mask_energy() if chosen.mode == "paper" else search.by_contours()
 
 
-def _transform(points: FloatArray, c: FloatArray, axes: FloatArray, a: FloatArray, d: FloatArray) -> FloatArray:
+def _transform(
+    points: FloatArray, c: FloatArray, axes: FloatArray, a: FloatArray, d: FloatArray
+) -> FloatArray:
     return np.ascontiguousarray(c + ((points - c) @ axes * a + d) @ axes.T)
 
 
@@ -171,7 +174,9 @@ class _Search:
     def iou(self, x: FloatArray) -> float:
         return coverage(self.moved(x), self.views, extents=self.extents).mean_iou
 
-    def rejected(self, reason: str, before: float = np.nan, after: float = np.nan, iterations: int = 0) -> AxisFit:
+    def rejected(
+        self, reason: str, before: float = np.nan, after: float = np.nan, iterations: int = 0
+    ) -> AxisFit:
         return AxisFit(
             np.ones(3), np.zeros(3), False, before, after, iterations, reason, self.centre, self.axes
         )
@@ -213,7 +218,8 @@ class _Search:
             if len(residuals.pixels) < LEAST_RESIDUALS:
                 if used == 0:
                     return self.rejected(
-                        f"only {len(residuals.pixels)} contour points find an outline nearby, {LEAST_RESIDUALS} are needed"
+                        f"only {len(residuals.pixels)} contour points find an outline nearby, "
+                        f"{LEAST_RESIDUALS} are needed"
                     )
                 break
             cost, step, floor = self._step(x, residuals, floor)

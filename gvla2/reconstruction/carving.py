@@ -20,10 +20,10 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.frusta import Region, frusta_region
+from gvla2.reconstruction.mask_distance import Silhouette, mask_iou, silhouettes
 from gvla2.reconstruction.occupancy import Field, PackedSilhouettes, fill, pack
-from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.zbuffer import depth_map
+from gvla2.reconstruction.zbuffer import depth_map, mask_agreement
 
 _COARSE = 40  # voxels along a side of the search for the object
 _LONGEST = 4.0  # a grid is at most this many resolutions long, however thin the object
@@ -80,7 +80,7 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
     depths = [depth_map(mesh, s.camera) for s in used]
     colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
     status = _status(notes, used, dropped, region)
-    iou = tuple(_iou(np.isfinite(d), s) for d, s in zip(depths, used, strict=True))
+    iou = tuple(mask_iou(np.isfinite(d), s) for d, s in zip(depths, used, strict=True))
     return Carving(
         Mesh(vertices, faces, colours), normals, seen, tuple(s.name for s in used), iou, field.step, status
     )
@@ -154,7 +154,7 @@ def _coarse_agreement(used: Sequence[Silhouette], bounds: FloatArray | None, dep
         return _AGREEMENT
     vertices, faces, _ = _surface(field)
     mesh = Mesh(vertices, faces)
-    return float(np.mean([_iou(np.isfinite(depth_map(mesh, s.camera)), s) for s in used]))
+    return mask_agreement(mesh, used)
 
 
 def _tighten(packed: PackedSilhouettes, bounds: FloatArray) -> FloatArray | None:
@@ -235,17 +235,10 @@ def _surface(field: Field) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
     """Vertices (V, 3), faces (F, 3) and smooth outward normals (V, 3) of the field's zero."""
     from skimage.measure import marching_cubes
 
-    index, faces, _, _ = marching_cubes(field.values, 0.0)
+    index, faces, _, _ = marching_cubes(field.values, 0.0)  # type: ignore[no-untyped-call]
     smooth = gaussian_filter(np.asarray(field.values, dtype=np.float32), 1.5)
     slopes = [map_coordinates(np.gradient(smooth, axis=axis), index.T, order=1) for axis in range(3)]
     normals = -np.stack(slopes, axis=1).astype(np.float64)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.where(length > 1e-12, normals / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
     return field.points(index), faces.astype(np.int64), normals
-
-
-def _iou(covered: NDArray[np.bool_], s: Silhouette) -> float:
-    inside, known = s.inside, np.isfinite(s.distance)
-    covered = covered & known
-    union = (covered | inside).sum()
-    return float((covered & inside).sum() / union) if union else 0.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, TypeVar, cast
 
 import numba
@@ -75,4 +76,4 @@ def run_chunks(body: Callable[[int, int], None], count: int, least: int = 20_000
     def piece(start: int, stop: int) -> Callable[[], None]:
         return lambda: body(start, stop)
 
-    run_together([piece(a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)])
+    run_together([piece(a, b) for a, b in pairwise(bounds)])

@@ -47,7 +47,7 @@ def mask_contour(mask: NDArray[np.float32], count: int | None = None) -> Contour
     if len(uv) == 0:
         return Contour(uv, uv.copy(), np.zeros(0))
     smooth = gaussian_filter(values, _SMOOTHING, mode="nearest")
-    down, across = np.gradient(smooth)
+    down, across = (np.asarray(slope, dtype=np.float64) for slope in np.gradient(smooth))
     normal = -np.stack([_sample(across, uv), _sample(down, uv)], axis=1)
     size = np.linalg.norm(normal, axis=1)
     kept = size > 1e-6  # where nothing is left of a speck after smoothing, there is no direction

@@ -74,16 +74,16 @@ def _sides(s: Silhouette, cut: bool = False) -> list[FloatArray]:
 def _box(rows: FloatArray) -> tuple[str, FloatArray | None]:
     """('ok', (2, 3) box) of a polytope of half-spaces (H, 4), or ('empty' | 'open', None)."""
     rows = rows / np.linalg.norm(rows[:, :3], axis=1, keepdims=True)
-    bounds = np.empty((2, 3))
+    box: FloatArray = np.empty((2, 3))
     for axis in range(3):
         for end, sign in enumerate((1.0, -1.0)):
             cost = np.zeros(3)
             cost[axis] = sign
             answer = linprog(cost, A_ub=-rows[:, :3], b_ub=rows[:, 3], bounds=(None, None), method="highs")
-            if answer.status != 0:
+            if answer.status != 0 or answer.x is None:
                 return ("open" if answer.status == 3 else "empty"), None
-            bounds[end, axis] = answer.x[axis]
-    return "ok", bounds
+            box[end, axis] = float(answer.x[axis])
+    return "ok", box
 
 
 def _reach(s: Silhouette, depth: float) -> float:

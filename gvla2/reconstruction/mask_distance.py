@@ -114,6 +114,13 @@ def signed_distance(mask: NDArray[np.floating]) -> NDArray[np.float32]:
     return np.asarray(np.where(inside, far, -far) + own[nearest[0], nearest[1]], dtype=np.float32)
 
 
+def mask_iou(covered: NDArray[np.bool_], s: Silhouette) -> float:
+    """Intersection over union of drawn pixels (H, W) with the mask, where the view says anything."""
+    covered = covered & np.isfinite(s.distance)
+    union = (covered | s.inside).sum()
+    return float((covered & s.inside).sum() / union) if union else 0.0
+
+
 def _silhouette(view: View, mask: NDArray[np.float32]) -> Silhouette:
     inside = mask > 0.5
     rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))

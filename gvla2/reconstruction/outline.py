@@ -81,7 +81,11 @@ def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
         return _LEAST_RADIUS
     core = np.zeros_like(taken)
     core[1:-1, 1:-1] = np.logical_and.reduce(
-        [taken[1 + i : len(taken) - 1 + i, 1 + j : taken.shape[1] - 1 + j] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        [
+            taken[1 + i : len(taken) - 1 + i, 1 + j : taken.shape[1] - 1 + j]
+            for i in (-1, 0, 1)
+            for j in (-1, 0, 1)
+        ]
     )
     many = core.sum() >= 8
     per_cell = np.percentile(counts[core], 5) if many else counts[taken].mean()
@@ -208,7 +212,7 @@ def _close(distance: Field, radius: float, inside: Field) -> None:
     limit = np.float32(radius + SHELL)
     for i in range(height):
         for j in range(width):
-            inside[i, j] = SHELL if distance[i, j] <= radius else -limit
+            inside[i, j] = SHELL if distance[i, j] <= limit else -limit
     window = int(np.ceil(radius + SHELL + 1))
     for i in range(height):
         for j in range(width):
@@ -239,7 +243,9 @@ def _fill(uv: FloatArray, faces: NDArray[np.int64], covered: NDArray[np.bool_]) 
             continue
         for i in range(max(int(np.ceil(low_v - 0.5)), 0), min(int(np.floor(high_v - 0.5)), height - 1) + 1):
             y = i + 0.5
-            for j in range(max(int(np.ceil(low_u - 0.5)), 0), min(int(np.floor(high_u - 0.5)), width - 1) + 1):
+            for j in range(
+                max(int(np.ceil(low_u - 0.5)), 0), min(int(np.floor(high_u - 0.5)), width - 1) + 1
+            ):
                 x = j + 0.5
                 if (
                     (bx - ax) * (y - ay) >= (by - ay) * (x - ax)

@@ -35,8 +35,8 @@ from gvla2.errors import GeometryError, OutputError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
-from gvla2.geometry.writing import write_whole
 from gvla2.reconstruction.picture_files import read_mask, read_picture
+from gvla2.writing import write_whole
 
 _CONVENTIONS = {"opencv": np.eye(4), "opengl": np.diag([1.0, -1.0, -1.0, 1.0])}
 _SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -125,7 +125,10 @@ def _view(cameras: Path, entry: Mapping[str, Any]) -> View:
     if not name:
         raise GeometryError(f"{cameras}: a view has no name.")
     folder = cameras.parent
-    image, alpha = read_picture(_file(folder, entry, "image", "images", name, _SUFFIXES, required=True))
+    picture = _file(folder, entry, "image", "images", name, _SUFFIXES)
+    if picture is None:
+        raise GeometryError(f"View '{name}': there is no {folder / 'images' / name}.png.")
+    image, alpha = read_picture(picture)
     mask_file = _file(folder, entry, "mask", "masks", name, _SUFFIXES)
     depth_file = _file(folder, entry, "depth", "depth", name, (".npy",))
     mask = read_mask(mask_file) if mask_file is not None else alpha
@@ -160,7 +163,6 @@ def _file(
     subfolder: str,
     name: str,
     suffixes: tuple[str, ...],
-    required: bool = False,
 ) -> Path | None:
     """The file that the view names, or the one that lies where it should."""
     if entry.get(key):
@@ -171,8 +173,6 @@ def _file(
     for suffix in suffixes:
         if (path := folder / subfolder / f"{name}{suffix}").is_file():
             return path
-    if required:
-        raise GeometryError(f"View '{name}': there is no {folder / subfolder / name}{suffixes[0]}.")
     return None
 
 

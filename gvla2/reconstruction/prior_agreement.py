@@ -45,6 +45,11 @@ class Agreement:
         total = self.agreeing + self.conflicting
         return self.conflicting / total if total > 0 else 0.0
 
+    @property
+    def score(self) -> float:
+        """Highest where the depth maps fit together best."""
+        return self.agreeing - self.conflicting
+
 
 class CrossCheck:
     """Compares the depth maps of a prior; ``tolerance`` in metres."""
@@ -95,15 +100,11 @@ class CrossCheck:
             return 1.0
         while high - low > 2e-3:
             tried = np.linspace(low, high, steps)
-            scores = [self._score(float(np.exp(x))) for x in tried]
+            scores = [self.at(float(np.exp(x))).score for x in tried]
             best = float(tried[int(np.argmax(scores))])
             width = (high - low) / (steps - 1)
             low, high, steps = best - width, best + width, 9
         return float(np.exp(best))
-
-    def _score(self, scale: float) -> float:
-        found = self.at(scale)
-        return found.agreeing - found.conflicting
 
 
 @compiled

@@ -22,8 +22,9 @@ _STEP = 0.5  # pixels between two looks along a normal
 class Residuals:
     """M contour points that found the outline.
 
-    ``pixels`` (M,) from contour to outline, positive when the shape reaches too far out; ``index`` (M,) the point that
-    makes the outline there; ``gradient`` (M, 3) change of ``pixels`` per metre of that point in the world; ``weight`` (M,).
+    ``pixels`` (M,) from contour to outline, positive when the shape reaches too far out; ``index`` (M,) the point
+    that makes the outline there; ``gradient`` (M, 3) change of ``pixels`` per metre of that point in the world;
+    ``weight`` (M,).
     """
 
     pixels: FloatArray
@@ -61,7 +62,8 @@ def outline_residuals(
     image = points[index] @ P[:, :3].T + P[:, 3]
     u, v, depth = image[:, 0] / image[:, 2], image[:, 1] / image[:, 2], image[:, 2:]
     gradient = (
-        normal[:, :1] * (P[0, :3] - u[:, None] * P[2, :3]) + normal[:, 1:] * (P[1, :3] - v[:, None] * P[2, :3])
+        normal[:, :1] * (P[0, :3] - u[:, None] * P[2, :3])
+        + normal[:, 1:] * (P[1, :3] - v[:, None] * P[2, :3])
     ) / depth
     return Residuals(pixels[found], index, gradient, contour.length[found])
 
@@ -77,7 +79,7 @@ def _value(image: Field, u: float, v: float) -> float:
     s, t = x - j, y - i
     above = image[i, j] * (1 - s) + image[i, j + 1] * s
     below = image[i + 1, j] * (1 - s) + image[i + 1, j + 1] * s
-    return above * (1 - t) + below * t
+    return float(above * (1 - t) + below * t)
 
 
 @compiled

@@ -51,8 +51,9 @@ def e_mask(points: ArrayLike, views: Views) -> float:
 def symmetric_iou(
     points: ArrayLike, views: Views, *, faces: ArrayLike | None = None, extents: ArrayLike | None = None
 ) -> float:
-    """Mean over the views of |S n M| / |S u M|, silhouette S against mask M > 0.5; views with an empty mask are left out.
+    """Mean over the views of |S n M| / |S u M|, of silhouette S and mask M > 0.5.
 
+    Views with an empty mask are left out.
     ``points`` (N, 3) metres; with ``faces`` (F, 3) they are a mesh's vertices and its triangles are drawn, else S is
     the points' closed outline, much the same for 10 thousand and for 300 thousand points of one surface.
     ``extents`` (N,) metres: how far the surface lies outside each point. Raises :class:`GeometryError` for a

@@ -23,7 +23,8 @@ def shrink_strength(
     s = np.asarray(support, dtype=np.float64)
     if not (eta > 0 and 0 <= lambda_max <= 1 and np.isfinite(tau)):
         raise GeometryError(
-            f"Soft hull: eta must be > 0, lambda_max in [0, 1] and tau finite; got eta={eta}, lambda_max={lambda_max}, tau={tau}."
+            f"Soft hull: eta must be > 0, lambda_max in [0, 1] and tau finite; "
+            f"got eta={eta}, lambda_max={lambda_max}, tau={tau}."
         )
     if s.size and not (s.min() >= 0 and s.max() <= 1):
         raise GeometryError(f"Soft hull: support must lie in [0, 1], got {s.min():g} to {s.max():g}.")

@@ -65,14 +65,14 @@ class MaskStack:
     """The views' projections and masks, laid out for the loop below; make one when scoring many times.
 
     ``texels`` holds all masks one after the other, each with a border of one repeated pixel, so that sampling
-    needs no clamping; ``layout`` (S, 3) is each mask's start, row length and nothing else that changes a score:
-    pixel u maps to column u * ``zoom[s, 0]`` + ``offset``.
+    needs no clamping. Pixel u maps to the bordered mask's column u * ``zoom[s, 0]`` + ``offset``, v likewise to
+    its row. Points seen by fewer than ``least_views`` views count as supported.
     """
 
     projections: FloatArray  # (S, 3, 4)
     texels: NDArray[np.float32]
-    layout: NDArray[np.int64]  # (S, 2): start in texels, padded width
-    limits: FloatArray  # (S, 2): u and v must be below
+    layout: NDArray[np.int64]  # (S, 2): start in texels, row length
+    limits: FloatArray  # (S, 2): u and v of the image are below
     zoom: FloatArray  # (S, 2)
     offset: float
     least_views: int

@@ -51,7 +51,8 @@ def surfels(mesh: Mesh, normals: FloatArray | None = None, count: int = 15_000) 
 
 def _mix(weights: FloatArray, values: FloatArray) -> FloatArray:
     """(N, 3) of weights (N, 3) for the corners' values (N, 3, 3)."""
-    return np.asarray(np.einsum("nk,nkc->nc", weights, values))
+    mixed: FloatArray = np.einsum("nk,nkc->nc", weights, values)
+    return mixed
 
 
 def _barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
@@ -61,7 +62,7 @@ def _barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> Flo
     square = np.maximum(np.einsum("ij,ij->i", full, full), 1e-300)
     u = np.einsum("ij,ij->i", np.cross(c - b, points - b), full) / square
     v = np.einsum("ij,ij->i", np.cross(a - c, points - c), full) / square
-    return np.clip(np.stack([u, v, 1 - u - v], axis=1), 0.0, 1.0)
+    return np.asarray(np.clip(np.stack([u, v, 1 - u - v], axis=1), 0.0, 1.0), dtype=np.float64)
 
 
 def _turned_to(normals: FloatArray) -> NDArray[np.float32]:

@@ -1,7 +1,8 @@
 """Views in one file, ``views.npz``: exact, and without anything but numpy to read them.
 
-Arrays of view i: ``K_i`` (3, 3), ``world_from_camera_i`` (4, 4), ``image_i`` (H, W, 3) uint8, and where the view has
-them ``depth_i`` (H, W) float32, ``mask_i`` (H, W) float32, ``robot_mask_i`` (H, W) bool; ``names`` (S,) the cameras' names.
+``names`` (S,) are the cameras' names. Arrays of view i: ``K_i`` (3, 3), ``world_from_camera_i`` (4, 4), ``image_i``
+(H, W, 3) uint8, and where the view has them ``depth_i`` (H, W) float32, ``mask_i`` (H, W) float32, ``robot_mask_i``
+(H, W) bool.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import View, Views
-from gvla2.geometry.writing import write_whole
+from gvla2.writing import write_whole
 
 ARCHIVE = "views.npz"
 _OPTIONAL = ("depth", "mask", "robot_mask")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.mask_distance import Silhouette, mask_iou
 
 
 def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3) -> NDArray[np.float32]:
@@ -23,6 +26,12 @@ def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3) -> NDArray[np.floa
         uv = image[:, :2] / image[:, 2:3]
     _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, near)
     return depth
+
+
+def mask_agreement(mesh: Mesh, silhouettes: Sequence[Silhouette]) -> float:
+    """Mean IoU of the mesh's silhouettes with the views' masks."""
+    drawn = (np.isfinite(depth_map(mesh, s.camera)) for s in silhouettes)
+    return float(np.mean([mask_iou(d, s) for d, s in zip(drawn, silhouettes, strict=True)]))
 
 
 @compiled

@@ -11,7 +11,7 @@ from rich.status import Status
 from rich.text import Text
 
 from gvla2.record.contents import EpisodeRecord, Stage
-from gvla2.record.wording import finding, headline, one_line, state, summary_line
+from gvla2.record.wording import State, finding, headline, one_line, state, summary_line
 
 __all__ = ["Progress", "summary_line"]
 
@@ -47,7 +47,7 @@ class Progress:
         if not self._quiet:
             self._console.print(Text(self._printable(text, 400), style=style), soft_wrap=True)
 
-    def begin(self, stage: Stage) -> None:
+    def begin(self, stage: str) -> None:
         """A stage begins."""
         self._stop()
         self._began = time.monotonic()
@@ -57,17 +57,20 @@ class Progress:
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
         """A stage ended, well or not; ``record`` already holds what it found (and its seconds in ``timings``)."""
+        elapsed = record.timings.get(stage, time.monotonic() - self._began)
+        self.line(state(record, stage), stage, elapsed, finding(record, stage))
+
+    def line(self, how: State, name: str, elapsed: float, found: str) -> None:
+        """Something called ``name`` ended after ``elapsed`` seconds; ``found`` says with what."""
         self._stop()
         if self._quiet:
             return
-        how = state(record, stage)
-        elapsed = record.timings.get(stage, time.monotonic() - self._began)
         mark = _MARKS[how][0] if self._console.encoding.lower().startswith("utf") else _MARKS[how][1]
         line = Text.assemble(
             (f"{mark:<2}", _STYLES[how] if self._live else ""),
-            (f"{stage:<12}", "bold" if self._live else ""),
+            (f"{name:<12}", "bold" if self._live else ""),
             (f"{elapsed:6.1f} s  ", "dim" if self._live else ""),
-            self._printable(finding(record, stage)),
+            self._printable(found),
         )
         self._console.print(line, soft_wrap=True)
 

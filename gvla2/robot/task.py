@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -62,11 +62,45 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class Glow:
+    """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
+
+    It stays lit. ``travel`` in the joint's unit, radians or metres.
+    """
+
+    body: str
+    solid: int
+    joint: str
+    travel: float
+    rgb: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Layout:
-    """All bodies and joints of one episode, beside the table and the robot."""
+    """All bodies and joints of one episode, beside the table and the robot, and what lights up."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
+    glows: tuple[Glow, ...] = ()
+
+    def lights(self, peaks: Mapping[str, float]) -> tuple[bool, ...]:
+        """Which of the glows are lit when the joints' largest travels, by name, were ``peaks``."""
+        return tuple(peaks[glow.joint] > glow.travel for glow in self.glows)
+
+    def lit(self, peaks: Mapping[str, float]) -> tuple[Body, ...]:
+        """The bodies as they look then."""
+        lights = zip(self.glows, self.lights(peaks), strict=True)
+        shining = {(glow.body, glow.solid): glow.rgb for glow, on in lights if on}
+        return tuple(
+            replace(
+                body,
+                solids=tuple(
+                    replace(solid, rgb=shining.get((body.name, i), solid.rgb))
+                    for i, solid in enumerate(body.solids)
+                ),
+            )
+            for body in self.bodies
+        )
 
 
 class WorldState(Protocol):

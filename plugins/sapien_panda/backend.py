@@ -61,6 +61,7 @@ class SapienPanda:
         self._world: World | None = None
         self._eyes: Eyes | None = None
         self._layout = Layout(())
+        self._lights: tuple[bool, ...] = ()
         self._instance: TaskInstance | None = None
 
     @property
@@ -78,8 +79,7 @@ class SapienPanda:
         layout = Layout(()) if instance is None else instance.layout
         self._world = World(self._config, layout)
         self._layout, self._instance = layout, instance
-        things = {TABLE.name: TABLE, **{f"{PREFIX}{body.name}": body for body in layout.bodies}}
-        self._eyes = Eyes(self._robot, self._links, {name: body_surface(b) for name, b in things.items()})
+        self._open_eyes()
         return instance
 
     def observe(self) -> Observation:
@@ -119,10 +119,18 @@ class SapienPanda:
         """Let go of the world; the arm's model stays, and :meth:`reset` makes a new world."""
         self._world, self._eyes, self._instance = None, None, None
 
+    def _open_eyes(self) -> Eyes:
+        """Eyes for the bodies as they look now: a lamp may have been switched on."""
+        peaks = self._sane_world("seen").peaks
+        self._lights = self._layout.lights(peaks)
+        things = {TABLE.name: TABLE, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
+        self._eyes = Eyes(self._robot, self._links, {name: body_surface(b) for name, b in things.items()})
+        return self._eyes
+
     def _look(self, cameras: Sequence[Camera]) -> list[View]:
         world, eyes = self._sane_world("seen"), self._eyes
-        if eyes is None:
-            raise RobotError("Nothing can be seen before reset: call reset(task, seed) first.")
+        if eyes is None or self._lights != self._layout.lights(world.peaks):
+            eyes = self._open_eyes()
         poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
         poses[TABLE.name] = TABLE.world_from_body
         return eyes.look(cameras, world.link_poses(self._links), poses)

@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import LampOnConfig
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.placing import in_reach, inside, sample_root, sample_until
@@ -23,6 +23,9 @@ SHADE = (0.060, 0.060, 0.035)
 has room."""
 
 BASE_RGB, POST_RGB, SHADE_RGB = (0.16, 0.16, 0.18), (0.20, 0.20, 0.22), (0.28, 0.27, 0.26)
+
+SHADE_SOLID, LIT_RGB = 2, (1.0, 0.93, 0.62)
+"""Which solid of the lamp shines when it is on, and how."""
 
 PRELOAD = 0.002
 """How far beyond its stop the spring rests, metres: the button carries its own weight without sinking."""
@@ -98,7 +101,7 @@ class LampOn:
             return world.peak("press") > STRICT_TRAVEL
 
         return TaskInstance(
-            Layout((lamp, button), (slide,)),
+            Layout((lamp, button), (slide,), (Glow("lamp", SHADE_SOLID, "press", STRICT_TRAVEL, LIT_RGB),)),
             sentence if instruction is None else instruction,
             {"eased": eased, "strict": strict},
             f"eased: the button went down by more than {EASED_TRAVEL * 1000:g} mm; "

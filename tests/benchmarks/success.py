@@ -9,6 +9,7 @@ import sys
 import time
 from collections import Counter
 from contextlib import closing
+from dataclasses import asdict
 from multiprocessing import get_context
 
 from hydra import compose, initialize_config_module
@@ -20,6 +21,7 @@ from gvla2.episode import EpisodeRequest, Parts, run_episode
 from gvla2.evaluation.statistics import wilson_interval
 from gvla2.hydra_bridge import register
 from gvla2.plugins import load_plugins
+from gvla2.robot.depth_noise import DepthNoise
 
 TASKS = "pick_and_lift,push_block,lamp_on"
 
@@ -47,9 +49,11 @@ def run_task(job: tuple[str, int, list[str]]) -> list[dict]:
     rows = []
     with closing(built["robot"]), closing(built["memory"]):
         parts = Parts(**built, choices={kind: getattr(config, kind).name for kind in CHOICES})
+        noise = DepthNoise(**asdict(config.depth_noise))
         for seed in range(config.seed, config.seed + seeds):
             started = time.perf_counter()
-            record = run_episode(parts, EpisodeRequest(seed, instruction=config.instruction), Silent())
+            request = EpisodeRequest(seed, instruction=config.instruction, depth_noise=noise)
+            record = run_episode(parts, request, Silent())
             motion = [w.planning_seconds for w in record.report.waypoints] if record.report else []
             rows.append(
                 {

@@ -347,3 +347,11 @@ def test_defaults_are_the_published_sizes():
     assert (PickAndLiftConfig().size, PickAndLiftConfig().mass) == (0.05, 0.125)
     assert (PushBlockConfig().size, PushBlockConfig().mass, PushBlockConfig().target) == (0.0563, 0.356, 0.10)
     assert (LampOnConfig().diameter, LampOnConfig().height, LampOnConfig().travel) == (0.033, 0.024, 0.010)
+
+
+def test_the_lamp_shines_once_its_button_went_all_the_way():
+    layout = sample("lamp_on", 2).layout
+    (glow,) = layout.glows
+    for travel, lit in ((0.0, False), (0.007, False), (0.008, True)):
+        (shade,) = [b.solids[glow.solid] for b in layout.lit({"press": travel}) if b.name == glow.body]
+        assert (shade.rgb == glow.rgb) == lit

@@ -1,0 +1,191 @@
+"""The data sets of the reconstruction benchmark: finding them, listing their objects, loading one object.
+
+``ycb30`` and ``meshes`` are folders of textured meshes, rendered here by the protocol. ``gso30`` is a tree of
+``<object>/render_mvs_25/model/%03d.{png,npy}`` with true shapes in ``<object>/meshes/model.obj``. Nothing is
+downloaded in secret: a missing set is an error that says where it was looked for and where it comes from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from pathlib import Path
+
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.protocol import INPUTS, SAMPLES, SIZE, TARGETS, ObjectViews, object_views
+
+MESH_FILES = ("textured.obj", "textured.glb", "model.obj", "mesh.obj", "mesh.glb")
+"""Names that are looked for first in an object's folder; else its only .obj, .glb or .ply."""
+GSO_VIEWS = Path("render_mvs_25") / "model"
+GSO_MESH = Path("meshes") / "model.obj"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a known data set comes from: its title, licence, and what a person does to have it here."""
+
+    name: str
+    title: str
+    licence: str
+    how: str
+    layout: str
+
+
+SOURCES = {
+    "ycb30": Source(
+        "ycb30",
+        "YCB-30: thirty scanned household objects of the YCB object and model set (Google 16k meshes)",
+        "CC BY 4.0",
+        "download the 'google_16k' meshes of the objects from the YCB object and model set's site",
+        "ycb30/<object>/textured.obj, with its .mtl and texture_map.png",
+    ),
+    "gso30": Source(
+        "gso30",
+        "GSO-30: thirty objects of Google Scanned Objects with 25 rendered views each",
+        "CC BY 4.0 (Google Scanned Objects)",
+        "get the GSO-30 renderings from the authors of the benchmark, or render Google Scanned Objects yourself",
+        "gso30/<object>/render_mvs_25/model/000.png, 000.npy, ...; gso30/<object>/meshes/model.obj",
+    ),
+    "meshes": Source(
+        "meshes",
+        "your own meshes, rendered by the GSO-30 view protocol",
+        "yours",
+        "name the folder with data.root=PATH",
+        "<object>/textured.obj (or .glb, or any one .obj)",
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Item:
+    """One object of a data set: its name, its folder, and the file or folder that its views come from."""
+
+    name: str
+    folder: Path
+    source: Path
+
+    def fingerprint(self) -> str:
+        """Hexadecimal digest of the names, sizes and times of the object's files: changes when they do."""
+        digest = hashlib.sha256(self.name.encode())
+        for path in sorted(p for p in self.folder.rglob("*") if p.is_file()):
+            found = path.stat()
+            digest.update(f"{path.relative_to(self.folder)}|{found.st_size}|{found.st_mtime_ns}\n".encode())
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A data set that is there: ``kind`` is ``ycb30``, ``gso30`` or ``meshes``."""
+
+    kind: str
+    root: Path
+    items: tuple[Item, ...]
+    size: int = SIZE
+    samples: int = field(default=SAMPLES, repr=False)
+
+    def load(self, item: Item) -> ObjectViews:
+        """The object's views and its true shape; rendered views come from the cache when they are there.
+
+        Raises :class:`gvla2.errors.GeometryError` for a file that cannot be used.
+        """
+        if self.kind != "gso30":
+            return object_views(item.source, item.name, size=self.size, samples=self.samples)
+        from gvla2.evaluation.gso_truth import true_mesh
+        from gvla2.reconstruction.view_folders import read_views
+
+        inputs = read_views(item.folder, _spec(INPUTS), self.size)
+        targets = read_views(item.folder, _spec(TARGETS), self.size)
+        return ObjectViews(item.name, inputs, targets, true_mesh(item.folder / GSO_MESH, inputs))
+
+
+def open_dataset(
+    kind: str,
+    root: str | os.PathLike[str] | None = None,
+    objects: Sequence[str] = (),
+    *,
+    size: int = SIZE,
+    samples: int = SAMPLES,
+) -> Dataset:
+    """Find a data set and choose objects of it (all by default, in alphabetical order).
+
+    Without ``root`` the set is looked for where :func:`roots` says. Raises :class:`ConfigurationError` that lists
+    what was looked for, or the objects that there are.
+    """
+    if kind not in SOURCES:
+        raise ConfigurationError(f"No data set '{kind}'. Available: {', '.join(SOURCES)}.")
+    if kind == "meshes" and root is None:
+        raise ConfigurationError("data=meshes needs the folder of your meshes: data.root=PATH.")
+    looked = [Path(root).expanduser()] if root is not None else roots(kind)
+    found = next((place for place in looked if place.is_dir()), None)
+    if found is None:
+        source = SOURCES[kind]
+        raise ConfigurationError(
+            f"The data set '{kind}' is not here. Looked for: {', '.join(map(str, looked))}. To have it, "
+            f"{source.how} ({source.licence}), laid out as {source.layout}; then name the folder with "
+            "data.root=PATH, or set GVLA2_DATA to the folder that holds it."
+        )
+    items = find_items(kind, found)
+    if not items:
+        raise ConfigurationError(
+            f"{found} holds no object of the kind '{kind}'. Expected there: {SOURCES[kind].layout}."
+        )
+    return Dataset(kind, found, _chosen(items, objects, found), size, samples)
+
+
+def roots(kind: str) -> list[Path]:
+    """The folders where a data set is looked for: ``GVLA2_DATA``, then ``../shared/data`` beside the working folder.
+
+    With ``GVLA2_DATA`` set, both ``$GVLA2_DATA/<kind>`` and the folder itself, when its name is the data set's.
+    """
+    places: list[Path] = []
+    own = os.environ.get("GVLA2_DATA")
+    if own:
+        base = Path(own).expanduser()
+        places += [base / kind, *([base] if base.name == kind else [])]
+    repository = Path(__file__).resolve().parents[2]
+    for beside in dict.fromkeys((Path.cwd(), repository)):
+        places.append(beside.parent / "shared" / "data" / kind)
+    return list(dict.fromkeys(places))
+
+
+def find_items(kind: str, root: Path) -> tuple[Item, ...]:
+    """All objects of a kind under a folder, by name."""
+    items = []
+    for folder in sorted(path for path in root.iterdir() if path.is_dir() and not path.name.startswith(".")):
+        if kind == "gso30":
+            if (folder / GSO_VIEWS / "000.png").is_file():
+                items.append(Item(folder.name, folder, folder / GSO_VIEWS))
+        else:
+            mesh = _mesh_of(folder)
+            if mesh is not None:
+                items.append(Item(folder.name, folder, mesh))
+    return tuple(items)
+
+
+def _mesh_of(folder: Path) -> Path | None:
+    for name in MESH_FILES:
+        if (folder / name).is_file():
+            return folder / name
+    others = sorted(p for p in folder.iterdir() if p.suffix.lower() in (".obj", ".glb", ".ply"))
+    return others[0] if len(others) == 1 else None
+
+
+def _chosen(items: tuple[Item, ...], objects: Sequence[str], root: Path) -> tuple[Item, ...]:
+    if not objects:
+        return items
+    by_name = {item.name: item for item in items}
+    absent = [name for name in objects if name not in by_name]
+    if absent:
+        close = get_close_matches(absent[0], by_name, n=1)
+        hint = f" Did you mean '{close[0]}'?" if close else ""
+        raise ConfigurationError(
+            f"{root} holds no object {', '.join(map(repr, absent))}.{hint} It holds: {', '.join(by_name)}."
+        )
+    return tuple(by_name[name] for name in dict.fromkeys(objects))
+
+
+def _spec(numbers: Sequence[int]) -> str:
+    return f"{numbers[0]}-{numbers[-1]}"

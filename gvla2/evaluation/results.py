@@ -1,0 +1,204 @@
+"""The results database: what was measured, with which configuration, seed, code and versions.
+
+Any SQL database that SQLAlchemy knows; SQLite by default. A run is one call of a benchmark; a row is one cell of its
+design. A row's key names everything that could change its numbers, so a cell that is there need not be measured again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, ClassVar
+
+from sqlalchemy import Engine, Text, create_engine
+from sqlalchemy.engine import make_url
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+from sqlalchemy.orm import registry
+from sqlmodel import Field, Session, SQLModel, col, select
+
+from gvla2.errors import ConfigurationError, Gvla2Error
+
+DEFAULT_URL = "sqlite:///outputs/results.sqlite"
+BUSY_SECONDS = 30.0
+
+tables = registry()
+
+
+class ResultTables(SQLModel, registry=tables):
+    """Keeps these tables apart from any other SQLModel table of the same process."""
+
+
+class Run(ResultTables, table=True):
+    """One call of a benchmark. ``started`` is UTC in ISO form; ``config`` YAML; ``versions`` JSON."""
+
+    __tablename__: ClassVar[Any] = "bench_run"
+
+    id: int | None = Field(default=None, primary_key=True)
+    suite: str = Field(index=True)
+    started: str
+    folder: str = ""
+    commit: str = ""
+    code: str = ""
+    config: str = Field(default="", sa_type=Text)
+    versions: str = Field(default="{}", sa_type=Text)
+
+
+class Row(ResultTables, table=True):
+    """One measured cell: ``factors`` (object, seed, ...) and ``measures`` (numbers or null), both JSON.
+
+    ``notes`` (JSON) holds what is neither: the status of stages, what a Chamfer distance was taken of, an error.
+    """
+
+    __tablename__: ClassVar[Any] = "bench_row"
+
+    key: str = Field(primary_key=True)
+    run_id: int = Field(foreign_key="bench_run.id", index=True)
+    suite: str = Field(index=True)
+    factors: str = Field(sa_type=Text)
+    measures: str = Field(sa_type=Text)
+    notes: str = Field(default="{}", sa_type=Text)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A row as the rest of the program sees it. A measure that could not be taken is None, never a number."""
+
+    key: str
+    factors: Mapping[str, str | int]
+    measures: Mapping[str, float | None]
+    notes: Mapping[str, Any]
+    run: int = 0
+
+    def flat(self) -> dict[str, Any]:
+        """Factors, measures and notes side by side, as in ``result.json``."""
+        return {**self.factors, **self.measures, **self.notes}
+
+
+def cell_key(suite: str, *parts: object) -> str:
+    """The key of a cell: a digest of everything that could change its numbers; parts must be JSON."""
+    text = json.dumps([suite, *parts], sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class Results:
+    """An open results database. Every method raises :class:`Gvla2Error` when the database cannot be used."""
+
+    def __init__(self, engine: Engine, url: str) -> None:
+        self._engine = engine
+        self.url = url
+
+    @classmethod
+    def open(cls, url: str = DEFAULT_URL) -> Results:
+        """Open, or create, a database; raises :class:`ConfigurationError` for an address that is none."""
+        try:
+            parsed = make_url(url)
+            is_file = parsed.get_backend_name() == "sqlite" and parsed.database not in (None, "", ":memory:")
+            connect = {"timeout": BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else {}
+            engine = create_engine(parsed, connect_args=connect)
+        except (ArgumentError, ImportError, SQLAlchemyError) as error:
+            raise ConfigurationError(
+                f"results.url is '{url}', which cannot be opened ({error}). "
+                "Give an address such as sqlite:///folder/results.sqlite."
+            ) from error
+        opened = cls(engine, url)
+        with opened._explained():
+            if is_file and parsed.database is not None:
+                Path(parsed.database).expanduser().parent.mkdir(parents=True, exist_ok=True)
+            tables.metadata.create_all(engine)
+        return opened
+
+    def begin(self, run: Run) -> int:
+        """Record that a run begins; its number."""
+        with self._session() as session:
+            session.add(run)
+            session.flush()
+            assert run.id is not None
+            return run.id
+
+    def add(self, run: int, suite: str, cells: Iterable[Cell]) -> None:
+        """Store cells of a run, all or none; one with the same key is replaced."""
+        with self._session() as session:
+            for cell in cells:
+                texts = (json.dumps(dict(part)) for part in (cell.factors, cell.measures, cell.notes))
+                factors, measures, notes = texts
+                session.merge(
+                    Row(key=cell.key, run_id=run, suite=suite, factors=factors, measures=measures, notes=notes)
+                )
+
+    def with_keys(self, keys: Sequence[str]) -> dict[str, Cell]:
+        """The stored cells among these keys."""
+        found: dict[str, Cell] = {}
+        with self._session() as session:
+            for start in range(0, len(keys), 500):  # databases limit the number of parameters
+                query = select(Row).where(col(Row.key).in_(keys[start : start + 500]))
+                found |= {row.key: _cell(row) for row in session.exec(query)}
+        return found
+
+    def cells(
+        self,
+        suite: str,
+        where: Mapping[str, Sequence[str | int]] | None = None,
+        runs: Sequence[int] = (),
+    ) -> list[Cell]:
+        """Cells of a suite whose factors have one of the values given, of these runs (of all by default)."""
+        query = select(Row).where(Row.suite == suite).order_by(col(Row.run_id), col(Row.key))
+        if runs:
+            query = query.where(col(Row.run_id).in_(list(runs)))
+        with self._session() as session:
+            cells = [_cell(row) for row in session.exec(query)]
+        wanted = {name: {str(value) for value in values} for name, values in (where or {}).items()}
+        return [c for c in cells if all(str(c.factors.get(n)) in values for n, values in wanted.items())]
+
+    def runs(self, suite: str | None = None) -> list[Run]:
+        """All runs, oldest first."""
+        query = select(Run).order_by(col(Run.id))
+        if suite is not None:
+            query = query.where(Run.suite == suite)
+        with self._session() as session:
+            return list(session.exec(query))
+
+    def close(self) -> None:
+        """Release the database; safe to call twice."""
+        self._engine.dispose()
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @contextmanager
+    def _session(self) -> Iterator[Session]:
+        with self._explained(), Session(self._engine, expire_on_commit=False) as session, session.begin():
+            yield session
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except (SQLAlchemyError, OSError) as error:
+            cause = getattr(error, "orig", None) or error
+            raise Gvla2Error(
+                f"The results database {self.url} cannot be used: {cause}. Choose another with results.url=..."
+            ) from error
+
+
+def now() -> str:
+    """This moment, UTC, in ISO form."""
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+
+
+def _cell(row: Row) -> Cell:
+    try:
+        factors, measures, notes = (json.loads(text) for text in (row.factors, row.measures, row.notes))
+    except json.JSONDecodeError as error:
+        raise Gvla2Error(f"A row of the results database is damaged (key {row.key}): {error}") from error
+    return Cell(row.key, factors, measures, notes, row.run_id)

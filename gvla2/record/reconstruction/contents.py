@@ -1,0 +1,94 @@
+"""The record of one reconstruction: what went in, what each stage did, what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.branch import BranchResult
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.record.reconstruction.measures import Measures
+
+
+@dataclass(frozen=True)
+class ReconstructionRecord:
+    """One object's way from views to refined geometry.
+
+    ``folder`` is where the views came from; ``choices`` the component names by Hydra group; ``options`` the branch's;
+    ``truth`` the mesh file that it was measured against, "" for none; ``timings`` wall seconds a step; ``notes``
+    fallbacks and warnings, each a sentence.
+    """
+
+    name: str
+    folder: str
+    views: Views
+    choices: Mapping[str, str]
+    options: Mapping[str, Any]
+    result: BranchResult
+    measures: Measures | None = None
+    truth: str = ""
+    timings: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def changed(self) -> bool:
+        """Whether the output differs from the first reconstruction at all."""
+        return bool(self.displacement > 0) or self._colours(self.result.out) != self._colours(self.result.g0)
+
+    @property
+    def displacement(self) -> float:
+        """Mean distance that points moved by, in the views' unit; 0 when nothing moved."""
+        before, after = points_of(self.result.g0), points_of(self.result.out)
+        return float(np.linalg.norm(after - before, axis=1).mean())
+
+    @property
+    def size(self) -> float:
+        """Longest side of the first reconstruction's box, in the views' unit."""
+        points = points_of(self.result.g0)
+        return float((points.max(axis=0) - points.min(axis=0)).max())
+
+    def summary(self) -> dict[str, Any]:
+        """``result.json``: what was asked and chosen, each stage's status with its reason, and all measures."""
+        out, measures = self.result.out, self.measures
+        return {
+            "command": "reconstruct",
+            "object": self.name,
+            "status": out.status,
+            "changed": self.changed,
+            "views": {
+                "folder": self.folder,
+                "count": len(self.views),
+                "names": [view.name for view in self.views],
+                "sizes": [[view.camera.width, view.camera.height] for view in self.views],
+            },
+            "choices": dict(self.choices),
+            "branch": dict(self.options),
+            "gaussians": None if out.gaussians is None else len(out.gaussians),
+            "vertices": None if out.mesh is None else len(out.mesh.vertices),
+            "faces": None if out.mesh is None else len(out.mesh.faces),
+            "displacement": self.displacement,
+            "stages": list(self.result.stages),
+            "truth": self.truth or None,
+            "metrics": None if measures is None else measures.summary(),
+            "timings": dict(self.timings),
+            "notes": list(self.notes),
+        }
+
+    def _colours(self, thing: Reconstruction) -> bytes:
+        arrays = [thing.gaussians.sh_dc] if thing.gaussians is not None else []
+        if thing.mesh is not None and thing.mesh.colours is not None:
+            arrays.append(thing.mesh.colours)
+        return b"".join(array.tobytes() for array in arrays)
+
+
+def points_of(thing: Reconstruction) -> FloatArray:
+    """(N, 3) points that stand for a reconstruction: Gaussian centres, else mesh vertices."""
+    if thing.gaussians is not None and len(thing.gaussians):
+        return np.asarray(thing.gaussians.centres, dtype=np.float64)
+    assert thing.mesh is not None
+    return np.asarray(thing.mesh.vertices, dtype=np.float64)

@@ -1,0 +1,131 @@
+"""Pictures of one view: the mask, the support of points, and where silhouette and mask disagree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from gvla2.geometry.gaussians import SH_C0, Gaussians
+from gvla2.geometry.views import View
+from gvla2.record.drawing import Colour
+from gvla2.record.reconstruction.measures import Floats, solid
+
+Box = tuple[int, int, int, int]
+"""Columns and rows of a part of an image: x0, y0, x1, y1."""
+
+MISSED: Colour = (230, 97, 1)
+EXCESS: Colour = (44, 96, 214)
+AGREED: Colour = (186, 198, 208)
+CONTOUR: Colour = (255, 45, 120)
+PAPER = 246
+SUPPORT_SCALE: tuple[tuple[float, Colour], ...] = (
+    (0.0, (165, 15, 55)),
+    (0.45, (236, 112, 50)),
+    (0.75, (250, 206, 110)),
+    (0.95, (120, 178, 190)),
+    (1.0, (40, 98, 128)),
+)
+"""Colour of s(p); red and orange are points that most views do not take for the object."""
+
+
+def scale_css() -> str:
+    """The support's colours as a CSS gradient, from 0 to 1."""
+    stops = ", ".join(f"rgb{colour} {100 * at:g}%" for at, colour in SUPPORT_SCALE)
+    return f"linear-gradient(90deg, {stops})"
+
+
+def support_colours(support: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) in [0, 1]."""
+    at = [stop for stop, _ in SUPPORT_SCALE]
+    colours = np.array([colour for _, colour in SUPPORT_SCALE]) / 255.0
+    return np.stack([np.interp(support, at, colours[:, c]) for c in range(3)], axis=1)
+
+
+def painted_by_support(gaussians: Gaussians, support: NDArray[np.float64]) -> Gaussians:
+    """The Gaussians in the colours of their support, from every direction the same."""
+    sh_dc = ((support_colours(support) - 0.5) / SH_C0).astype(np.float32)
+    return replace(gaussians, sh_dc=sh_dc, sh_rest=None)
+
+
+def part_of(view: View, silhouettes: Iterable[NDArray[np.bool_]], margin: float = 0.12) -> Box:
+    """A square part of the image with the mask, the silhouettes and some space about them; at least 48 pixels."""
+    shown = solid(view).copy()
+    for silhouette in silhouettes:
+        shown |= silhouette
+    height, width = shown.shape
+    rows, columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
+    if len(rows) == 0:
+        return 0, 0, width, height
+    low = np.array([columns[0], rows[0]])
+    high = np.array([columns[-1] + 1, rows[-1] + 1])
+    side = int(max(48, np.ceil((1 + 2 * margin) * (high - low).max())))
+    spans = []
+    for k, whole in enumerate((width, height)):
+        extent = min(side, whole)
+        start = int(np.clip((low[k] + high[k] - extent) // 2, 0, whole - extent))
+        spans.append((start, start + extent))
+    (x0, x1), (y0, y1) = spans
+    return x0, y0, x1, y1
+
+
+def photograph(image: NDArray[np.uint8] | Floats, box: Box, width: int = 360) -> Image.Image:
+    """A part of a picture (uint8, or float in [0, 1]), enlarged smoothly by a whole factor to about ``width``."""
+    array = image if image.dtype == np.uint8 else np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8)
+    return _enlarged(Image.fromarray(np.ascontiguousarray(array)), box, width, Image.Resampling.LANCZOS)
+
+
+def masked_picture(view: View, width: int = 512) -> Image.Image:
+    """The whole view; what lies outside the mask is washed out, the mask's edge is drawn."""
+    box = (0, 0, view.camera.width, view.camera.height)
+    picture = np.asarray(photograph(view.image, box, width), dtype=np.float32)
+    if view.mask is None:
+        return Image.fromarray(picture.astype(np.uint8))
+    mask = _enlarged(Image.fromarray(view.mask.astype(np.float32)), box, width, Image.Resampling.BILINEAR)
+    inside = np.asarray(mask) > 0.5
+    faded = 0.35 * picture + 0.65 * 235
+    return Image.fromarray(_with_edge(np.where(inside[..., None], picture, faded), inside))
+
+
+def support_picture(painted: Floats, alpha: Floats, view: View, box: Box, width: int = 360) -> Image.Image:
+    """The points in the colours of their support, as this camera sees them, and the mask's edge."""
+    shown = painted + (1 - alpha[..., None]) * (np.float32(PAPER / 255) - np.float32(1.0))
+    picture = np.asarray(photograph(shown, box, width), dtype=np.float32)
+    mask = Image.fromarray(solid(view).astype(np.float32))
+    inside = np.asarray(_enlarged(mask, box, width, Image.Resampling.BILINEAR)) > 0.5
+    return Image.fromarray(_with_edge(picture, inside, thin=True))
+
+
+def residual_picture(silhouette: NDArray[np.bool_], view: View, box: Box, width: int = 360) -> Image.Image:
+    """Silhouette against mask, pixel by pixel: agreed grey, missed orange, excess blue."""
+    mask = solid(view)
+    grey = view.image.astype(np.float32).mean(axis=-1, keepdims=True)
+    picture = np.full(view.image.shape, PAPER, dtype=np.float32)
+    picture[mask & silhouette] = (0.78 * np.array(AGREED) + 0.22 * grey)[mask & silhouette]
+    picture[mask & ~silhouette] = MISSED
+    picture[silhouette & ~mask] = EXCESS
+    return _enlarged(Image.fromarray(picture.astype(np.uint8)), box, width, Image.Resampling.NEAREST)
+
+
+def _enlarged(picture: Image.Image, box: Box, width: int, how: Image.Resampling) -> Image.Image:
+    across, down = box[2] - box[0], box[3] - box[1]
+    scale = max(1, round(width / across))
+    return picture.resize((across * scale, down * scale), how, box=box)
+
+
+def _with_edge(picture: NDArray[np.float32], inside: NDArray[np.bool_], thin: bool = False) -> NDArray[np.uint8]:
+    """The picture with a mask's edge drawn on it, about two pixels wide, or one."""
+    edge = np.zeros_like(inside)
+    edge[1:] |= inside[1:] != inside[:-1]
+    edge[:, 1:] |= inside[:, 1:] != inside[:, :-1]
+    if not thin:
+        grown = edge.copy()
+        grown[:-1] |= edge[1:]
+        grown[:, :-1] |= edge[:, 1:]
+        edge = grown
+    drawn = picture.astype(np.uint8)
+    drawn[edge] = CONTOUR
+    return drawn

@@ -1,0 +1,202 @@
+"""How well a reconstruction explains its input views, held-out views and a true mesh, before and after the branch."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import GeometryError, MissingDependencyError
+from gvla2.evaluation import metrics
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.branch import BranchResult
+from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.reconstruction.silhouette import silhouettes
+from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.surfels import surfels
+
+Floats = NDArray[np.float32]
+Group = Literal["inputs", "held_out", "truth"]
+
+
+@dataclass(frozen=True)
+class ViewFit:
+    """One input view against what is reconstructed.
+
+    ``image`` (H, W, 3) and ``alpha`` (H, W) are rendered; ``silhouette`` (H, W) bool. ``missed`` counts mask pixels
+    that the silhouette leaves out, ``excess`` silhouette pixels beyond the mask; ``iou`` is NaN for an empty mask.
+    ``psnr`` in dB is against the picture laid on white by its mask.
+    """
+
+    name: str
+    image: Floats
+    alpha: Floats
+    silhouette: NDArray[np.bool_]
+    iou: float
+    missed: int
+    excess: int
+    psnr: float
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A reconstruction against all input views; ``support`` is s(p) (N,) of ``gaussians``, which are what is drawn."""
+
+    gaussians: Gaussians
+    support: NDArray[np.float64]
+    views: tuple[ViewFit, ...]
+
+    def numbers(self) -> dict[str, float]:
+        """The means over views, views with an empty mask left out, and over points."""
+        return {
+            "symmetric_iou": _mean([view.iou for view in self.views]),
+            "mask_support": float(self.support.mean()),
+            "psnr": _mean([view.psnr for view in self.views]),
+        }
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Before and after the branch: ``before`` and ``after`` in detail, and all numbers by group and name.
+
+    ``groups``: ``inputs`` (how well the views that it was made from are explained: not a measure of quality),
+    ``held_out`` (PSNR, SSIM, LPIPS in views that were not used) and ``truth`` (Chamfer distances x 1000); each
+    (before, after). ``unmeasured`` says why a number is missing, by its name.
+    """
+
+    before: Fit
+    after: Fit
+    groups: Mapping[Group, tuple[Mapping[str, float], Mapping[str, float]]]
+    held_out: tuple[str, ...] = ()
+    unmeasured: Mapping[str, str] | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain numbers; a group that was not measured is None."""
+        told: dict[str, Any] = {}
+        for group in ("inputs", "held_out", "truth"):
+            pair = self.groups.get(group)
+            told[group] = None if pair is None else {"before": dict(pair[0]), "after": dict(pair[1])}
+        return {**told, "held_out_views": list(self.held_out), "unmeasured": dict(self.unmeasured or {})}
+
+
+def measure(
+    result: BranchResult,
+    views: Views,
+    renderer: Renderer,
+    held_out: Views | None = None,
+    truth: Mesh | None = None,
+) -> Measures:
+    """Everything that can be measured of a branch's first and last reconstruction.
+
+    ``truth`` lies in the views' frame. Raises :class:`GeometryError` for what the renderer refuses.
+    """
+    ends = (result.g0, result.out)
+    before, after = (fit(end, views, renderer) for end in ends)
+    groups: dict[Group, tuple[Mapping[str, float], Mapping[str, float]]] = {
+        "inputs": (before.numbers(), after.numbers())
+    }
+    unmeasured: dict[str, str] = {}
+    if held_out is not None:
+        pair, why = _held_out((before.gaussians, after.gaussians), held_out, renderer)
+        groups["held_out"] = pair
+        unmeasured.update({} if not why else {"lpips": why})
+    if truth is not None:
+        groups["truth"] = _against(truth, ends)
+    names = () if held_out is None else tuple(view.name for view in held_out)
+    return Measures(before, after, groups, names, unmeasured)
+
+
+def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Fit:
+    """A reconstruction against the input views."""
+    gaussians = drawable(thing)
+    centres = np.asarray(gaussians.centres, dtype=np.float64)
+    drawn = silhouettes(centres, views)
+    rows = []
+    for view, silhouette in zip(views, drawn, strict=True):
+        image, alpha = renderer.render(gaussians, view.camera)
+        mask = solid(view)
+        missed, excess = int((mask & ~silhouette).sum()), int((silhouette & ~mask).sum())
+        union = int((mask | silhouette).sum())
+        iou = (union - missed - excess) / union if mask.any() else float("nan")
+        psnr = metrics.psnr(image, on_white(view)) if mask.any() else float("nan")
+        rows.append(ViewFit(view.name, image, alpha, silhouette, iou, missed, excess, psnr))
+    return Fit(gaussians, mask_support(centres, views), tuple(rows))
+
+
+def drawable(thing: Reconstruction) -> Gaussians:
+    """What a renderer can draw: the Gaussians, or flat ones on the mesh."""
+    if thing.gaussians is not None and len(thing.gaussians):
+        return thing.gaussians
+    if thing.mesh is None:
+        raise GeometryError("The reconstruction is empty: there is nothing to draw.")
+    return surfels(thing.mesh)
+
+
+def solid(view: View) -> NDArray[np.bool_]:
+    """(H, W) the pixels of the view's mask; all of them when it has none."""
+    if view.mask is None:
+        return np.ones(view.image.shape[:2], dtype=np.bool_)
+    return np.asarray(view.mask > 0.5)
+
+
+def on_white(view: View) -> Floats:
+    """The picture (H, W, 3) in [0, 1] with what is outside the mask white, as renders are."""
+    image = view.image.astype(np.float32) / np.float32(255)
+    if view.mask is None:
+        return image
+    # Inside a soft edge the picture is already laid on something; only what is beyond the mask is replaced.
+    return np.asarray(np.where(view.mask[..., None] > 0, image, np.float32(1.0)))
+
+
+def _held_out(
+    ends: Sequence[Gaussians], targets: Views, renderer: Renderer
+) -> tuple[tuple[Mapping[str, float], Mapping[str, float]], str]:
+    """PSNR, SSIM and LPIPS, means over the targets, of both ends; and why LPIPS is missing, or ""."""
+    from gvla2.evaluation.lpips import Lpips, mean_distance
+
+    pictures = [on_white(view) for view in targets]
+    renders = [[renderer.render(end, view.camera)[0] for view in targets] for end in ends]
+    pair = [
+        {
+            "psnr": _mean([metrics.psnr(a, b) for a, b in zip(images, pictures, strict=True)]),
+            "ssim": _mean([metrics.ssim(a, b) for a, b in zip(images, pictures, strict=True)]),
+        }
+        for images in renders
+    ]
+    try:
+        lpips = Lpips()
+        features = [lpips.features(picture) for picture in pictures]
+        for numbers, images in zip(pair, renders, strict=True):
+            numbers["lpips"] = mean_distance(lpips, images, features)
+    except (MissingDependencyError, GeometryError) as error:
+        return (pair[0], pair[1]), str(error)
+    return (pair[0], pair[1]), ""
+
+
+def _against(
+    truth: Mesh, ends: Sequence[Reconstruction]
+) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    prepared = metrics.Truth.of(truth)
+    numbers = []
+    for end in ends:
+        points, _ = metrics.surface_points(end.mesh, None if end.gaussians is None else end.gaussians.centres)
+        corners = points if end.mesh is None else end.mesh.vertices
+        numbers.append(
+            {
+                "cd_surface": metrics.cd_surface(points, prepared),
+                "cd_official": metrics.cd_official(corners, prepared),
+            }
+        )
+    return numbers[0], numbers[1]
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+

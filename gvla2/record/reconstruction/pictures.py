@@ -1,0 +1,94 @@
+"""All pictures of a reconstruction's page, as files' bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.contracts import Renderer
+from gvla2.record.animation import gif
+from gvla2.record.drawing import png
+from gvla2.record.reconstruction.maps import (
+    masked_picture,
+    painted_by_support,
+    part_of,
+    photograph,
+    residual_picture,
+    support_picture,
+)
+from gvla2.record.reconstruction.measures import Fit, Measures, on_white
+from gvla2.record.reconstruction.turntable import SECONDS_A_TURN, ring, side_by_side, turn
+
+MOST_VIEWS = 12
+"""The page shows at most so many views, spread over all."""
+TURNTABLE_SIZE = 288
+TITLES = ("first reconstruction", "refined")
+
+
+@dataclass(frozen=True)
+class ViewPictures:
+    """One input view's pictures as PNG files; pairs are (before, after).
+
+    ``masked`` is the whole view; the others show the part with the object.
+    """
+
+    name: str
+    masked: bytes
+    photo: bytes
+    renders: tuple[bytes, bytes]
+    supports: tuple[bytes, bytes]
+    residuals: tuple[bytes, bytes]
+
+
+@dataclass
+class ReconstructionPictures:
+    """What the page can show; empty where a picture was not made. ``hero`` and ``turntable`` are GIF files."""
+
+    views: tuple[ViewPictures, ...] = ()
+    hero: bytes = b""
+    turntable: bytes = b""
+
+
+def shown_views(count: int) -> list[int]:
+    """Which views the page shows."""
+    return sorted({int(k) for k in np.linspace(0, count - 1, min(count, MOST_VIEWS)).round()})
+
+
+def view_pictures(views: Views, measures: Measures, renderer: Renderer) -> tuple[ViewPictures, ...]:
+    """The pictures of the shown views."""
+    ends = (measures.before, measures.after)
+    painted = [painted_by_support(end.gaussians, end.support) for end in ends]
+    return tuple(_of_view(k, views[k], ends, painted, renderer) for k in shown_views(len(views)))
+
+
+def _of_view(
+    k: int, view: View, ends: tuple[Fit, Fit], painted: Sequence[Gaussians], renderer: Renderer
+) -> ViewPictures:
+    fits = [end.views[k] for end in ends]
+    box = part_of(view, [fit.silhouette for fit in fits])
+    renders = [png(photograph(fit.image, box)) for fit in fits]
+    supports = [png(support_picture(*renderer.render(p, view.camera), view, box)) for p in painted]
+    residuals = [png(residual_picture(fit.silhouette, view, box)) for fit in fits]
+    return ViewPictures(
+        view.name,
+        png(masked_picture(view)),
+        png(photograph(on_white(view), box)),
+        (renders[0], renders[1]),
+        (supports[0], supports[1]),
+        (residuals[0], residuals[1]),
+    )
+
+
+def turntables(
+    measures: Measures, renderer: Renderer, frames: int, tick: Callable[[], None] | None = None
+) -> tuple[bytes, bytes]:
+    """GIF files of one turn: the refined object alone, and both side by side."""
+    points = np.concatenate([measures.before.gaussians.centres, measures.after.gaussians.centres])
+    cameras = ring(points.astype(np.float64), frames, TURNTABLE_SIZE)
+    before, after = (turn(end.gaussians, cameras, renderer, tick) for end in (measures.before, measures.after))
+    fps = frames / SECONDS_A_TURN
+    return gif(after, fps, rest=0.0), gif(side_by_side(before, after, TITLES), fps, rest=0.0)

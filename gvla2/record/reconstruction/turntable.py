@@ -1,0 +1,63 @@
+"""The object seen from all around, before and after: moving pictures of one turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from gvla2.evaluation.protocol import look_at
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.contracts import Renderer
+from gvla2.record.drawing import INK, font
+
+Frame = NDArray[np.uint8]
+FIELD_OF_VIEW = np.deg2rad(30.0)
+ELEVATION = np.deg2rad(22.0)
+SECONDS_A_TURN = 4.0
+
+
+def ring(points: FloatArray, count: int, size: int) -> tuple[Camera, ...]:
+    """Cameras that walk once around points (N, 3), world z upwards, so that all of them stay in the picture."""
+    low, high = np.percentile(points, [0.5, 99.5], axis=0)
+    centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
+    away = 1.02 * max(radius, 1e-6) / np.sin(0.5 * FIELD_OF_VIEW)
+    cameras = []
+    for k in range(count):
+        turn = 2 * np.pi * k / count
+        flat = np.cos(ELEVATION)
+        offset = away * np.array([flat * np.cos(turn), flat * np.sin(turn), np.sin(ELEVATION)])
+        cameras.append(Camera.from_fov(FIELD_OF_VIEW, look_at(centre + offset, centre), size, size, f"turn {k}"))
+    return tuple(cameras)
+
+
+def turn(
+    gaussians: Gaussians, cameras: Sequence[Camera], renderer: Renderer, tick: Callable[[], None] | None = None
+) -> list[Frame]:
+    """Frames (H, W, 3) uint8 on white; ``tick`` is called after each."""
+    frames = []
+    for camera in cameras:
+        image, _ = renderer.render(gaussians, camera)
+        frames.append(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8))
+        if tick is not None:
+            tick()
+    return frames
+
+
+def side_by_side(left: Sequence[Frame], right: Sequence[Frame], titles: tuple[str, str]) -> list[Frame]:
+    """Frames of two turns in one picture, so that they never run apart, with a title under each."""
+    joined = []
+    for pair in zip(left, right, strict=True):
+        (height, width), strip = pair[0].shape[:2], 30
+        sheet = Image.new("RGB", (2 * width, height + strip), (255, 255, 255))
+        pen = ImageDraw.Draw(sheet)
+        for k, (frame, title) in enumerate(zip(pair, titles, strict=True)):
+            sheet.paste(Image.fromarray(frame), (k * width, 0))
+            pen.text(((k + 0.5) * width, height + strip / 2), title, fill=INK, font=font(15), anchor="mm")
+        pen.line([(width, 12), (width, height + strip - 12)], fill=(215, 221, 228), width=1)
+        joined.append(np.asarray(sheet))
+    return joined

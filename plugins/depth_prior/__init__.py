@@ -1,0 +1,34 @@
+"""The views' own measured depth as a geometry prior: the RGB-D setting that the paper has and leaves unused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.reconstruction.contracts import GeometryPrior
+
+
+@dataclass
+class DepthPriorConfig(ComponentConfig):
+    """Options of the ``depth`` prior."""
+
+    erode: int = 1
+    """Pixels left out along the borders of what was measured and of the mask, where depth is a mixture."""
+    confidence: float = 1.0
+    """Confidence of every measured pixel, > 0."""
+
+
+def _build(config: DepthPriorConfig) -> GeometryPrior:
+    """Takes the depth that the views measured; none without RGB-D views."""
+    from gvla2_plugins.depth_prior.prior import DepthPrior
+
+    return DepthPrior(config)
+
+
+@hookimpl
+def gvla2_geometry_priors() -> list[Component[GeometryPrior]]:
+    """``prior=depth``."""
+    return [Component("depth", DepthPriorConfig, _build)]

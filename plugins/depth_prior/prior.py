@@ -1,0 +1,59 @@
+"""Measured depth, less what lies on borders."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.contracts import GeometryEstimate
+
+if TYPE_CHECKING:
+    from gvla2_plugins.depth_prior import DepthPriorConfig
+
+
+class DepthPrior:
+    """The views' own depth: metric and calibrated, so that the estimate has no poses.
+
+    Raises :class:`ConfigurationError` for a negative ``erode`` or a ``confidence`` that is not above 0.
+    """
+
+    def __init__(self, config: DepthPriorConfig) -> None:
+        if config.erode < 0:
+            raise ConfigurationError(f"prior.erode counts pixels and must be >= 0, got {config.erode}.")
+        if not 0 < config.confidence < float("inf"):
+            raise ConfigurationError(f"prior.confidence must be a number above 0, got {config.confidence}.")
+        self._erode, self._confidence = config.erode, config.confidence
+
+    def predict(self, views: Views) -> GeometryEstimate | None:
+        """Depth (S, H, W) of the views, NaN where nothing was measured; None when no view measured any.
+
+        Views of different sizes are put into the largest's upper left corner, and guidance refuses them by name.
+        """
+        if not any(view.depth is not None and _measured(view.depth).any() for view in views):
+            return None
+        height = max(view.camera.height for view in views)
+        width = max(view.camera.width for view in views)
+        depth = np.full((len(views), height, width), np.nan, dtype=np.float32)
+        for slot, view in zip(depth, views, strict=True):
+            if view.depth is not None:
+                slot[: view.camera.height, : view.camera.width] = self._trusted(view.depth, view)
+        confidence = np.where(np.isfinite(depth), self._confidence, 0.0).astype(np.float32)
+        return GeometryEstimate(depth, confidence)
+
+    def _trusted(self, depth: NDArray[np.float32], view: View) -> NDArray[np.float32]:
+        keep = _measured(depth)
+        if view.mask is not None:
+            keep &= view.mask > 0.5
+        if self._erode:
+            # The picture's own border is no border of the object.
+            keep = binary_erosion(keep, np.ones((3, 3)), iterations=self._erode, border_value=1)
+        return np.where(keep, depth, np.nan).astype(np.float32)
+
+
+def _measured(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(depth) & (depth > 0))

@@ -1,0 +1,45 @@
+"""A geometry prior that was computed elsewhere and saved as an .npz file.
+
+The file holds, for S views in the order of the run's views:
+
+    depth               (S, h, w)     along each camera's z, NaN or <= 0 where unknown; or instead of it
+    point_map           (S, h, w, 3)  the pixels' points in the prior's world; needs world_from_camera
+    confidence          (S, h, w)     optional, >= 0, default 1
+    world_from_camera   (S, 4, 4)     optional poses (OpenCV axes) in the prior's own frame and scale; without them
+                                      the depth is metric and belongs to the calibrated cameras
+    names               (S,)          optional names of the views: rows are then found by name, in any order
+
+The pictures may be of another size than the views, of the same shape within two percent: they are resized to the
+views by the nearest pixel, which never invents depth between two surfaces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.reconstruction.contracts import GeometryPrior
+
+
+@dataclass
+class FilePriorConfig(ComponentConfig):
+    """Options of the ``file`` prior."""
+
+    path: str = ""
+    """The .npz file, as described above; required. One file serves one set of views."""
+
+
+def _build(config: FilePriorConfig) -> GeometryPrior:
+    """Reads depth or a point map from an .npz file made elsewhere."""
+    from gvla2_plugins.file_prior.prior import FilePrior
+
+    return FilePrior(config)
+
+
+@hookimpl
+def gvla2_geometry_priors() -> list[Component[GeometryPrior]]:
+    """``prior=file prior.path=depth.npz``."""
+    return [Component("file", FilePriorConfig, _build)]

@@ -1,0 +1,151 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.contour import mask_contour
+from gvla2.reconstruction.outline import closing_radius, outline
+from gvla2.reconstruction.silhouette import coverage, e_mask, silhouettes, symmetric_iou
+
+
+@pytest.fixture(scope="module")
+def views(jug, masked_views) -> Views:
+    return masked_views(jug, size=256)
+
+
+def surface(mesh: trimesh.Trimesh, count: int) -> np.ndarray:
+    return np.asarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
+
+
+def test_a_mesh_draws_exactly_what_rays_hit(jug, views):
+    assert symmetric_iou(jug.vertices, views, faces=jug.faces) > 0.9995
+
+
+@pytest.mark.parametrize(("count", "least"), [(5_000, 0.96), (20_000, 0.985), (300_000, 0.995)])
+def test_points_of_any_density_fill_the_same_silhouette(jug, views, count, least):
+    found = coverage(surface(jug, count), views)
+    assert found.mean_iou > least
+    assert found.contained.min() > 0.98
+
+
+def test_a_hole_stays_a_hole(masked_views):
+    ring = trimesh.creation.torus(major_radius=0.4, minor_radius=0.08)
+    views = masked_views(ring, size=128)
+    open_views = [v for v in views if abs(v.camera.world_from_camera[2, 2]) > 0.7]
+    assert open_views
+    middle = [v.camera.project(np.zeros((1, 3)))[0][0].astype(int) for v in open_views]
+    drawn = silhouettes(surface(ring, 10_000), Views(tuple(open_views)))
+    assert not any(mask[v, u] for mask, (u, v) in zip(drawn, middle, strict=True))
+
+
+def test_too_large_too_small_and_shifted_all_lose(jug, views):
+    points = surface(jug, 20_000)
+    best = symmetric_iou(points, views)
+    for wrong in (1.05 * points, 0.95 * points, points + [0.03, 0, 0], points * [1, 1, 0.95]):
+        assert symmetric_iou(wrong, views) < best - 0.01
+
+
+def test_the_published_energy_only_rewards_shrinking(jug, views):
+    points = surface(jug, 20_000)
+    assert e_mask(0.5 * points, views) < 1e-4 < e_mask(points, views) < 0.1
+    assert symmetric_iou(0.5 * points, views) < 0.3
+    assert coverage(0.5 * points, views).contained.min() > 0.99
+    assert coverage(1.5 * points, views).explained.min() > 0.99
+
+
+def test_extents_draw_gaussians_centred_within(masked_views):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)
+    views, inner = masked_views(ball), surface(ball, 20_000) * 0.9
+    assert symmetric_iou(inner, views) < 0.83
+    assert symmetric_iou(inner, views, extents=np.full(len(inner), 0.04)) > 0.975
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(20, 44), st.floats(20, 44), st.floats(5, 18), st.integers(0, 1000))
+def test_outline_of_a_disc_is_right_to_a_fraction_of_a_pixel(masked_views, u, v, radius, seed):
+    camera = masked_views(trimesh.creation.box((0.1, 0.1, 0.1)), count=1, size=64)[0].camera
+    rng = np.random.default_rng(seed)
+    angle, reach = rng.uniform(0, 2 * np.pi, 8000), radius * np.sqrt(rng.uniform(0, 1, 8000))
+    uv = np.stack([u + reach * np.cos(angle), v + reach * np.sin(angle)], axis=1)
+    rays = np.concatenate([uv, np.ones((len(uv), 1))], axis=1) @ np.linalg.inv(camera.K).T
+    points = camera.position + rays @ camera.world_from_camera[:3, :3].T
+    inside = outline(points, camera).inside
+    centres = camera.pixel_centres()
+    truth = radius - np.hypot(centres[..., 0] - u, centres[..., 1] - v)
+    near = np.abs(truth) < 1
+    assert np.abs(inside - truth)[near].mean() < 0.2
+
+
+def test_closing_radius_follows_the_density():
+    rng = np.random.default_rng(0)
+    thin, thick = (closing_radius(rng.uniform(30, 90, (n, 2)).astype(np.float32), 128, 128) for n in (800, 20_000))
+    assert 1 <= thick < 1.5 < 3 < thin <= 8
+    assert closing_radius(np.full((5, 2), np.nan, np.float32), 128, 128) == 1.0
+
+
+def test_points_that_are_not_finite_or_behind_are_not_drawn(jug, views):
+    points = surface(jug, 5000)
+    dirt = np.vstack([points, [[np.nan, 0, 0], [np.inf, 0, 0], 3 * views[0].camera.position]])
+    np.testing.assert_allclose(coverage(dirt, views).iou[0], coverage(points, views).iou[0])
+
+
+def test_nothing_drawn_covers_nothing(views):
+    found = coverage(np.zeros((0, 3)), views)
+    assert found.iou.tolist() == [0.0] * 5
+
+
+def test_empty_masks_are_left_out_or_an_error(jug, views):
+    empty = replace(views[0], mask=np.zeros_like(views[0].mask))
+    points = surface(jug, 5000)
+    partly = coverage(points, Views((empty, *views.views[1:])))
+    assert np.isnan(partly.iou[0])
+    assert partly.mean_iou == pytest.approx(coverage(points, Views(views.views[1:])).mean_iou)
+    with pytest.raises(GeometryError, match="masks are empty"):
+        symmetric_iou(points, Views((empty,)))
+
+
+def test_contour_of_a_disc_lies_on_it_with_normals_outwards():
+    size, centre, radius = 96, np.array([47.3, 50.1]), 30.0
+    j, i = np.meshgrid(np.arange(size) + 0.5, np.arange(size) + 0.5)
+    mask = (np.hypot(j - centre[0], i - centre[1]) <= radius).astype(np.float32)
+    for count in (None, 100):
+        contour = mask_contour(mask, count)
+        offset = contour.uv - centre
+        assert abs((np.linalg.norm(offset, axis=1) - radius).mean()) < 0.05
+        cosine = (offset * contour.normal).sum(axis=1) / np.linalg.norm(offset, axis=1)
+        assert cosine.min() > 0.99
+        assert contour.length.sum() == pytest.approx(2 * np.pi * radius, rel=0.02)
+    assert 90 <= len(contour.uv) <= 100
+
+
+def test_contour_knows_nothing_at_the_images_border():
+    mask = np.zeros((40, 40), np.float32)
+    mask[:, :20] = 1
+    contour = mask_contour(mask)
+    np.testing.assert_allclose(contour.uv[:, 0], 20.0)
+    np.testing.assert_allclose(contour.normal, np.tile([1.0, 0.0], (40, 1)), atol=1e-6)
+    assert len(mask_contour(np.ones((8, 8), np.float32)).uv) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"faces": [[0, 1, 9]]}, "absent|outside"),
+        ({"faces": [[0, 1]]}, r"\(F, 3\)"),
+        ({"extents": [0.1]}, "extents"),
+        ({"extents": [0.1, 0.1, -0.1]}, "extents"),
+    ],
+)
+def test_errors(views, arguments, words):
+    with pytest.raises(GeometryError, match=words):
+        symmetric_iou(np.zeros((3, 3)), views, **arguments)
+
+
+def test_energy_of_nothing(views):
+    with pytest.raises(GeometryError, match="no points"):
+        e_mask(np.zeros((0, 3)), views)

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.errors import GeometryError
+from gvla2.reconstruction.soft_hull import object_centre, shrink_strength, soft_hull
+
+
+def test_strength_is_the_papers_formula():
+    s = np.linspace(0, 1, 11)
+    expected = 0.008 * (1 / (1 + np.exp(-(0.45 - s) / 0.12))) ** 2
+    np.testing.assert_allclose(shrink_strength(s), expected, rtol=1e-12)
+    assert shrink_strength(0.45).item() == pytest.approx(0.008 / 4)
+
+
+def test_tiny_softness_does_not_overflow():
+    assert shrink_strength([0.0, 1.0], eta=1e-9).tolist() == [0.008, 0.0]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0, 1), st.floats(0.01, 1), st.floats(0, 0.5))
+def test_points_move_inwards_and_at_most_by_lambda_max(seed, tau, eta, lambda_max):
+    rng = np.random.default_rng(seed)
+    points, support = rng.normal(size=(50, 3)), rng.uniform(0, 1, 50)
+    centre = rng.normal(size=3)
+    moved = soft_hull(points, support, centre, tau, eta, lambda_max)
+    old, new = np.linalg.norm(points - centre, axis=1), np.linalg.norm(moved - centre, axis=1)
+    assert (new <= old * (1 + 1e-12)).all()
+    assert (new >= old * (1 - lambda_max) * (1 - 1e-12)).all()
+    np.testing.assert_allclose(np.cross(points - centre, moved - centre), 0, atol=1e-9)
+
+
+def test_less_support_moves_more():
+    assert (np.diff(shrink_strength(np.linspace(0, 1, 20))) < 0).all()
+
+
+def test_no_shrink_is_the_identity():
+    points = np.random.default_rng(0).normal(size=(20, 3))
+    np.testing.assert_array_equal(soft_hull(points, np.zeros(20), lambda_max=0.0), points)
+
+
+def test_one_centre_for_uneven_samplings_of_one_object():
+    dense, sparse = np.random.default_rng(0), np.array([[0.0, 0, 0], [1, 1, 1]])
+    crowded = np.vstack([sparse, dense.uniform(0, 0.2, (500, 3))])
+    np.testing.assert_allclose(object_centre(crowded), object_centre(sparse))
+    np.testing.assert_allclose(object_centre(np.vstack([sparse, [[np.nan] * 3]])), [0.5] * 3)
+
+
+def test_no_points():
+    assert soft_hull(np.zeros((0, 3)), np.zeros(0)).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"support": np.ones(3)}, "4 points but support of shape"),
+        ({"support": np.full(4, 1.5)}, r"\[0, 1\]"),
+        ({"support": np.full(4, np.nan)}, r"\[0, 1\]"),
+        ({"eta": 0.0}, "eta"),
+        ({"lambda_max": 1.5}, "lambda_max"),
+        ({"centre": [0, 0]}, "centre"),
+    ],
+)
+def test_errors(arguments, words):
+    with pytest.raises(GeometryError, match=words):
+        soft_hull(**{"points": np.ones((4, 3)), "support": np.ones(4), **arguments})
+
+
+def test_nothing_finite_has_no_centre():
+    with pytest.raises(GeometryError, match="None of 2 points"):
+        object_centre(np.full((2, 3), np.nan))

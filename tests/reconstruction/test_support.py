@@ -1,0 +1,125 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.ndimage import map_coordinates
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import rigid, transform_points
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.support import mask_support
+
+
+@pytest.fixture(scope="module")
+def views(jug, masked_views) -> Views:
+    sharp = masked_views(jug, size=64)
+    rng = np.random.default_rng(0)
+    # Soft masks: bilinear sampling shows everywhere.
+    return Views(tuple(replace(v, mask=rng.uniform(0, 1, v.mask.shape).astype(np.float32)) for v in sharp))
+
+
+def one_view(mask: np.ndarray, pose: np.ndarray | None = None) -> Views:
+    """A camera at the origin that looks along z, focal length 10 px."""
+    height, width = mask.shape
+    K = np.array([[10.0, 0, width / 2], [0, 10.0, height / 2], [0, 0, 1]])
+    camera = Camera(K, np.eye(4) if pose is None else pose, width, height, "only")
+    return Views((View(camera, np.zeros((height, width, 3), np.uint8), mask=mask.astype(np.float32)),))
+
+
+def reference(points: np.ndarray, views: Views) -> np.ndarray:
+    """The paper's s(p) with scipy's bilinear sampling."""
+    total, seen = np.zeros(len(points)), np.zeros(len(points))
+    for view in views:
+        uv, _ = view.camera.project(points)
+        inside = view.camera.inside(uv)
+        rows_columns = (uv[inside] - 0.5).T[::-1]
+        total[inside] += map_coordinates(view.mask.astype(float), rows_columns, order=1, mode="nearest")
+        seen += inside
+    return total / np.maximum(seen, 1)
+
+
+def test_equals_the_papers_formula(views):
+    points = np.random.default_rng(1).uniform(-1.5, 1.5, (3000, 3))
+    got = mask_support(points, views)
+    assert got.shape == (3000,)
+    np.testing.assert_allclose(got, reference(points, views), atol=1e-6)
+    assert 0.1 < got.mean() < 0.9
+
+
+def test_samples_at_pixel_centres():
+    mask = np.zeros((8, 8))
+    mask[3, 5] = 1.0
+    # Pixel (column 5, row 3) has its centre at (5.5, 3.5): x = 1.5 / 10, y = -0.5 / 10 at depth 1.
+    at = np.array([[0.15, -0.05, 1.0], [0.20, -0.05, 1.0], [0.25, -0.05, 1.0]])
+    np.testing.assert_allclose(mask_support(at, one_view(mask)), [1.0, 0.5, 0.0], atol=1e-6)
+
+
+def test_official_sampling_differs_and_trusts_points_seen_once():
+    mask = np.tile(np.linspace(0, 1, 8), (8, 1))
+    views = Views((*one_view(mask), *one_view(mask)))
+    at = np.array([[-0.2, 0.0, 1.0], [0.4, 0.0, 1.0], [9.0, 0.0, 1.0]])  # u = 2, the far edge 8, outside
+    np.testing.assert_allclose(mask_support(at, views, compat="official"), [2 / 8, 1.0, 1.0], atol=1e-6)
+    np.testing.assert_allclose(mask_support(at, views), [1.5 / 7, 0.0, 0.0], atol=1e-6)
+    assert mask_support(at, one_view(mask), compat="official").tolist() == [1.0, 1.0, 1.0]
+
+
+def test_points_behind_outside_and_not_finite_have_none():
+    points = np.array([[0, 0, -1.0], [5.0, 0, 1.0], [np.nan, 0, 1.0], [np.inf, 0, 1.0], [0, 0, 1.0]])
+    assert mask_support(points, one_view(np.ones((8, 8)))).tolist() == [0, 0, 0, 0, 1]
+    official = mask_support(points, one_view(np.ones((8, 8))), compat="official")
+    assert official[2] == official[3] == 0
+
+
+def test_no_points(views):
+    assert mask_support(np.zeros((0, 3)), views).shape == (0,)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_a_rigid_motion_of_points_and_cameras_together_changes_nothing(views, seed):
+    rng = np.random.default_rng(seed)
+    motion = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-3, 3, 3))
+    points = rng.uniform(-0.7, 0.7, (200, 3))
+    moved = Views(
+        tuple(
+            replace(v, camera=replace(v.camera, world_from_camera=motion @ v.camera.world_from_camera))
+            for v in views
+        )
+    )
+    here, there = mask_support(points, views), mask_support(transform_points(motion, points), moved)
+    # A point may cross the image's edge by rounding, no more.
+    assert (np.abs(here - there) > 1e-6).sum() <= 1
+    assert here.min() >= 0
+    assert here.max() <= 1
+
+
+def test_surface_of_the_true_shape_is_supported(masked_views):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.4)
+    views = masked_views(ball)
+    assert mask_support(0.95 * ball.vertices, views).min() == 1.0
+    assert mask_support(1.5 * ball.vertices, views).mean() < 0.8
+
+
+def test_many_points_on_several_threads_equal_few_on_one(views):
+    points = np.random.default_rng(2).uniform(-1, 1, (90_000, 3))
+    whole = mask_support(points, views)
+    np.testing.assert_array_equal(whole[::30], mask_support(points[::30], views))
+
+
+def test_errors_name_the_view_and_the_fault(views):
+    bare = Views((views[0], replace(views[1], mask=None)))
+    with pytest.raises(GeometryError, match="'view1' has no mask"):
+        mask_support(np.zeros((1, 3)), bare)
+    with pytest.raises(GeometryError, match="'view0'.*\\[0, 1\\]"):
+        mask_support(np.zeros((1, 3)), Views((replace(views[0], mask=views[0].mask * 255),)))
+    with pytest.raises(GeometryError, match="'view0'"):
+        mask_support(np.zeros((1, 3)), Views((replace(views[0], mask=views[0].mask * np.nan),)))
+    with pytest.raises(GeometryError, match=r"\(N, 3\)"):
+        mask_support(np.zeros((3, 2)), views)
+    with pytest.raises(GeometryError, match="Available: none, official"):
+        mask_support(np.zeros((1, 3)), views, compat="offical")
