@@ -7,6 +7,9 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "run": "run one episode, or many: observe, plan, execute, verify, learn",
         "reconstruct": "an object's refined geometry from a folder of calibrated views",
+        "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
+        "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
+        "data": "say which data sets and weights are here, and how to get the others",
         "plugins": "list robots, planners, memories and all else that can be chosen, with options",
         "doctor": "check this installation and say what to do about what is missing",
     }

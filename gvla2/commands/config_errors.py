@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from hydra.errors import ConfigCompositionException, HydraException, MissingConfigException
+from hydra.errors import (
+    ConfigCompositionException,
+    HydraException,
+    MissingConfigException,
+    OverrideParseException,
+)
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import (
     ConfigAttributeError,
@@ -28,8 +33,12 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
             return f"The option '{error.full_key}' has no default. Give it on the command line: {error.full_key}=..."
         case ConfigCompositionException() if isinstance(error.__cause__, OmegaConfBaseException):
             return _wrong_option(str(error), error.__cause__)
+        case OverrideParseException():
+            return _unreadable(error)
         case HydraException():
             return str(error)
+        case OmegaConfBaseException():
+            return _wrong_option("The configuration is wrong:", error)
         case _ if isinstance(error.__cause__, OmegaConfBaseException):
             return _wrong_option(str(error), error.__cause__)
     return describe(error)
@@ -41,6 +50,14 @@ def _missing_choice(error: MissingConfigException, registry: Registry | None) ->
         return str(error)
     note = registry.broken_note(group) if registry is not None and group in KINDS else ""
     return str(UnknownComponentError(group, name.removesuffix(".yaml"), error.options or (), note))
+
+
+def _unreadable(error: OverrideParseException) -> str:
+    key = error.override.partition("=")[0]
+    return (
+        f"'{error.override}' cannot be read: {error.message.partition(chr(10))[0]}. A value with commas, equal signs, "
+        f"colons or quotes needs quotes of its own inside the shell's: '{key}=\"...\"'."
+    )
 
 
 def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,11 +18,12 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.config_errors import explain
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
-from gvla2.errors import Gvla2Error
+from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
 
 JobFunction = Callable[[Any, Registry], object]
@@ -71,6 +74,10 @@ class JobFailedError(BaseException):
         self.error = error
 
 
+class Terminated(KeyboardInterrupt):  # noqa: N818 - it ends a process, as its base does
+    """SIGTERM, from a batch system, say: it unwinds like Ctrl-C, so that the run's folder is complete."""
+
+
 def output_folder() -> Path:
     """The folder of the job that runs now; Hydra has made it."""
     return Path(HydraConfig.get().runtime.output_dir)
@@ -80,7 +87,7 @@ def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
     """Run ``function`` as the Hydra application ``gvla2 <config_name>`` with overrides and Hydra's own flags.
 
     Returns the exit status: 0; 1 after an error, told on stderr without a traceback if it is a
-    :class:`Gvla2Error` or a wrong override; 2 for wrong usage; 130 when interrupted.
+    :class:`Gvla2Error` or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
     registry = load_plugins()
@@ -89,15 +96,21 @@ def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
     )
     try:
-        with _command_line(config_name, argv):
+        with _terminable(), _command_line(config_name, argv):
             main(Job(function, registry))()
     except JobFailedError as failed:
         return report(failed.error, registry)
     except SystemExit as leaving:  # --help, --cfg, and argparse's complaints
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stopped:
         print("gvla2: interrupted.", file=sys.stderr)
-        return 130
+        return 143 if isinstance(stopped, Terminated) else 130
+    except HydraException as error:  # some of them are an OSError too
+        return report(error, registry)
+    except OSError as error:  # the job's own errors come as JobFailedError: this one is of Hydra's folder
+        where = f" '{error.filename}'" if error.filename else ""
+        reason = f"Cannot write the output folder{where}: {error.strerror or error}."
+        return report(OutputError(f"{reason} Choose another with hydra.run.dir=FOLDER."), registry)
     except Exception as error:
         return report(error, registry)
     return 0
@@ -106,10 +119,27 @@ def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
 def report(error: Exception, registry: Registry | None = None) -> int:
     """Tell an error on stderr: in words if it was foreseen, with its traceback if not. Returns the exit status."""
     debug = any(os.environ.get(name, "0") not in ("", "0") for name in ("GVLA2_DEBUG", "HYDRA_FULL_ERROR"))
-    if debug or not isinstance(error, Gvla2Error | HydraException):
+    if debug or not isinstance(error, Gvla2Error | HydraException | OmegaConfBaseException):
         traceback.print_exception(error)
     print(f"gvla2: {explain(error, registry)}", file=sys.stderr)
     return 1
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM raises :class:`Terminated` for a while; outside the main thread signals are somebody else's."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(_signal: int, _frame: object) -> None:
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

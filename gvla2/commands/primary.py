@@ -5,9 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.data_config import DataCommandConfig
 from gvla2.commands.reconstruct_config import ReconstructConfig
+from gvla2.commands.report_config import ReportConfig
 from gvla2.commands.run_config import RunConfig
 
-PRIMARY: Mapping[str, type] = MappingProxyType({"run": RunConfig, "reconstruct": ReconstructConfig})
+PRIMARY: Mapping[str, type] = MappingProxyType(
+    {
+        "run": RunConfig,
+        "reconstruct": ReconstructConfig,
+        "bench": BenchConfig,
+        "report": ReportConfig,
+        "data": DataCommandConfig,
+    }
+)
 CONFIG_MODULE = "gvla2.conf"
 VERSION_BASE = "1.3"

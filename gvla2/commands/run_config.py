@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from gvla2.component import ComponentConfig
@@ -27,8 +28,10 @@ class DepthNoiseConfig:
             raise ConfigurationError(
                 f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(DEPTH_NOISE_KINDS)}."
             )
-        if self.sigma_m < 0 or self.sigma_rel < 0 or not 0 <= self.dropout < 1:
-            raise ConfigurationError("depth_noise: sigmas must not be negative and dropout lies in [0, 1).")
+        if not (0 <= self.sigma_m < math.inf and 0 <= self.sigma_rel < math.inf and 0 <= self.dropout < 1):
+            raise ConfigurationError(
+                "depth_noise: sigmas must be finite and not negative, and dropout lies in [0, 1)."
+            )
 
 
 @dataclass

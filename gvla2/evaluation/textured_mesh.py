@@ -49,7 +49,14 @@ class TexturedMesh:
     def content_hash(self) -> str:
         """Hexadecimal digest of all that can be seen, however the file is named."""
         digest = hashlib.sha256()
-        arrays = (self.mesh.vertices, self.mesh.faces, self.uv, self.texture, self.rgb, *self.images)
+        arrays: tuple[NDArray[Any], ...] = (
+            self.mesh.vertices,
+            self.mesh.faces,
+            self.uv,
+            self.texture,
+            self.rgb,
+            *self.images,
+        )
         for array in arrays:
             digest.update(f"{array.shape}{array.dtype}".encode())
             digest.update(np.ascontiguousarray(array).tobytes())

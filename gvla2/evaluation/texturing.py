@@ -41,7 +41,7 @@ def paint(
             y -= math.floor(y)
         x = x * width - 0.5
         y = (1.0 - y) * height - 0.5
-        left, top = int(math.floor(x)), int(math.floor(y))
+        left, top = math.floor(x), math.floor(y)
         right, down = x - left, y - top
         # Half a texel at the border is clamped: wrapping there would mix the image's opposite edges.
         first, second = max(left, 0), min(left + 1, width - 1)

@@ -29,8 +29,8 @@ _COARSE = 40  # voxels along a side of the search for the object
 _LONGEST = 4.0  # a grid is at most this many resolutions long, however thin the object
 _SMALL_PART = 0.02  # parts of less than this share of the largest part must be needed by a mask
 _NEEDED = 0.005  # share of a mask that a small part alone must explain to be kept
-_AGREEMENT = 0.75  # below this mean IoU with the masks, one view may be speaking against the others
-_GAIN = 0.10  # what dropping a view must bring
+_AGREEMENT = 0.90  # below this mean IoU with the masks, one view may be speaking against the others
+_GAIN = 0.08  # what dropping a view must bring
 
 
 @dataclass(frozen=True)
@@ -98,13 +98,13 @@ def _status(notes: Sequence[str], used: Sequence[Silhouette], dropped: Sequence[
 
 
 def _measured_depth(views: Views, first: Silhouette) -> float | None:
-    """Median depth inside the first silhouette, metres, where that view measures depth."""
+    """Depth of the nearest surface inside the first silhouette, metres, where that view measures depth."""
     view = next(v for v in views if v.camera is first.camera)
     if view.depth is None:
         return None
     measured = view.depth[first.inside]
     measured = measured[np.isfinite(measured) & (measured > 0)]
-    return float(np.median(measured)) if len(measured) else None
+    return float(np.quantile(measured, 0.02)) if len(measured) else None
 
 
 def _region(used: Sequence[Silhouette], bounds: FloatArray | None, depth: float | None) -> Region | None:
@@ -235,7 +235,9 @@ def _surface(field: Field) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
     """Vertices (V, 3), faces (F, 3) and smooth outward normals (V, 3) of the field's zero."""
     from skimage.measure import marching_cubes
 
-    index, faces, _, _ = marching_cubes(field.values, 0.0)  # type: ignore[no-untyped-call]
+    index, faces, _, _ = marching_cubes(  # type: ignore[no-untyped-call]
+        field.values, 0.0, gradient_direction="ascent"
+    )
     smooth = gaussian_filter(np.asarray(field.values, dtype=np.float32), 1.5)
     slopes = [map_coordinates(np.gradient(smooth, axis=axis), index.T, order=1) for axis in range(3)]
     normals = -np.stack(slopes, axis=1).astype(np.float64)

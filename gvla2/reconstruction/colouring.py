@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import map_coordinates, minimum_filter
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import Mesh
@@ -17,6 +17,7 @@ _VIEWS = 4  # a vertex listens to this many views at most, those that face it be
 _SLANT = 0.15  # cosine below which a view sees a surface too obliquely
 _SHARPNESS = 3.0  # power of the cosine in a view's weight: the best view leads, blending blurs
 _DISAGREEMENT = 0.12  # colour difference at which a view loses half its say
+_BESIDE = 0.02  # say of a view whose pixel touches something that stands in front
 _NEIGHBOURS = 8
 
 
@@ -70,8 +71,12 @@ def _look(
     index = np.flatnonzero(s.camera.inside(uv) & (facing > _SLANT))
     pixel = uv[index].astype(np.intp)
     index = index[z[index] <= depth[pixel[:, 1], pixel[:, 0]] + tolerance]
-    rim = np.clip((np.nan_to_num(s.sample(uv[index]), nan=0.0) - 0.5) / 1.5, 0.0, 1.0)
+    rim = np.clip((np.nan_to_num(s.sample(uv[index]), nan=0.0) - 0.75) / 1.5, 0.0, 1.0)
     index, rim = index[rim > 0], rim[rim > 0]
+    pixel = uv[index].astype(np.intp)
+    beside = minimum_filter(depth, 3)[pixel[:, 1], pixel[:, 0]]
+    # Beside the rim of what stands in front, pixels are mixed with it, and the hull's rim is not quite the object's.
+    rim = rim * np.where(z[index] <= beside + tolerance, 1.0, _BESIDE)
     weight[index] = rim * facing[index] ** _SHARPNESS
     where = uv[index, ::-1].T - 0.5
     for channel in range(3):

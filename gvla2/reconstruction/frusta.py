@@ -32,8 +32,8 @@ def frusta_region(silhouettes: Sequence[Silhouette], depth: float | None = None)
     """The box around the intersection of the masks' frusta, None when they do not meet.
 
     One view, or views side by side, leave the depth open: the object is then taken to be as deep as its masks are
-    wide, around ``depth`` (metres along the first camera's z) if that is given, else around the point nearest to
-    all the masks' middle rays. Raises :class:`GeometryError` when every mask fills its whole image.
+    wide, beginning at ``depth`` (metres along the first camera's z) if that is given, else around the point nearest
+    to all the masks' middle rays. Raises :class:`GeometryError` when every mask fills its whole image.
     """
     if all(s.cut.all() for s in silhouettes):
         raise GeometryError("Every mask fills its whole image: nothing bounds the object.")
@@ -101,7 +101,7 @@ def _too_long(bounds: FloatArray, silhouettes: Sequence[Silhouette]) -> bool:
 
 
 def _middle(silhouettes: Sequence[Silhouette], depth: float | None) -> FloatArray:
-    """(3,) a point of the object: nearest to the middle rays of all masks, or ``depth`` along the first one."""
+    """(3,) the object's middle: nearest to the middle rays of all masks, or behind ``depth`` along the first one."""
     origins, directions = [], []
     for s in silhouettes:
         uv = 0.5 * (s.box[:2] + s.box[2:])
@@ -119,8 +119,11 @@ def _middle(silhouettes: Sequence[Silhouette], depth: float | None) -> FloatArra
     if depth is None:
         # A scene is commonly built around its origin; where the camera looks away from it, a metre will do.
         facing = float(directions[0] @ (-origins[0])) / float(directions[0] @ directions[0])
-        depth = facing if facing > 1e-3 else _UNBOUNDED_DEPTH
-    return np.asarray(origins[0] + depth * directions[0], dtype=np.float64)
+        middle = facing if facing > 1e-3 else _UNBOUNDED_DEPTH
+    else:
+        # The slab below is centred, and half as thick as this share of its own depth.
+        middle = depth / max(1.0 - _reach(silhouettes[0], 1.0) / np.sqrt(2), 0.2)
+    return np.asarray(origins[0] + middle * directions[0], dtype=np.float64)
 
 
 def _slabs(silhouettes: Sequence[Silhouette], middle: FloatArray) -> FloatArray:

@@ -45,9 +45,9 @@ def accept(
     """Compare points (N, 3) with where a stage put them (M, 3), metres, by the views' masks.
 
     Kept when neither the symmetric IoU nor the mean mask support falls by more than its tolerance. Support may
-    fall a little in a change for the better: a shape grown to its true size has its rim on the masks' edges, where
-    a mask is worth one half. ``faces`` (F, 3) and ``extents`` (N,) are those of
-    :func:`gvla2.reconstruction.silhouette.symmetric_iou`.
+    fall besides by as much as the IoU rises: a shape grown to its true size has its rim on the masks' edges, where
+    a mask is worth one half, and support alone would only ever let shapes shrink.
+    ``faces`` (F, 3) and ``extents`` (N,) are those of :func:`gvla2.reconstruction.silhouette.symmetric_iou`.
     Raises :class:`GeometryError` for malformed points, negative tolerances and a view without a mask.
     """
     old, new = as_points(before, "before"), as_points(after, "after")
@@ -71,7 +71,8 @@ def accept(
     if not now["symmetric_iou"] >= was["symmetric_iou"] - iou_tolerance:
         reason = f"Symmetric IoU fell from {was['symmetric_iou']:.4f} to {now['symmetric_iou']:.4f}."
         return Gate(False, "iou_fell", reason, was, now)
-    if not now["support"] >= was["support"] - support_tolerance:
+    gain = max(0.0, now["symmetric_iou"] - was["symmetric_iou"])
+    if not now["support"] >= was["support"] - support_tolerance - gain:
         reason = f"Mean mask support fell from {was['support']:.4f} to {now['support']:.4f}."
         return Gate(False, "support_fell", reason, was, now)
     reason = (

@@ -47,7 +47,7 @@ def gso_camera(camera_from_world: ArrayLike, width: int, height: int, name: str 
 
 
 def read_gso(model: Path, numbers: Sequence[int]) -> Views:
-    """The numbered views of a model folder as stored; errors as in :func:`gvla2.reconstruction.read_views`."""
+    """The numbered views of a model folder as stored; a :class:`GeometryError` names what is missing or broken."""
     return Views(tuple(_read_one(model, number) for number in numbers))
 
 
@@ -87,7 +87,7 @@ def _read_one(model: Path, number: int) -> View:
             )
     image, alpha = read_picture(picture)
     try:
-        camera_from_world = np.load(matrix, allow_pickle=False)
+        camera_from_world = np.load(io.BytesIO(matrix.read_bytes()), allow_pickle=False)
     except (OSError, ValueError, EOFError) as error:
         raise GeometryError(f"Cannot read the camera {matrix}: {error}") from error
     try:

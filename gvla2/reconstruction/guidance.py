@@ -19,13 +19,13 @@ from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import run_together
-from gvla2.reconstruction.coverage_guard import CoverageGuard
 from gvla2.reconstruction.contracts import GeometryEstimate, StageReport
 from gvla2.reconstruction.displacement import Displacement, Neighbourhood
 from gvla2.reconstruction.gate import accept
-from gvla2.reconstruction.pull import pull
+from gvla2.reconstruction.misfit import deep_changes, rim_share
 from gvla2.reconstruction.prior_agreement import CrossCheck
 from gvla2.reconstruction.prior_depth import PriorDepth, UnusablePriorError, calibrate_prior
+from gvla2.reconstruction.pull import pull
 from gvla2.reconstruction.settle import settle
 from gvla2.reconstruction.support import as_points, projection
 from gvla2.reconstruction.visibility import depth_of_points
@@ -46,7 +46,8 @@ class GuidanceOptions:
     depth that counts as an edge; ``damping``: total weight at which a point is as sure as it can be;
     ``smoothing``: weight of the neighbours' mean; ``passes``: rings of neighbours that a correction travels.
     ``straggling``: points that far in empty space after the rounds are settled one by one.
-    ``most_conflict``: largest share of the prior's pixels that its own other views may contradict.
+    ``most_conflict``: largest share of the prior's pixels that its own other views may contradict; ``most_misfit``:
+    largest share of the masks' area that the move may bare or leave, deeper than a pixel and a half.
     """
 
     rounds: int = 3
@@ -60,23 +61,30 @@ class GuidanceOptions:
     passes: int = 4
     straggling: float = 0.005
     most_conflict: float = 0.35
+    most_misfit: float = 0.015
 
 
 @dataclass(frozen=True)
 class Guided:
     """Points (N, 3) after guidance, metres, and what was done.
 
-    ``displacement`` takes any other points of the same object, a mesh's vertices for example, the same way; it
-    is zero when the prior was not used.
+    ``displacement`` is the smooth field that takes any other points of the same object, a mesh's vertices for
+    example, the same way; zero when the prior was not used. The guided points themselves end elsewhere where the
+    field is torn, between a near and a far surface: there each was settled on one of the two, which would pull a
+    mesh's faces apart. ``start`` (N, 3) is where they came from.
     """
 
     points: FloatArray
     report: StageReport
     displacement: Displacement = field(repr=False)
+    start: FloatArray = field(repr=False)
 
     def move(self, others: ArrayLike) -> FloatArray:
-        """Other points (M, 3) of the object, moved along with the guided ones."""
-        return self.displacement.move(others)
+        """Other points (M, 3) of the object, moved along; the guided points' old places give their new ones."""
+        array = as_points(others)
+        if np.array_equal(array, self.start):
+            return self.points.copy()
+        return self.displacement.move(array)
 
 
 def guide(
@@ -96,11 +104,13 @@ def guide(
     options = options or GuidanceOptions()
     start = as_points(points.centres if isinstance(points, Gaussians) else points)
     if not np.isfinite(start).all():
-        raise GeometryError(f"{int((~np.isfinite(start).all(axis=1)).sum())} of {len(start)} points are not finite.")
+        raise GeometryError(
+            f"{int((~np.isfinite(start).all(axis=1)).sum())} of {len(start)} points are not finite."
+        )
 
     def kept(status: str, reason: str, **measures: dict[str, float]) -> Guided:
         report = StageReport(STAGE, status, reason, seconds=time.perf_counter() - began, **measures)  # type: ignore[arg-type]
-        return Guided(start, report, Displacement(start, np.zeros_like(start)))
+        return Guided(start, report, Displacement(start, np.zeros_like(start)), start)
 
     if estimate is None:
         return kept("skipped", "There is no geometry prior.")
@@ -117,21 +127,32 @@ def guide(
         prior, conflict = _cross_checked(prior, views, size, options)
     except UnusablePriorError as error:
         return kept("fallback", str(error))
-    guard = CoverageGuard(start, views, prior.depth, size)
-    moved = _follow(start, views, prior, size, neighbours, options)
-    moved = settle(moved, start, views, prior.depth, options.straggling * size)
-    moved = guard.restore(moved)
-    offsets = moved - start
-    if np.abs(offsets).max() < _STILL * size:
+    followed = _follow(start, views, prior, size, neighbours, options)
+    moved = settle(followed, start, views, prior.depth, options.straggling * size)
+    way = np.linalg.norm(moved - start, axis=1)
+    if way.max() < _STILL * size:
         return kept("skipped", "The prior agrees with the object as it is.")
-    gate = accept(start, moved, views)
-    before = dict(gate.before)
-    after = {**gate.after, "prior_conflict": conflict, "mean_move": float(np.linalg.norm(offsets, axis=1).mean())}
+    gate = accept(start, moved, views, iou_tolerance=0.5 * rim_share(views))
+    lost, gained = deep_changes(start, moved, views)
+    before = {**gate.before, "mean_move": 0.0}
+    after = {
+        **gate.after,
+        "mean_move": float(way.mean()),
+        "lost": lost,
+        "gained": gained,
+        "prior_conflict": conflict,
+    }
     if not gate.accepted:
         return kept("rejected", gate.reason, before=before, after=after)
-    reason = "; ".join((f"depth on {prior.coverage:.0%} of the masks", *prior.notes, gate.reason))
+    if lost + gained > options.most_misfit:
+        reason = (
+            f"The moved points bare {lost:.1%} of the masks and leave them by {gained:.1%} of their area, "
+            f"more than {options.most_misfit:.1%} together."
+        )
+        return kept("rejected", reason, before=before, after=after)
+    reason = "; ".join((f"Depth on {prior.coverage:.0%} of the masks", *prior.notes, gate.reason))
     report = StageReport(STAGE, "applied", reason, before, after, time.perf_counter() - began)
-    return Guided(moved, report, Displacement(start, offsets))
+    return Guided(moved, report, Displacement(start, followed - start), start)
 
 
 def object_size(points: FloatArray) -> float:
@@ -201,7 +222,9 @@ def _follow(
         correction = total[:, :3] / np.maximum(weight, 1e-12)[:, None]
         sure = np.minimum(weight / options.damping, 1.0)
         around, around_sure = neighbours.spread(correction, sure, options.passes)
-        pushed = sure[:, None] * correction + (options.smoothing * np.minimum(around_sure, 1.0))[:, None] * around
+        pushed = (
+            sure[:, None] * correction + (options.smoothing * np.minimum(around_sure, 1.0))[:, None] * around
+        )
         pushed /= (sure + options.smoothing)[:, None]
         length = np.linalg.norm(pushed, axis=1)
         pushed *= np.minimum(1.0, options.step * size / np.maximum(length, 1e-12))[:, None]

@@ -23,6 +23,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -92,13 +93,13 @@ def _entries(cameras: Path) -> list[Mapping[str, Any]]:
         if cameras.suffix == ".json":
             document = json.loads(cameras.read_text("utf-8"))
         else:
-            with np.load(cameras, allow_pickle=False) as arrays:
+            with np.load(io.BytesIO(cameras.read_bytes()), allow_pickle=False) as arrays:
                 document = _as_document({name: arrays[name] for name in arrays.files})
         if not isinstance(document, dict) or not isinstance(document.get("views"), list):
             raise ValueError("it has no list 'views'")
         shared = {k: document[k] for k in ("K", "convention") if k in document}
         return [{**shared, **entry} for entry in document["views"]]
-    except (OSError, ValueError, TypeError, KeyError, EOFError) as error:
+    except (OSError, ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise GeometryError(f"Cannot read the cameras {cameras}: {error}.") from error
 
 
@@ -178,7 +179,7 @@ def _file(
 
 def _depth(path: Path) -> NDArray[np.float32]:
     try:
-        depth = np.asarray(np.load(path, allow_pickle=False), dtype=np.float32)
+        depth = np.asarray(np.load(io.BytesIO(path.read_bytes()), allow_pickle=False), dtype=np.float32)
     except (OSError, ValueError, EOFError) as error:
         raise GeometryError(f"cannot read the depth {path}: {error}") from error
     return np.where(depth > 0, depth, np.float32(np.nan))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gvla2.reconstruction.rasteriser_projection import (
     CONIC_A,
@@ -20,10 +19,9 @@ from gvla2.reconstruction.rasteriser_projection import (
     to_camera,
 )
 
-_FAST = {"contract", "nsz"}
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def project_back(
     start, stop, camera, centres, log_scales, rotations, splats, first, partial,
     to_centres, to_log_scales, to_rotations, to_logits, to_sh_dc,
@@ -69,7 +67,7 @@ def project_back(
         _to_centre(camera, x, y, z, slope_x, slope_y, axes, frame, to_image, to_u, to_v, to_centres[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def _to_shape(log_scale, rotation, axes, to_axes, to_log_scale, to_rotation):
     """Through L = R S to the logarithms of the scales and to the quaternion, which need not have length one."""
     for k in range(3):
@@ -94,7 +92,7 @@ def _to_shape(log_scale, rotation, axes, to_axes, to_log_scale, to_rotation):
     to_rotation[3] = (to_z - z * along) / length
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def _to_centre(camera, x, y, z, slope_x, slope_y, axes, frame, to_image, to_u, to_v, to_centre):
     """Through V = J W L and the projected centre (u, v) to the centre in the world."""
     k00, k01, k11 = camera[INTRINSICS], camera[INTRINSICS + 1], camera[INTRINSICS + 3]

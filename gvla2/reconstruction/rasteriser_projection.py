@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 TILE = 16
 """Side of the square tiles in pixels."""
@@ -30,10 +29,9 @@ MOST_SPREAD = np.float32(1e3)
 """A standard deviation of so many depths covers any image; more would only overflow."""
 SH_C0 = np.float32(0.2820948)
 
-_FAST = {"contract", "nsz"}
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def to_camera(camera, centre):
     """A point of the world in the camera's frame."""
     x = camera[0] * centre[0] + camera[1] * centre[1] + camera[2] * centre[2] + camera[9]
@@ -42,7 +40,7 @@ def to_camera(camera, centre):
     return x, y, z
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def gaussian_axes(log_scale, rotation, z, axes):
     """Write L = R S (3, 3), one axis of the Gaussian a column, for a Gaussian at depth ``z``."""
     w, x, y, q = rotation[0], rotation[1], rotation[2], rotation[3]
@@ -66,7 +64,7 @@ def gaussian_axes(log_scale, rotation, z, axes):
     axes[2, 2] = (one - two * (x * x + y * y)) * c
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def image_axes(camera, x, y, z, axes, frame, image):
     """Write J W (2, 3) to ``frame`` and V = J W L (2, 3) to ``image``; return the slopes of linearisation.
 
@@ -89,7 +87,7 @@ def image_axes(camera, x, y, z, axes, frame, image):
     return slope_x, slope_y
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def ellipse(image, low_pass):
     """Variances xx, xy, yy of V V^T + low_pass I in square pixels, and the determinant."""
     xx = image[0, 0] * image[0, 0] + image[0, 1] * image[0, 1] + image[0, 2] * image[0, 2]
@@ -102,7 +100,7 @@ def ellipse(image, low_pass):
     return xx + low_pass, xy, yy + low_pass, det
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def project(
     start, stop, camera, width, height, centres, log_scales, rotations, logits, sh_dc, sh_rest,
     splats, boxes, counts,
@@ -152,7 +150,7 @@ def project(
         _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def _colour(camera, centre, sh_dc, sh_rest, i, splat):
     """Colour >= 0 towards the camera, from spherical harmonics up to degree 3 in the order of 3DGS."""
     for k in range(3):

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gvla2.reconstruction.rasteriser_projection import (
     BLUE,
@@ -31,13 +30,12 @@ from gvla2.reconstruction.rasteriser_projection import (
     V,
 )
 
-_FAST = {"contract", "nsz"}
 SUMS = 9
 """What a tile knows of one Gaussian's gradient, p = alpha d loss / d alpha summed over its pixels: p, p dx, p dy,
 p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def scatter(start, stop, across, boxes, splats, cursors, members, depths):
     """Append Gaussians ``start`` to ``stop`` to their tiles' lists, at ``cursors`` (tiles,), which it moves."""
     for i in range(start, stop):
@@ -50,7 +48,7 @@ def scatter(start, stop, across, boxes, splats, cursors, members, depths):
                 cursors[tile] = at + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel
 def _sort(keys, values, other_keys, other_values):
     """Sort by ``keys`` (n,), bit patterns of positive floats, stably, in place: radix sort by bytes from below."""
     n = len(keys)
@@ -79,7 +77,7 @@ def _sort(keys, values, other_keys, other_values):
         shift += 8
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def _rows(splat, low, high):
     """First and last row within ``low`` <= y < ``high`` whose pixel centres the ellipse reaches."""
     half = np.float32(0.5)
@@ -89,7 +87,7 @@ def _rows(splat, low, high):
     return first, last
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def _span(u, room, shift, inverse_a, low, high):
     """One row of an ellipse: first and last column within ``low`` <= x < ``high`` (last < first when empty), and t.
 
@@ -104,7 +102,7 @@ def _span(u, room, shift, inverse_a, low, high):
     return first, last, np.float32(first) - middle
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def composite(
     part, parts, across, offsets, members, keys, splats, background, max_alpha, stop, image, left, longest
 ):
@@ -174,7 +172,7 @@ def composite(
                     image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@kernel
 def composite_back(
     part, parts, across, offsets, members, boxes, splats, first_entry, max_alpha, stop,
     image, left, to_image, to_alpha, partial,

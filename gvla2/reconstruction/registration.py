@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
@@ -18,7 +19,7 @@ from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import Carving, carve
-from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
+from gvla2.reconstruction.mask_distance import Silhouette, mask_iou, silhouettes
 from gvla2.reconstruction.placement import place_mesh
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.view_spec import parse_axis_word
@@ -26,8 +27,10 @@ from gvla2.reconstruction.zbuffer import depth_map, mask_agreement
 
 _ITERATIONS = 20
 _HUBER = 3.0  # pixels
-_PATIENCE = 6  # steps without a better IoU before giving up
+_DAMPING = 1e-3
+_PATIENCE = 4  # steps without a better IoU before giving up
 _RIM = 400  # rim pixels a view that are listened to
+_GOOD = 0.95  # IoU at which no further start is tried
 _TRIED_FURTHER = 4  # starts that are refined; the others fit too badly from the beginning
 
 
@@ -78,7 +81,14 @@ def register_along_ray(mesh: Mesh, views: Views, pose: Sim3, eye: FloatArray) ->
 def _best(mesh: Mesh, shown: Sequence[Silhouette], starts: Sequence[Sim3]) -> Registration:
     scores = [_score(mesh, shown, start) for start in starts]
     order = np.argsort(-np.array(scores), kind="stable")[:_TRIED_FURTHER]
-    return max((_refine(mesh, shown, starts[i]) for i in order), key=lambda found: found.iou)
+    best: Registration | None = None
+    for i in order:
+        found = _refine(mesh, shown, starts[i])
+        best = found if best is None or found.iou > best.iou else best
+        if best.iou > _GOOD:
+            break
+    assert best is not None  # there is at least one start
+    return best
 
 
 def _score(mesh: Mesh, shown: Sequence[Silhouette], sim3: Sim3) -> float:
@@ -109,29 +119,31 @@ def _fitted(mesh: Mesh, hull: Carving, turn: FloatArray) -> Sim3:
 
 def _refine(mesh: Mesh, shown: Sequence[Silhouette], start: Sim3) -> Registration:
     """Levenberg-Marquardt with Huber weights; the best similarity seen on the way is kept."""
-    before = _score(mesh, shown, start)
-    best, best_iou, now, stale, damping = start, before, start, 0, 1e-3
-    for _ in range(_ITERATIONS):
+    best, before, best_iou, now, stale = start, 0.0, -1.0, start, 0
+    for iteration in range(_ITERATIONS + 1):
         placed = place_mesh(mesh, now)
+        depths = [depth_map(placed, s.camera) for s in shown]
+        iou = float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, shown, strict=True)]))
+        before = iou if iteration == 0 else before
+        stale = 0 if iou > best_iou + 1e-5 else stale + 1
+        if iou > best_iou:
+            best, best_iou = now, iou
+        if stale >= _PATIENCE:
+            break
         centre = placed.vertices.mean(axis=0)
         size = float(np.linalg.norm(placed.vertices - centre, axis=1).max())
-        rows = [_residuals(placed, s, centre, size) for s in shown]
+        rows = [_residuals(d, s, centre, size) for d, s in zip(depths, shown, strict=True)]
         residual = np.concatenate([r for r, _ in rows])
         if len(residual) < 7:
             break
         jacobian = np.concatenate([j for _, j in rows])
         weight = np.minimum(1.0, _HUBER / np.maximum(np.abs(residual), 1e-9))
         normal = jacobian.T @ (weight[:, None] * jacobian)
-        normal += damping * np.diag(np.maximum(np.diag(normal), 1e-9 * np.trace(normal) + 1e-12))
+        normal += _DAMPING * np.diag(np.maximum(np.diag(normal), 1e-9 * np.trace(normal) + 1e-12))
         step = -np.linalg.solve(normal, jacobian.T @ (weight * residual))
-        step = np.clip(step, -0.3, 0.3)  # in units of the object's size
-        now = _step(now, step, centre, size)
-        iou = _score(mesh, shown, now)
-        stale = 0 if iou > best_iou + 1e-5 else stale + 1
-        if iou > best_iou:
-            best, best_iou = now, iou
-        if stale >= _PATIENCE or float(np.abs(step).max()) < 1e-5:
+        if float(np.abs(step).max()) < 1e-5:
             break
+        now = _step(now, np.clip(step, -0.3, 0.3), centre, size)  # in units of the object's size
     return Registration(best, best_iou, before)
 
 
@@ -143,9 +155,10 @@ def _step(now: Sim3, step: FloatArray, centre: FloatArray, size: float) -> Sim3:
     return moved.compose(now)
 
 
-def _residuals(placed: Mesh, s: Silhouette, centre: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+def _residuals(
+    depth: NDArray[np.float32], s: Silhouette, centre: FloatArray, size: float
+) -> tuple[FloatArray, FloatArray]:
     """Signed pixels (M,) from the rim of the drawn mesh to the mask's contour, and their derivatives (M, 7)."""
-    depth = depth_map(placed, s.camera)
     covered = np.isfinite(depth)
     rim = covered & ~binary_erosion(covered, border_value=1)
     pixels = np.argwhere(rim & np.isfinite(s.distance))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,12 +25,14 @@ from gvla2.reconstruction.placement import place
 from gvla2.reconstruction.registration import Registration, register, register_along_ray, register_unposed
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.view_spec import parse_axis_word
+from gvla2.reconstruction.view_spec import parse_rotation_word
 
 _POOR = 0.6
 """Mean IoU with the masks below which an alignment is called poor."""
 _CAMERA_FROM_P3D = np.diag([-1.0, -1.0, 1.0])  # PyTorch3D's cameras look along z too, with x left and y up
-_DRAWN_FACES = 20_000  # enough for a silhouette; results have hundreds of thousands
+_MOST_FACES = 60_000  # a finer mesh is drawn coarser while it is aligned
+_CELLS = 120  # along the longest side of a mesh that is drawn coarser
+_MOST_GAUSSIANS = 8_000
 
 
 @dataclass(frozen=True)
@@ -80,11 +84,12 @@ def align_result(
 
     Starts from the result's own pose when it has one (its scale is searched), else from ``axes``: a transform word
     such as ``perm012_signpnn`` from the result's frame to the world's, or ``auto``, which tries the 24 quarter
-    turns; with ``refine=False`` a word is applied as it is. A result without Gaussians gets ``count`` flat ones
+    turns; with ``refine=False`` a word is applied as it is. A mirroring word is a
+    :class:`gvla2.errors.ConfigurationError`. A result without Gaussians gets ``count`` flat ones
     on its mesh. The status tells how well the silhouettes fit when they fit poorly.
     """
     mesh = _silhouette_mesh(result)
-    start = _axes(axes) if axes != "auto" else None
+    start = None if axes == "auto" else Sim3(1.0, parse_rotation_word(axes), np.zeros(3))
     if start is not None and not refine:
         found = Registration(start, 1.0, 1.0)
     elif start is not None:
@@ -106,25 +111,16 @@ def align_result(
     return replace(place(Reconstruction(gaussians, result.mesh), found.sim3), status=status)
 
 
-def _axes(word: str) -> Sim3:
-    matrix = parse_axis_word(word)
-    if np.linalg.det(matrix) < 0:
-        raise GeometryError(
-            f"The axes '{word}' are mirrored (determinant -1); a shape cannot be turned that way."
-        )
-    return Sim3(1.0, matrix, np.zeros(3))
-
-
 def _silhouette_mesh(result: ResultFiles) -> Mesh:
     """Triangles that cast the result's silhouettes: some of its mesh's, or one on each Gaussian."""
     if result.mesh is not None:
-        return result.mesh
+        return result.mesh if len(result.mesh.faces) <= _MOST_FACES else _clustered(result.mesh)
     assert result.gaussians is not None
     g = result.gaussians
     solid = np.flatnonzero(g.opacities > 0.3)
     if len(solid) == 0:
         raise GeometryError("No Gaussian of the result is more than 30 % opaque: it has no silhouette.")
-    chosen = solid[:: max(1, len(solid) // _DRAWN_FACES)]
+    chosen = solid[:: max(1, len(solid) // _MOST_GAUSSIANS)]
     # A tetrahedron a Gaussian, as wide as it and wide enough to close the gaps to its neighbours.
     spread = np.sqrt(np.maximum(np.einsum("nii->n", g.covariances()[chosen]) / 3, 1e-12))
     reach = np.maximum(1.5 * spread, _spacing(g.centres[chosen].astype(np.float64))).reshape(-1, 1, 1)
@@ -132,6 +128,20 @@ def _silhouette_mesh(result: ResultFiles) -> Mesh:
     vertices = (g.centres[chosen].astype(np.float64)[:, None] + reach * corners).reshape(-1, 3)
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
     return Mesh(vertices, (faces + 4 * np.arange(len(chosen))[:, None, None]).reshape(-1, 3))
+
+
+def _clustered(mesh: Mesh) -> Mesh:
+    """The mesh with all vertices of a small cell made one: the same silhouette to half a cell."""
+    low, high = mesh.bounds
+    cells = np.rint((mesh.vertices - low) * (_CELLS / max(float((high - low).max()), 1e-12))).astype(np.int64)
+    _, place_of = np.unique(cells, axis=0, return_inverse=True)
+    place_of = place_of.ravel()
+    count = np.bincount(place_of)
+    vertices = np.stack([np.bincount(place_of, mesh.vertices[:, axis]) / count for axis in range(3)], axis=1)
+    faces = place_of[mesh.faces]
+    a, b, c = faces.T
+    faces = np.unique(faces[(a != b) & (b != c) & (a != c)], axis=0)
+    return Mesh(vertices, faces) if len(faces) else mesh
 
 
 def _spacing(points: FloatArray) -> float:
@@ -146,7 +156,7 @@ def _read_pose(path: Path) -> Sim3 | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             if not {"scale", "rotation", "translation"} <= set(arrays.files):
                 return None
             scale, quaternion, translation = (
@@ -157,7 +167,7 @@ def _read_pose(path: Path) -> Sim3 | None:
         # Rows are multiplied from the right there: p (s R) + t, so that R turns the other way round.
         rotation = Rotation.from_quat([x, y, z, w]).as_matrix().T
         return Sim3(float(scale[0]), _CAMERA_FROM_P3D @ rotation, _CAMERA_FROM_P3D @ translation)
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise GeometryError(f"Cannot read the pose {path}: {error}") from error
 
 

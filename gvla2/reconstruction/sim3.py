@@ -58,15 +58,11 @@ class Sim3:
 
     def compose(self, first: Sim3) -> Sim3:
         """``first``, then this one."""
-        return Sim3(
-            self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation)
-        )
+        return Sim3(self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation))
 
     def inverse(self) -> Sim3:
         """From the target's frame back to the source's."""
-        return Sim3(
-            1.0 / self.scale, self.rotation.T, -(self.rotation.T @ self.translation) / self.scale
-        )
+        return Sim3(1.0 / self.scale, self.rotation.T, -(self.rotation.T @ self.translation) / self.scale)
 
     def matrix(self) -> FloatArray:
         """(4, 4) for homogeneous points."""
@@ -93,7 +89,9 @@ def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = No
     if not (np.isfinite(a).all() and np.isfinite(b).all()):
         raise GeometryError("umeyama: source and target must be finite.")
     if (w > 0).sum() < 3:
-        raise GeometryError(f"umeyama: {int((w > 0).sum())} weighted points do not fix a similarity; give 3 or more.")
+        raise GeometryError(
+            f"umeyama: {int((w > 0).sum())} weighted points do not fix a similarity; give 3 or more."
+        )
     w = w / w.sum()
     mean_a, mean_b = w @ a, w @ b
     a, b = a - mean_a, b - mean_b

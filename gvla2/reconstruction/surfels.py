@@ -13,7 +13,7 @@ from gvla2.reconstruction.compiled import compiled
 
 _CANDIDATES = 6  # for each Gaussian wanted
 _PACKING = 0.715  # least distance of darts over sqrt(area / count): gives that count within a few per cent
-_WIDTH = 0.60  # standard deviation over the mean spacing: the least that leaves no hole
+_WIDTH = 0.50  # standard deviation over the mean spacing: the least that leaves no hole
 _FLATNESS = 0.15  # thickness over width
 _OPACITY_LOGIT = 4.0  # 0.982
 _GREY = np.array([0.5, 0.5, 0.5])

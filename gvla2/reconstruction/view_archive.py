@@ -45,7 +45,7 @@ def write_views(folder: str | os.PathLike[str], views: Views) -> Path:
 def read_archive(path: Path, numbers: Sequence[int] | None = None) -> Views:
     """The views of an archive, or those at the given places; raises :class:`GeometryError`, naming the file."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
             names = [str(name) for name in arrays["names"]]
             for number in numbers or ():
                 if number >= len(names):

@@ -52,3 +52,13 @@ def parse_axis_word(word: str) -> FloatArray:
     for row, (column, sign) in enumerate(zip(match[1], match[2], strict=True)):
         matrix[row, int(column)] = 1.0 if sign == "p" else -1.0
     return matrix
+
+
+def parse_rotation_word(word: str) -> FloatArray:
+    """(3, 3) rotation of a transform word; a :class:`ConfigurationError` for a mirror, since no shape is turned so."""
+    matrix = parse_axis_word(word)
+    if np.linalg.det(matrix) < 0:
+        raise ConfigurationError(
+            f"The axis transform '{word}' is mirrored (determinant -1); flip one sign more."
+        )
+    return matrix

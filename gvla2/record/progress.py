@@ -23,8 +23,8 @@ class Progress:
     """Tells a person what a run is doing, as a context manager.
 
     On a terminal each stage shows a spinner, then a tick, its seconds and what it found; elsewhere (a file, a pipe)
-    plain lines, one a finished stage. ``quiet`` says nothing at all. Texts from outside (instructions, labels) are
-    printed as they are, without terminal control characters or markup.
+    plain lines, one a finished stage. ``quiet`` says nothing at all, and so does a terminal that is gone. Texts
+    from outside (instructions, labels) are printed as they are, without terminal control characters or markup.
     """
 
     def __init__(self, quiet: bool = False, console: Console | None = None) -> None:
@@ -45,7 +45,7 @@ class Progress:
     def say(self, text: str, style: str = "") -> None:
         """Print a line."""
         if not self._quiet:
-            self._console.print(Text(self._printable(text, 400), style=style), soft_wrap=True)
+            self._print(Text(self._printable(text, 400), style=style))
 
     def begin(self, stage: str) -> None:
         """A stage begins."""
@@ -72,7 +72,7 @@ class Progress:
             (f"{elapsed:6.1f} s  ", "dim" if self._live else ""),
             self._printable(found),
         )
-        self._console.print(line, soft_wrap=True)
+        self._print(line)
 
     def finish(self, record: EpisodeRecord, folder: Path) -> None:
         """The episode is over: its outcome on one line, and where to look."""
@@ -86,6 +86,12 @@ class Progress:
     def close(self) -> None:
         """Take the spinner away; safe to call twice."""
         self._stop()
+
+    def _print(self, line: Text) -> None:
+        try:
+            self._console.print(line, soft_wrap=True)
+        except (OSError, SystemExit):  # the reader left; rich would leave with it, and stop the robot
+            self._quiet = True
 
     def _printable(self, text: str, limit: int = 160) -> str:
         encoding = self._console.encoding

@@ -13,7 +13,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError, OutputError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.result_tree import align_result, read_result
-from gvla2.reconstruction.view_spec import parse_axis_word
+from gvla2.reconstruction.view_spec import parse_rotation_word
 from gvla2_plugins.external.process import ExternalRunError, run_program
 from gvla2_plugins.external.programs import PROGRAMS
 from gvla2_plugins.external.scene import OBJECT, write_scene
@@ -36,7 +36,7 @@ class ExternalReconstructor:
         if not config.command or not config.results:
             raise ConfigurationError("reconstructor.command and reconstructor.results must not be empty.")
         if config.axes != "auto":
-            parse_axis_word(config.axes)
+            parse_rotation_word(config.axes)
         self._checkout = self._find_checkout(f"reconstructor={program}")
         self._fill(["", *config.command, *config.results], dict.fromkeys(_PLACES, ""))
 

@@ -85,7 +85,10 @@ class FilePrior:
         if poses.ndim != 3 or poses.shape[1:] not in ((4, 4), (3, 4)):
             raise self._error(f"world_from_camera must be (S, 4, 4), got shape {poses.shape}")
         return np.stack(
-            [check_rigid(pose, f"Prior file '{self._path}': world_from_camera[{i}]") for i, pose in enumerate(poses)]
+            [
+                check_rigid(pose, f"Prior file '{self._path}': world_from_camera[{i}]")
+                for i, pose in enumerate(poses)
+            ]
         )
 
     def _depth(self, stored: dict[str, NDArray], poses: NDArray | None) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.released_layout import result_folder
 from gvla2.reconstruction.result_tree import align_result, read_result
-from gvla2.reconstruction.view_spec import parse_axis_word
+from gvla2.reconstruction.view_spec import parse_rotation_word
 
 if TYPE_CHECKING:
     from gvla2_plugins.result_tree import ResultTreeConfig
@@ -29,7 +29,7 @@ class ResultTreeReconstructor:
                     "give both reconstructor.root=PATH and reconstructor.object=NAME."
                 )
         if config.axes != "auto":
-            parse_axis_word(config.axes)
+            parse_rotation_word(config.axes)
         elif not config.refine:
             raise ConfigurationError(
                 "reconstructor.axes=auto finds the axes by the masks and so cannot do without reconstructor.refine."

@@ -115,7 +115,7 @@ def test_errors_name_the_view_and_the_fault(views):
     bare = Views((views[0], replace(views[1], mask=None)))
     with pytest.raises(GeometryError, match="'view1' has no mask"):
         mask_support(np.zeros((1, 3)), bare)
-    with pytest.raises(GeometryError, match="'view0'.*\\[0, 1\\]"):
+    with pytest.raises(GeometryError, match=r"'view0'.*\[0, 1\]"):
         mask_support(np.zeros((1, 3)), Views((replace(views[0], mask=views[0].mask * 255),)))
     with pytest.raises(GeometryError, match="'view0'"):
         mask_support(np.zeros((1, 3)), Views((replace(views[0], mask=views[0].mask * np.nan),)))

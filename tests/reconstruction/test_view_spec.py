@@ -9,7 +9,13 @@ from gvla2.reconstruction.view_spec import parse_axis_word, parse_view_spec
 
 @pytest.mark.parametrize(
     ("spec", "numbers"),
-    [("0-4", (0, 1, 2, 3, 4)), ("0-4,7", (0, 1, 2, 3, 4, 7)), (" 3 , 1 - 2 ", (3, 1, 2)), ("12", (12,)), ("5-5", (5,))],
+    [
+        ("0-4", (0, 1, 2, 3, 4)),
+        ("0-4,7", (0, 1, 2, 3, 4, 7)),
+        (" 3 , 1 - 2 ", (3, 1, 2)),
+        ("12", (12,)),
+        ("5-5", (5,)),
+    ],
 )
 def test_specs(spec, numbers):
     assert parse_view_spec(spec) == numbers
@@ -17,7 +23,15 @@ def test_specs(spec, numbers):
 
 @pytest.mark.parametrize(
     ("spec", "what"),
-    [("", "''"), ("0-4,", "''"), ("a", "'a'"), ("4-0", "backwards"), ("-3", "'-3'"), ("0-2,1", "1 twice"), ("0-9999999", "longer")],
+    [
+        ("", "''"),
+        ("0-4,", "''"),
+        ("a", "'a'"),
+        ("4-0", "backwards"),
+        ("-3", "'-3'"),
+        ("0-2,1", "1 twice"),
+        ("0-9999999", "longer"),
+    ],
 )
 def test_what_is_no_spec_is_named(spec, what):
     with pytest.raises(ConfigurationError, match=what):
@@ -37,7 +51,9 @@ def test_axis_words():
     np.testing.assert_array_equal(parse_axis_word("identity"), np.eye(3))
 
 
-@pytest.mark.parametrize("word", ["", "perm011_signppp", "perm012_signpp", "perm012", "perm012_signppx", "perm0123_signppp"])
+@pytest.mark.parametrize(
+    "word", ["", "perm011_signppp", "perm012_signpp", "perm012", "perm012_signppx", "perm0123_signppp"]
+)
 def test_what_is_no_axis_word_is_named(word):
     with pytest.raises(ConfigurationError, match="axis transform"):
         parse_axis_word(word)

@@ -80,10 +80,10 @@ class ReconstructionRecord:
         }
 
     def _colours(self, thing: Reconstruction) -> bytes:
-        arrays = [thing.gaussians.sh_dc] if thing.gaussians is not None else []
-        if thing.mesh is not None and thing.mesh.colours is not None:
-            arrays.append(thing.mesh.colours)
-        return b"".join(array.tobytes() for array in arrays)
+        of_points = b"" if thing.gaussians is None else thing.gaussians.sh_dc.tobytes()
+        if thing.mesh is None or thing.mesh.colours is None:
+            return of_points
+        return of_points + thing.mesh.colours.tobytes()
 
 
 def points_of(thing: Reconstruction) -> FloatArray:

@@ -116,7 +116,9 @@ def _enlarged(picture: Image.Image, box: Box, width: int, how: Image.Resampling)
     return picture.resize((across * scale, down * scale), how, box=box)
 
 
-def _with_edge(picture: NDArray[np.float32], inside: NDArray[np.bool_], thin: bool = False) -> NDArray[np.uint8]:
+def _with_edge(
+    picture: NDArray[np.float32], inside: NDArray[np.bool_], thin: bool = False
+) -> NDArray[np.uint8]:
     """The picture with a mask's edge drawn on it, about two pixels wide, or one."""
     edge = np.zeros_like(inside)
     edge[1:] |= inside[1:] != inside[:-1]

@@ -178,13 +178,12 @@ def _held_out(
     return (pair[0], pair[1]), ""
 
 
-def _against(
-    truth: Mesh, ends: Sequence[Reconstruction]
-) -> tuple[Mapping[str, float], Mapping[str, float]]:
+def _against(truth: Mesh, ends: Sequence[Reconstruction]) -> tuple[Mapping[str, float], Mapping[str, float]]:
     prepared = metrics.Truth.of(truth)
     numbers = []
     for end in ends:
-        points, _ = metrics.surface_points(end.mesh, None if end.gaussians is None else end.gaussians.centres)
+        centres = None if end.gaussians is None else np.asarray(end.gaussians.centres, dtype=np.float64)
+        points, _ = metrics.surface_points(end.mesh, centres)
         corners = points if end.mesh is None else end.mesh.vertices
         numbers.append(
             {
@@ -198,5 +197,3 @@ def _against(
 def _mean(values: Sequence[float]) -> float:
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
-
-

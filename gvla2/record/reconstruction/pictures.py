@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,9 +33,11 @@ TITLES = ("first reconstruction", "refined")
 class ViewPictures:
     """One input view's pictures as PNG files; pairs are (before, after).
 
-    ``masked`` is the whole view; the others show the part with the object.
+    ``index`` is the view's place among the inputs. ``masked`` is the whole view; the others show the part with the
+    object.
     """
 
+    index: int
     name: str
     masked: bytes
     photo: bytes
@@ -74,6 +76,7 @@ def _of_view(
     supports = [png(support_picture(*renderer.render(p, view.camera), view, box)) for p in painted]
     residuals = [png(residual_picture(fit.silhouette, view, box)) for fit in fits]
     return ViewPictures(
+        k,
         view.name,
         png(masked_picture(view)),
         png(photograph(on_white(view), box)),
@@ -84,11 +87,16 @@ def _of_view(
 
 
 def turntables(
-    measures: Measures, renderer: Renderer, frames: int, tick: Callable[[], None] | None = None
+    views: Views,
+    measures: Measures,
+    renderer: Renderer,
+    frames: int,
 ) -> tuple[bytes, bytes]:
-    """GIF files of one turn: the refined object alone, and both side by side."""
+    """GIF files of one turn from the first view's side: the refined object alone, and both side by side."""
     points = np.concatenate([measures.before.gaussians.centres, measures.after.gaussians.centres])
-    cameras = ring(points.astype(np.float64), frames, TURNTABLE_SIZE)
-    before, after = (turn(end.gaussians, cameras, renderer, tick) for end in (measures.before, measures.after))
+    cameras = ring(points.astype(np.float64), frames, TURNTABLE_SIZE, views[0].camera.position)
+    before, after = (
+        turn(end.gaussians, cameras, renderer) for end in (measures.before, measures.after)
+    )
     fps = frames / SECONDS_A_TURN
     return gif(after, fps, rest=0.0), gif(side_by_side(before, after, TITLES), fps, rest=0.0)

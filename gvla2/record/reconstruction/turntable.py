@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from gvla2.evaluation.protocol import look_at
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.reconstruction.contracts import Renderer
 from gvla2.record.drawing import INK, font
 
@@ -21,31 +20,30 @@ ELEVATION = np.deg2rad(22.0)
 SECONDS_A_TURN = 4.0
 
 
-def ring(points: FloatArray, count: int, size: int) -> tuple[Camera, ...]:
-    """Cameras that walk once around points (N, 3), world z upwards, so that all of them stay in the picture."""
+def ring(points: FloatArray, count: int, size: int, first: FloatArray | None = None) -> tuple[Camera, ...]:
+    """Cameras that walk once around points (N, 3), world z upwards, so that all of them stay in the picture.
+
+    The walk begins on the side of the position ``first`` (3,).
+    """
     low, high = np.percentile(points, [0.5, 99.5], axis=0)
     centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     away = 1.02 * max(radius, 1e-6) / np.sin(0.5 * FIELD_OF_VIEW)
+    begin = 0.0 if first is None else float(np.arctan2(*(first - centre)[1::-1]))
     cameras = []
     for k in range(count):
-        turn = 2 * np.pi * k / count
+        turn = begin + 2 * np.pi * k / count
         flat = np.cos(ELEVATION)
         offset = away * np.array([flat * np.cos(turn), flat * np.sin(turn), np.sin(ELEVATION)])
-        cameras.append(Camera.from_fov(FIELD_OF_VIEW, look_at(centre + offset, centre), size, size, f"turn {k}"))
+        cameras.append(
+            Camera.from_fov(FIELD_OF_VIEW, look_along(centre + offset, -offset), size, size, f"turn {k}")
+        )
     return tuple(cameras)
 
 
-def turn(
-    gaussians: Gaussians, cameras: Sequence[Camera], renderer: Renderer, tick: Callable[[], None] | None = None
-) -> list[Frame]:
-    """Frames (H, W, 3) uint8 on white; ``tick`` is called after each."""
-    frames = []
-    for camera in cameras:
-        image, _ = renderer.render(gaussians, camera)
-        frames.append(np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8))
-        if tick is not None:
-            tick()
-    return frames
+def turn(gaussians: Gaussians, cameras: Sequence[Camera], renderer: Renderer) -> list[Frame]:
+    """Frames (H, W, 3) uint8 on white."""
+    images = (renderer.render(gaussians, camera)[0] for camera in cameras)
+    return [np.rint(255 * np.clip(image, 0, 1)).astype(np.uint8) for image in images]
 
 
 def side_by_side(left: Sequence[Frame], right: Sequence[Frame], titles: tuple[str, str]) -> list[Frame]:

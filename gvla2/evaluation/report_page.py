@@ -1,0 +1,104 @@
+"""The report as one self-contained HTML page: tables, pictures, and the runs that every number comes from."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from gvla2.evaluation.results import Cell, Run
+from gvla2.evaluation.table_formats import EXPLANATION, footnote, heading, label, lines_of
+from gvla2.evaluation.tables import Entry, Measure, Table
+
+MOST_PICTURES = 60
+"""Objects shown below one table: the page stays small enough to be sent by mail."""
+
+
+def render_report(tables: Sequence[Table], cells: Sequence[Cell], runs: Sequence[Run], title: str) -> str:
+    """The page. Pictures that the cells name and that are still on disk are put into it."""
+    environment = Environment(
+        loader=PackageLoader("gvla2.evaluation", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=False,
+    )
+    used = {number for table in tables for number in table.runs}
+    page = environment.get_template("report.html.jinja").render(
+        title=title,
+        explanation=EXPLANATION,
+        tables=[_table(table, cells) for table in tables],
+        runs=[_run(run) for run in runs if run.id in used],
+    )
+    return page + "\n"
+
+
+def _table(table: Table, cells: Sequence[Cell]) -> dict[str, Any]:
+    measures = table.layout.measures
+    rows = [
+        {"label": label(row), "cells": [_cell(*pair) for pair in zip(row.entries, measures, strict=True)]}
+        for row in table.rows
+    ]
+    return {
+        "title": table.title,
+        "headings": [heading(measure) for measure in measures],
+        "rows": rows,
+        "footnote": footnote(table),
+        "pictures": _pictures(table, cells),
+    }
+
+
+def _cell(entry: Entry, measure: Measure) -> dict[str, Any]:
+    tone = ""
+    # Only a change whose interval leaves out zero has a colour.
+    if entry.change is not None and entry.change.low * entry.change.high > 0:
+        gained = (entry.change.percent < 0) == (measure.better == "lower")
+        tone = "better" if gained else "worse"
+    return {"lines": lines_of(entry, measure), "none": entry.mean is None, "tone": tone}
+
+
+def _pictures(table: Table, cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """One entry an object: its pictures in the order of the table's rows."""
+    layout = table.layout
+    order = list(layout.labels)
+    by_object: dict[str, dict[str, str]] = {}
+    for cell in cells:
+        if all(str(cell.factors.get(name, "")) == value for name, value in table.group.items()):
+            source = _data_uri(str(cell.notes.get("picture", "")))
+            if source:
+                name = str(cell.factors.get(layout.pair))
+                by_object.setdefault(name, {}).setdefault(str(cell.factors.get(layout.row)), source)
+    shown = sorted(by_object.items())[:MOST_PICTURES]
+    return [
+        {
+            "caption": name,
+            "sources": [
+                rows[row] for row in sorted(rows, key=lambda r: order.index(r) if r in order else 99)
+            ],
+        }
+        for name, rows in shown
+    ]
+
+
+def _data_uri(path: str) -> str:
+    if not path or not Path(path).is_file():
+        return ""
+    return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode("ascii")
+
+
+def _run(run: Run) -> dict[str, Any]:
+    try:
+        versions = ", ".join(f"{name} {version}" for name, version in json.loads(run.versions).items())
+    except json.JSONDecodeError:
+        versions = run.versions
+    return {
+        "id": run.id,
+        "started": run.started,
+        "commit": run.commit,
+        "folder": run.folder,
+        "config": run.config,
+        "versions": versions,
+    }

@@ -1,0 +1,100 @@
+"""Tables of results as text: Markdown, LaTeX, and for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gvla2.evaluation.tables import Entry, Measure, Table, TableRow
+
+NOT_MEASURED = "not measured"
+EXPLANATION = (
+    "Mean over objects ± standard deviation over seeds; change of the mean against the first row in per cent "
+    "[95 % interval, bootstrap over objects]; worst: the object that lost most (negative: even it gained)."
+)
+
+
+def lines_of(entry: Entry, measure: Measure) -> list[str]:
+    """An entry as up to three lines: the number, its change, the worst object."""
+    if entry.mean is None:
+        return [NOT_MEASURED]
+    lines = [f"{entry.mean:.{measure.digits}f} ± {entry.deviation:.{measure.digits}f}"]
+    if entry.change is not None:
+        change = entry.change
+        lines.append(f"{change.percent:+.2f} % [{change.low:+.2f}, {change.high:+.2f}]")
+    if entry.worst is not None:
+        lines.append(f"worst {entry.worst:+.2f} % ({entry.worst_object})")
+    return lines
+
+
+def heading(measure: Measure) -> str:
+    """A column's heading, with an arrow towards the better side."""
+    return f"{measure.title} {'↓' if measure.better == 'lower' else '↑'}"
+
+
+def label(row: TableRow) -> str:
+    """A row's label, with the number of cells that failed."""
+    return f"{row.label} ({row.failed} failed)" if row.failed else row.label
+
+
+def footnote(table: Table) -> str:
+    """How much is in a table and where it comes from."""
+    objects = max((row.objects for row in table.rows), default=0)
+    seeds = max((row.seeds for row in table.rows), default=0)
+    runs = ", ".join(map(str, table.runs))
+    return f"{objects} objects, {seeds} seeds; runs {runs} of the results database."
+
+
+def to_markdown(tables: Sequence[Table]) -> str:
+    """Tables of GitHub's Markdown."""
+    parts = []
+    for table in tables:
+        headings = ["", *(heading(measure) for measure in table.layout.measures)]
+        lines = [f"### {table.title}", "", _pipes(headings), _pipes(["---"] * len(headings))]
+        for row in table.rows:
+            pairs = zip(row.entries, table.layout.measures, strict=True)
+            cells = ["<br>".join(lines_of(*pair)) for pair in pairs]
+            lines.append(_pipes([label(row), *cells]))
+        parts.append("\n".join([*lines, "", footnote(table)]))
+    return "\n\n".join([*parts, EXPLANATION]) + "\n"
+
+
+def to_latex(tables: Sequence[Table]) -> str:
+    """Tables for a LaTeX document that loads ``booktabs``."""
+    parts = []
+    for table in tables:
+        columns = "l" + "c" * len(table.layout.measures)
+        headings = ["", *(_tex(heading(measure)) for measure in table.layout.measures)]
+        lines = [
+            r"\begin{table}[t]",
+            r"\centering",
+            rf"\caption{{{_tex(table.title)}. {_tex(footnote(table))} {_tex(EXPLANATION)}}}",
+            rf"\begin{{tabular}}{{{columns}}}",
+            r"\toprule",
+            " & ".join(headings) + r" \\",
+            r"\midrule",
+        ]
+        for row in table.rows:
+            pairs = zip(row.entries, table.layout.measures, strict=True)
+            cells = [
+                r"\shortstack{" + r" \\ ".join(_tex(line) for line in lines_of(*pair)) + "}" for pair in pairs
+            ]
+            lines.append(" & ".join([_tex(label(row)), *cells]) + r" \\")
+        lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def _pipes(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+_TEX = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "↓": r"$\downarrow$", "↑": r"$\uparrow$",
+    "×": r"$\times$", "³": r"$^3$", "[": "{[}",
+}  # fmt: skip
+
+
+def _tex(text: str) -> str:
+    # A bracket after \\ would be read as its option.
+    return "".join(_TEX.get(letter, letter) for letter in text)

@@ -1,0 +1,179 @@
+"""Tables of results: means, deviations over seeds, paired changes with their intervals, and the runs behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A column: the measure's name, its heading, which way is better, and its decimals."""
+
+    name: str
+    title: str
+    better: Literal["lower", "higher"]
+    digits: int = 2
+    compared: bool = True
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a suite's cells become tables.
+
+    One table for each combination of the ``groups`` factors; one row for each value of ``row`` in the order of
+    ``labels``, compared with the row ``reference`` over the ``pair`` factor; deviations are over ``repeat``.
+    """
+
+    suite: str
+    title: str
+    row: str
+    labels: Mapping[str, str]
+    reference: str
+    measures: tuple[Measure, ...]
+    groups: tuple[str, ...]
+    pair: str = "object"
+    repeat: str = "seed"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One number of a table; None where nothing was measured.
+
+    ``mean`` over objects, then over seeds; ``deviation`` over seeds; ``change`` against the reference row, paired by
+    object; ``worst`` the per cent by which the object that lost most got worse (negative: every object gained), and
+    ``worst_object`` its name.
+    """
+
+    mean: float | None
+    deviation: float = 0.0
+    change: Change | None = None
+    worst: float | None = None
+    worst_object: str = ""
+
+
+@dataclass(frozen=True)
+class TableRow:
+    """A row: its label, one entry a measure, how many objects and seeds it holds, and how many cells failed."""
+
+    name: str
+    label: str
+    entries: tuple[Entry, ...]
+    objects: int
+    seeds: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class Table:
+    """A finished table; ``group`` names what its cells have in common, ``runs`` the runs that they come from."""
+
+    layout: Layout
+    group: Mapping[str, str]
+    rows: tuple[TableRow, ...]
+    runs: tuple[int, ...]
+
+    @property
+    def title(self) -> str:
+        """The suite's title and what the cells have in common."""
+        return f"{self.layout.title}: " + ", ".join(f"{name} {value}" for name, value in self.group.items())
+
+
+RECONSTRUCTION = Layout(
+    suite="reconstruction",
+    title="Reconstruction",
+    row="variant",
+    labels={
+        "baseline": "G0 (baseline)",
+        "a_prior_appearance": "A: prior + appearance",
+        "a_soft_hull": "A: + soft hull",
+        "b_axis": "B: axis only",
+        "ab_fusion": "A + B fusion",
+    },
+    reference="baseline",
+    measures=(
+        Measure("cd_surface", "CD surface ×10³", "lower"),
+        Measure("cd_official", "CD official ×10³", "lower"),
+        Measure("psnr", "PSNR dB", "higher"),
+        Measure("ssim", "SSIM", "higher", 4),
+        Measure("lpips", "LPIPS", "lower", 4),
+        Measure("seconds", "seconds", "lower", 2, compared=False),
+    ),
+    groups=("data", "baseline", "drift", "prior", "fusion", "renderer", "mode", "compat"),
+)
+LAYOUTS: Mapping[str, Layout] = {RECONSTRUCTION.suite: RECONSTRUCTION}
+"""The suites that can be reported."""
+
+
+def make_tables(cells: Iterable[Cell], layout: Layout) -> list[Table]:
+    """One table a group, in the order in which groups first appear; of equal cells measured twice the later counts."""
+    groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
+    for cell in sorted(cells, key=lambda cell: cell.run):
+        group = tuple(str(cell.factors.get(name, "")) for name in layout.groups)
+        place = tuple(str(cell.factors.get(name)) for name in (layout.row, layout.pair, layout.repeat))
+        groups.setdefault(group, {})[place] = cell
+    tables = []
+    for group, placed in groups.items():
+        kept = list(placed.values())
+        present = {str(cell.factors.get(layout.row)) for cell in kept}
+        names = [*(n for n in layout.labels if n in present), *sorted(present - set(layout.labels))]
+        by_row = {n: [c for c in kept if str(c.factors.get(layout.row)) == n] for n in names}
+        reference = by_row.get(layout.reference, [])
+        rows = tuple(_row(name, by_row[name], reference, layout) for name in names)
+        tables.append(
+            Table(
+                layout,
+                dict(zip(layout.groups, group, strict=True)),
+                rows,
+                tuple(sorted({c.run for c in kept})),
+            )
+        )
+    return tables
+
+
+def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: Layout) -> TableRow:
+    against = [] if name == layout.reference else reference
+    entries = tuple(_entry(measure, cells, against, layout) for measure in layout.measures)
+    return TableRow(
+        name,
+        layout.labels.get(name, name),
+        entries,
+        len({cell.factors.get(layout.pair) for cell in cells}),
+        len({cell.factors.get(layout.repeat) for cell in cells}),
+        sum(cell.notes.get("status", "ok") != "ok" for cell in cells),
+    )
+
+
+def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], layout: Layout) -> Entry:
+    by_seed = _values(measure, cells, layout.repeat)
+    if not by_seed:
+        return Entry(None)
+    mean, deviation = mean_and_deviation([_mean(values) for values in by_seed.values()])
+    ours = {pair: _mean(v) for pair, v in _values(measure, cells, layout.pair).items()}
+    theirs = {pair: _mean(v) for pair, v in _values(measure, reference, layout.pair).items()}
+    both = [pair for pair in ours if pair in theirs]
+    if not measure.compared or not both or _mean([theirs[pair] for pair in both]) == 0:
+        return Entry(mean, deviation)
+    change = paired_change([theirs[pair] for pair in both], [ours[pair] for pair in both])
+    sign = 1 if measure.better == "lower" else -1
+    losses = {pair: sign * 100 * (ours[pair] / theirs[pair] - 1) for pair in both if theirs[pair] != 0}
+    worst = max(losses, key=losses.__getitem__) if losses else None
+    return Entry(mean, deviation, change, None if worst is None else losses[worst], worst or "")
+
+
+def _values(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, list[float]]:
+    """Measured values grouped by a factor."""
+    grouped: dict[str, list[float]] = {}
+    for cell in cells:
+        value = cell.measures.get(measure.name)
+        if value is not None:
+            grouped.setdefault(str(cell.factors.get(by)), []).append(float(value))
+    return grouped
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)

@@ -1,0 +1,99 @@
+"""Writes a reconstruction's folder: geometry and numbers first, then pictures and the page."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from gvla2.geometry.mesh_files import write_mesh
+from gvla2.geometry.ply import write_gaussians
+from gvla2.reconstruction.contracts import Reconstruction, Renderer
+from gvla2.record.files import make_folder, write_bytes, write_json, write_text
+from gvla2.record.reconstruction.contents import ReconstructionRecord
+from gvla2.record.reconstruction.page import render_reconstruction
+from gvla2.record.reconstruction.pictures import ReconstructionPictures, turntables, view_pictures
+
+PLY, GLB, RESULT, PAGE, TURNTABLE = "result.ply", "result.glb", "result.json", "index.html", "turntable.gif"
+_LINKED = (
+    (PLY, "3D Gaussians, Z-up"),
+    (GLB, "mesh, Y-up"),
+    (RESULT, "stages and measures, machine-readable"),
+    (TURNTABLE, "before and after, turning"),
+    ("config.yaml", "the composed configuration"),
+    ("reconstruct.log", "the log"),
+)
+
+log = logging.getLogger(__name__)
+
+
+class ReconstructionRecorder:
+    """The folder of one reconstruction.
+
+    A picture that cannot be made becomes a note and a warning, never an error. Every method raises
+    :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then whole or as it was.
+    """
+
+    def __init__(self, folder: Path, config_yaml: str) -> None:
+        self.folder = make_folder(folder)
+        self.notes: list[str] = []
+        self._config = config_yaml
+        write_text(folder / "config.yaml", config_yaml)
+
+    def geometry(self, thing: Reconstruction) -> None:
+        """``result.ply`` and ``result.glb``, of what there is."""
+        if thing.gaussians is not None:
+            write_gaussians(self.folder / PLY, thing.gaussians)
+        else:
+            self.notes.append(f"The reconstruction has no Gaussians, so there is no {PLY}.")
+        if thing.mesh is not None:
+            write_mesh(self.folder / GLB, thing.mesh)
+        else:
+            self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
+
+    def numbers(self, record: ReconstructionRecord) -> None:
+        """``result.json``."""
+        write_json(self.folder / RESULT, self._noted(record).summary())
+
+    def pictures(
+        self,
+        record: ReconstructionRecord,
+        renderer: Renderer,
+        frames: int,
+    ) -> ReconstructionPictures:
+        """All pictures, as far as they can be made; ``turntable.gif`` into the folder."""
+        made, measures = ReconstructionPictures(), record.measures
+        if measures is None:
+            return made
+
+        def views() -> None:
+            made.views = view_pictures(record.views, measures, renderer)
+
+        def turn() -> None:
+            made.hero, made.turntable = turntables(record.views, measures, renderer, frames)
+
+        self._try("The pictures of the views", views)
+        self._try("The turntable", turn)
+        if made.turntable:
+            write_bytes(self.folder / TURNTABLE, made.turntable)
+        return made
+
+    def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
+        """``index.html``; returns its path. ``result.json`` is written anew with the notes on pictures."""
+        linked = [(name, what) for name, what in _LINKED if (self.folder / name).exists()]
+        path = self.folder / PAGE
+        write_text(path, render_reconstruction(self._noted(record), pictures, self._config, linked))
+        self.numbers(record)
+        return path
+
+    def _noted(self, record: ReconstructionRecord) -> ReconstructionRecord:
+        return replace(record, notes=(*record.notes, *self.notes))
+
+    def _try(self, what: str, make: Callable[[], object]) -> None:
+        try:
+            make()
+        except Exception as error:  # a renderer may fail in any way; the geometry is already written
+            note = f"{what} could not be made: {type(error).__name__}: {error}"
+            self.notes.append(note)
+            log.warning(note, exc_info=error)

@@ -1,0 +1,181 @@
+"""How fast the mask-driven parts of the reconstruction branch are, beside the released code on the same arrays.
+
+    python tests/benchmarks/reconstruction_speed.py [points=300000] [repeats=20] [peer=PATH]
+
+``peer`` is a checkout of GeneralVLA-2, whose own functions are loaded from there; without it its column says
+"not measured". Times are medians after one warm-up call, with the fastest in brackets.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import trimesh
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.transform import look_along
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.appearance import fit_affine
+from gvla2.reconstruction.axis import AxisOptions, compensate
+from gvla2.reconstruction.compiled import cores
+from gvla2.reconstruction.gate import accept
+from gvla2.reconstruction.silhouette import symmetric_iou
+from gvla2.reconstruction.soft_hull import object_centre, soft_hull
+from gvla2.reconstruction.support import mask_support
+
+SIZE, FOCAL = 256, 1.09375
+SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"
+
+
+def build_views(mesh: trimesh.Trimesh, count: int = 5) -> Views:
+    """Masks of a mesh of size 1 from cameras around it, as in the GSO-30 protocol."""
+    rng = np.random.default_rng(0)
+    K = np.array([[FOCAL * SIZE, 0, SIZE / 2], [0, FOCAL * SIZE, SIZE / 2], [0, 0, 1]])
+    cameras = []
+    for number in range(count):
+        direction = rng.normal(size=3)
+        position = direction / np.linalg.norm(direction) * rng.uniform(1.5, 2.2)
+        cameras.append(Camera(K, look_along(position, -position), SIZE, SIZE, f"view{number}"))
+    shots = RayCaster([Surface(mesh.vertices, mesh.faces, np.array([0.6, 0.5, 0.4]), 0)]).cast(cameras, {})
+    return Views(
+        tuple(
+            View(camera, shot.image, shot.depth, (shot.ids >= 0).astype(np.float32))
+            for camera, shot in zip(cameras, shots, strict=True)
+        )
+    )
+
+
+def object_of_size_one() -> trimesh.Trimesh:
+    """A body with a handle."""
+    handle = trimesh.creation.torus(major_radius=0.22, minor_radius=0.05)
+    handle.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    handle.apply_translation([0.33, 0, 0.05])
+    mesh = trimesh.util.concatenate([trimesh.creation.cylinder(0.28, 0.9, sections=48), handle])
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    return mesh.apply_scale(1 / mesh.extents.max())
+
+
+def load_peer(root: str | None) -> ModuleType | None:
+    """The released soft hull script as a module; None without a checkout."""
+    if root is None:
+        return None
+    path = Path(root) / SCRIPT
+    if not path.is_file():
+        raise SystemExit(f"peer={root} holds no {SCRIPT}: is it a checkout of GeneralVLA-2?")
+    spec = importlib.util.spec_from_file_location("released_soft_hull", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # its dataclasses look themselves up there
+    spec.loader.exec_module(module)
+    return module
+
+
+def milliseconds(body: Callable[[], object], repeats: int) -> tuple[float, float]:
+    """Median and fastest of some calls after one that is not counted."""
+    body()
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        body()
+        times.append(1e3 * (time.perf_counter() - began))
+    return statistics.median(times), min(times)
+
+
+def show(work: str, ours: tuple[float, float], peer: tuple[float, float] | None, note: str = "") -> None:
+    theirs = f"{peer[0]:9.1f} [{peer[1]:8.1f}]" if peer else f"{'not measured':>20}"
+    print(f"{work:44s} {ours[0]:9.2f} [{ours[1]:8.2f}] {theirs}   {note}")
+
+
+def main(arguments: list[str]) -> None:
+    """Print one row a part."""
+    options = dict(argument.split("=", 1) for argument in arguments)
+    unknown = set(options) - {"points", "repeats", "peer"}
+    if unknown:
+        raise SystemExit(f"No option {', '.join(sorted(unknown))}. Available: points, repeats, peer.")
+    count, repeats = int(options.get("points", 300_000)), int(options.get("repeats", 20))
+    peer = load_peer(options.get("peer"))
+    mesh = object_of_size_one()
+    views = build_views(mesh)
+    points = np.ascontiguousarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
+    centre = object_centre(points)
+    drifted = centre + (points - centre) * [1.04, 0.96, 1.03] + [0.01, -0.008, 0.012]
+    print(f"{count} points, {len(views)} views of {SIZE} x {SIZE}, {cores()} cores; ms, median [fastest]")
+    print(f"{'':44s} {'gvla2':>20} {'released code':>20}")
+
+    theirs = theirs_hull = None
+    note = ""
+    if peer is not None:
+        masks = [view.mask for view in views]
+        extrinsics = [view.camera.camera_from_world.astype(np.float32) for view in views]
+        single = points.astype(np.float32)
+
+        def score() -> np.ndarray:
+            return peer.compute_support(single, masks, extrinsics, FOCAL, 2)[0]
+
+        class Constants:
+            support_threshold, support_softness, max_shrink = 0.45, 0.12, 0.008
+
+        difference = np.abs(score() - mask_support(points, views, compat="official")).max()
+        note = f"compat=official differs by {difference:.1e}"
+        theirs = milliseconds(score, min(repeats, 5))
+        theirs_hull = milliseconds(lambda: peer.refine_points(single, score(), Constants), min(repeats, 5))
+    show(
+        "soft visual hull, scoring only",
+        milliseconds(lambda: mask_support(points, views), repeats),
+        theirs,
+        note,
+    )
+    show(
+        "soft visual hull, scores and moved points",
+        milliseconds(lambda: soft_hull(points, mask_support(points, views), centre), repeats),
+        theirs_hull,
+    )
+    # The released axis refinement needs CUDA and a checkout of MV-SAM3D.
+    fit = compensate(drifted, views, centre)
+    left = np.linalg.norm(fit.apply(drifted) - points, axis=1).mean()
+    was = np.linalg.norm(drifted - points, axis=1).mean()
+    show(
+        "axis compensation",
+        milliseconds(lambda: compensate(drifted, views, centre).apply(drifted), max(3, repeats // 4)),
+        None,
+        f"planted drift {1e3 * was:.1f}e-3 -> {1e3 * left:.2f}e-3, {fit.iterations} iterations",
+    )
+    paper = AxisOptions(mode="paper")
+    show(
+        "axis compensation, mode=paper",
+        milliseconds(lambda: compensate(drifted, views, centre, paper), 3),
+        None,
+    )
+    for number in (30_000, count):
+        part = np.ascontiguousarray(points[:number])
+        show(
+            f"symmetric IoU, {number} points",
+            milliseconds(lambda p=part: symmetric_iou(p, views), repeats),
+            None,
+        )
+    show(
+        f"symmetric IoU, mesh of {len(mesh.faces)} faces",
+        milliseconds(lambda: symmetric_iou(mesh.vertices, views, faces=mesh.faces), repeats),
+        None,
+    )
+    show("gate", milliseconds(lambda: accept(drifted, points, views), repeats), None)
+    view = views[0]
+    shifted = np.clip(0.9 * (view.image / 255) + 0.05, 0, 1)
+    show(
+        "appearance affine, one view",
+        milliseconds(lambda: fit_affine(view.image, shifted, view.mask), repeats),
+        None,
+    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

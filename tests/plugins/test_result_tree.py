@@ -1,0 +1,203 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh_files import write_mesh
+from gvla2.geometry.ply import write_gaussians
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.transform import look_along
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.placement import place_gaussians, place_mesh
+from gvla2.reconstruction.sim3 import Sim3
+from gvla2.reconstruction.surfels import surfels
+from gvla2_plugins.result_tree import ResultTreeConfig, gvla2_reconstructors
+
+
+@pytest.fixture(scope="module")
+def shape() -> Mesh:
+    """No symmetry: a long body, a fin and a foot."""
+    parts = [
+        trimesh.creation.box((0.9, 0.35, 0.2)),
+        trimesh.creation.box((0.25, 0.1, 0.5)).apply_translation([0.25, 0, 0.2]),
+        trimesh.creation.cylinder(0.1, 0.5, sections=24).apply_translation([-0.3, 0.2, -0.1]),
+    ]
+    whole = trimesh.util.concatenate(parts).subdivide()
+    rng = np.random.default_rng(0)
+    return Mesh(whole.vertices, whole.faces, np.clip(0.6 + 0.1 * rng.normal(size=whole.vertices.shape), 0, 1))
+
+
+@pytest.fixture(scope="module")
+def views(shape) -> Views:
+    caster = RayCaster([Surface(shape.vertices, shape.faces, np.array([0.6, 0.5, 0.4]), 0)])
+    rng = np.random.default_rng(2)
+    made = []
+    for i in range(5):
+        direction = rng.normal(size=3)
+        position = 1.8 * direction / np.linalg.norm(direction)
+        camera = Camera.from_fov(0.85, look_along(position, -position), 128, 128, f"view{i}")
+        shot = caster.cast([camera], {})[0]
+        made.append(View(camera, shot.image, None, (shot.ids >= 0).astype(np.float32)))
+    return Views(tuple(made))
+
+
+def _write(root, shape, gaussians=True, mesh=True, name="toy"):
+    folder = root / name / "5views"
+    folder.mkdir(parents=True)
+    if gaussians:
+        write_gaussians(folder / "result.ply", surfels(shape, None, 3000))
+    if mesh:
+        write_mesh(folder / "result.glb", shape)
+    return folder
+
+
+def _build(root, **options):
+    (component,) = gvla2_reconstructors()
+    assert component.name == "result_tree"
+    return component.build(ResultTreeConfig(root=str(root), object="toy", **options))
+
+
+def _off(made, shape):
+    return float(np.linalg.norm(made.mesh.vertices - shape.vertices, axis=1).max())
+
+
+def test_a_result_in_the_calibrated_frame_stays_there(views, shape, tmp_path):
+    _write(tmp_path, shape)
+    made = _build(tmp_path).reconstruct(views)
+    assert made.status == "ok"
+    assert _off(made, shape) < 0.01
+    exact = _build(tmp_path, axes="identity", refine=False).reconstruct(views)
+    np.testing.assert_allclose(exact.mesh.vertices, shape.vertices, atol=1e-6)
+    np.testing.assert_allclose(exact.gaussians.centres, surfels(shape, None, 3000).centres, atol=1e-6)
+
+
+@pytest.mark.parametrize("word", ["auto", "perm120_signpnn"])
+def test_a_canonical_result_is_brought_to_the_masks(views, shape, tmp_path, word):
+    # Quarter-turned, scaled and moved; a released word names the turn alone.
+    turn = np.array([[0.0, 1, 0], [0, 0, -1], [-1, 0, 0]])
+    scale, shift = (
+        (0.4, np.array([0.2, -0.1, 0.3])) if word == "auto" else (0.93, np.array([0.03, 0.02, -0.04]))
+    )
+    canonical = place_mesh(shape, Sim3(1.0, turn, np.zeros(3)).inverse())
+    canonical = place_mesh(canonical, Sim3(scale, np.eye(3), shift))
+    _write(tmp_path, canonical)
+    made = _build(tmp_path, axes=word).reconstruct(views)
+    assert made.status == "ok"
+    assert _off(made, shape) < 0.02
+    gap = np.linalg.norm(made.gaussians.centres - surfels(shape, None, 3000).centres.mean(axis=0), axis=1)
+    assert gap.max() < 0.8
+
+
+def test_the_pose_of_params_npz_is_used_and_its_scale_searched(views, shape, tmp_path):
+    # What MV-SAM3D stores: rows times (s R) plus t, in PyTorch3D's camera (x left, y up), any depth scale.
+    camera = views[0].camera
+    depth_scale = 0.37
+    p3d_from_camera = np.diag([-1.0, -1.0, 1.0])
+    tilt = Rotation.from_euler("xyz", [0.5, -0.8, 1.9]).as_matrix()
+    canonical = place_mesh(shape, Sim3(0.8, tilt, np.array([0.1, 0.0, -0.2])))
+    world_from_canonical = Sim3(0.8, tilt, np.array([0.1, 0.0, -0.2])).inverse()
+    R = p3d_from_camera @ camera.camera_from_world[:3, :3] @ world_from_canonical.rotation
+    t = p3d_from_camera @ (
+        camera.camera_from_world[:3, :3] @ world_from_canonical.translation + camera.camera_from_world[:3, 3]
+    )
+    x, y, z, w = Rotation.from_matrix(R.T).as_quat()  # row vectors: the transpose
+    folder = _write(tmp_path, canonical)
+    np.savez(
+        folder / "params.npz",
+        scale=np.full((1, 3), depth_scale * world_from_canonical.scale),
+        rotation=np.array([[w, x, y, z]]),
+        translation=depth_scale * t[None],
+    )
+    made = _build(tmp_path).reconstruct(views)
+    assert made.status == "ok"
+    assert _off(made, shape) < 0.02
+
+
+def test_refinement_recovers_a_small_drift(views, shape, tmp_path):
+    drift = Sim3(1.06, Rotation.from_rotvec([0.05, -0.08, 0.06]).as_matrix(), np.array([0.03, -0.02, 0.04]))
+    _write(tmp_path, place_mesh(shape, drift))
+    made = _build(tmp_path, axes="identity").reconstruct(views)
+    assert _off(made, shape) < 0.012
+
+
+def test_half_a_result_serves(views, shape, tmp_path):
+    _write(tmp_path / "a", shape, gaussians=False)
+    made = _build(tmp_path / "a", gaussians=1000).reconstruct(views)
+    assert made.status == "fallback: result.ply is missing, flat Gaussians lie on the mesh"
+    assert 800 < len(made.gaussians) < 1200
+    _write(tmp_path / "b", shape, mesh=False)
+    made = _build(tmp_path / "b").reconstruct(views)
+    assert made.mesh is None
+    assert made.status == "fallback: result.glb is missing"
+    np.testing.assert_allclose(
+        made.gaussians.centres.mean(axis=0),
+        shape.sample(9999, np.random.default_rng(0))[0].mean(axis=0),
+        atol=0.02,
+    )
+
+
+def test_a_fine_mesh_is_aligned_as_well(views, shape, tmp_path):
+    fine = trimesh.Trimesh(shape.vertices, shape.faces, process=False)
+    while len(fine.faces) < 70_000:
+        fine = fine.subdivide()
+    moved = place_mesh(Mesh(fine.vertices, fine.faces), Sim3(1.05, np.eye(3), np.array([0.02, -0.03, 0.01])))
+    _write(tmp_path, moved, gaussians=False)
+    made = _build(tmp_path, axes="identity", gaussians=500).reconstruct(views)
+    assert float(np.linalg.norm(made.mesh.vertices - fine.vertices, axis=1).max()) < 0.02
+
+
+def test_a_poor_fit_is_told(views, tmp_path):
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    _write(tmp_path, Mesh(ball.vertices + 3.0, ball.faces))
+    made = _build(tmp_path, axes="identity", refine=False).reconstruct(views)
+    assert made.mesh.vertices.mean() == pytest.approx(3.0, abs=0.01)
+    bad = _build(tmp_path, axes="identity").reconstruct(views)
+    assert "fit poorly" in bad.status
+
+
+def test_what_is_missing_is_named(views, shape, tmp_path):
+    with pytest.raises(ConfigurationError, match=r"reconstructor\.root"):
+        gvla2_reconstructors()[0].build(ResultTreeConfig(object="toy"))
+    with pytest.raises(ConfigurationError, match=r"reconstructor\.object"):
+        gvla2_reconstructors()[0].build(ResultTreeConfig(root="here"))
+    with pytest.raises(ConfigurationError, match="axis transform 'left'"):
+        _build(tmp_path, axes="left")
+    with pytest.raises(ConfigurationError, match="mirrored"):
+        _build(tmp_path, axes="perm012_signppn")
+    with pytest.raises(ConfigurationError, match="refine"):
+        _build(tmp_path, refine=False)
+    with pytest.raises(GeometryError, match="no object 'toy'"):
+        _build(tmp_path).reconstruct(views)
+    folder = _write(tmp_path, shape, gaussians=False, mesh=False)
+    with pytest.raises(GeometryError, match=r"neither result\.ply nor result\.glb"):
+        _build(tmp_path).reconstruct(views)
+    (folder / "result.ply").write_bytes(b"ply\nformat ascii 1.0\nend_header\n")
+    with pytest.raises(GeometryError, match=r"result\.ply.*ASCII"):
+        _build(tmp_path).reconstruct(views)
+    write_mesh(folder / "result.glb", shape)
+    (folder / "result.ply").unlink()
+    (folder / "params.npz").write_bytes(b"nothing")
+    with pytest.raises(GeometryError, match=r"params\.npz"):
+        _build(tmp_path).reconstruct(views)
+
+
+def test_gaussians_turn_with_all_they_have(shape):
+    from gvla2_plugins.reference_renderer import ReferenceRendererConfig, gvla2_renderers
+
+    renderer = gvla2_renderers()[0].build(ReferenceRendererConfig())
+    flat = surfels(shape, None, 150)
+    rng = np.random.default_rng(4)
+    rich = replace(flat, sh_rest=rng.normal(scale=0.15, size=(len(flat), 45)).astype(np.float32))
+    move = Sim3(1.7, Rotation.from_euler("xyz", [0.4, 1.0, -2.0]).as_matrix(), np.array([0.5, 2.0, -1.0]))
+    eye = np.array([0.6, -1.6, 0.9])
+    here = Camera.from_fov(0.9, look_along(eye, -eye), 48, 48)
+    there = Camera(here.K, move.apply_to_poses(here.world_from_camera), 48, 48)
+    before, _ = renderer.render(rich, here)
+    after, _ = renderer.render(place_gaussians(rich, move), there)
+    assert before.std() > 0.05
+    np.testing.assert_allclose(after, before, atol=2e-3)

@@ -1,0 +1,224 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import look_along, rigid
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.carving import carve
+
+
+def _ball(radius=0.5, shift=(0, 0, 0)):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)
+    ball.apply_translation(shift)
+    return ball
+
+
+def _without(views, *empty):
+    return Views(
+        tuple(replace(v, mask=np.zeros_like(v.mask)) if i in empty else v for i, v in enumerate(views))
+    )
+
+
+def test_a_ball_is_found_far_more_finely_than_the_grid(masked_views):
+    views = masked_views(_ball(), count=30, size=256, seed=1)
+    made = carve(views, resolution=40)
+    reach = np.linalg.norm(made.mesh.vertices, axis=1)
+    # The hull of many views touches the ball and lies outside it; a pixel is 6 mm here, a voxel 25 mm.
+    assert made.voxel > 0.02
+    assert reach.min() > 0.5 - 0.004
+    assert np.median(reach) < 0.5 + 0.008
+    assert made.status == "ok"
+    assert min(made.iou) > 0.98
+
+
+def test_the_surface_is_closed_and_faces_outward(masked_views, jug):
+    made = carve(masked_views(jug, count=8, size=192), resolution=64)
+    solid = trimesh.Trimesh(made.mesh.vertices, made.mesh.faces, process=False)
+    assert solid.is_watertight
+    assert solid.volume > 0
+    np.testing.assert_allclose(np.linalg.norm(made.normals, axis=1), 1.0, atol=1e-6)
+    assert np.median(np.einsum("ij,ij->i", made.normals, solid.vertex_normals)) > 0.95
+
+
+def test_the_hull_contains_the_object_and_fits_its_masks(masked_views, jug):
+    views = masked_views(jug, count=5, size=192)
+    made = carve(views)
+    assert min(made.iou) > 0.97
+    bounds = made.mesh.bounds
+    assert (bounds[0] < jug.bounds[0] + 0.01).all()
+    assert (bounds[1] > jug.bounds[1] - 0.01).all()
+
+
+def test_it_is_deterministic(masked_views, jug):
+    views = masked_views(jug, count=4, size=96)
+    first, second = (carve(views, 32).to_reconstruction(2000) for _ in range(2))
+    np.testing.assert_array_equal(first.mesh.vertices, second.mesh.vertices)
+    np.testing.assert_array_equal(first.gaussians.centres, second.gaussians.centres)
+    np.testing.assert_array_equal(first.gaussians.sh_dc, second.gaussians.sh_dc)
+
+
+def test_it_moves_with_the_world(masked_views, jug):
+    views = masked_views(jug, count=6, size=128)
+    turn = rigid(trimesh.transformations.euler_matrix(0.4, -0.7, 1.1)[:3, :3], (3.0, -2.0, 5.0))
+    moved = Views(
+        tuple(
+            replace(v, camera=replace(v.camera, world_from_camera=turn @ v.camera.world_from_camera))
+            for v in views
+        )
+    )
+    here, there = carve(views, 64), carve(moved, 64)
+    volumes = [trimesh.Trimesh(c.mesh.vertices, c.mesh.faces).volume for c in (here, there)]
+    centres = [trimesh.Trimesh(c.mesh.vertices, c.mesh.faces).center_mass for c in (here, there)]
+    assert volumes[1] == pytest.approx(volumes[0], rel=0.01)
+    np.testing.assert_allclose(turn[:3, :3] @ centres[0] + turn[:3, 3], centres[1], atol=0.004)
+
+
+def test_any_unit_serves(masked_views):
+    views = masked_views(_ball(0.03, (0.4, 0.1, 0.7)), count=6, extent=0.06, target=(0.4, 0.1, 0.7))
+    made = carve(views, 48)
+    np.testing.assert_allclose(made.mesh.bounds.mean(axis=0), [0.4, 0.1, 0.7], atol=0.003)
+    assert np.ptp(made.mesh.bounds, axis=0).max() < 0.08
+
+
+def test_two_parts_stay_two(masked_views):
+    pair = trimesh.util.concatenate([_ball(0.2, (-0.3, 0, 0)), _ball(0.05, (0.3, 0, 0))])
+    made = carve(masked_views(pair, count=12, size=192), 64)
+    parts = trimesh.Trimesh(made.mesh.vertices, made.mesh.faces, process=False).split()
+    assert len(parts) == 2
+
+
+def test_one_view_gives_a_body_of_bounded_depth(masked_views):
+    views = Views(masked_views(_ball(), count=3).views[:1])
+    made = carve(views, 32)
+    assert made.status.startswith("fallback: one view only")
+    np.testing.assert_allclose(made.mesh.bounds.mean(axis=0), 0.0, atol=0.25)
+    assert np.ptp(made.mesh.bounds, axis=0).max() < 2.5
+    depthless = Views((replace(views[0], depth=None),))
+    assert carve(depthless, 32).status == made.status
+
+
+def test_views_side_by_side_are_bounded_too(masked_views):
+    view = masked_views(_ball(), count=1, size=96)[0]
+    nudged = replace(view.camera, world_from_camera=view.camera.world_from_camera @ rigid(None, (1e-6, 0, 0)))
+    made = carve(Views((view, replace(view, camera=nudged))), 32)
+    assert "depth open" in made.status
+    assert np.isfinite(made.mesh.vertices).all()
+
+
+def test_empty_and_absent_masks_are_ignored_with_a_note(masked_views, jug):
+    views = masked_views(jug, count=6, size=96)
+    made = carve(_without(views, 2), 32)
+    assert "view2" in made.status
+    assert "empty" in made.status
+    assert made.views == ("view0", "view1", "view3", "view4", "view5")
+    absent = Views((replace(views[0], mask=None), *views.views[1:]))
+    assert "has no mask" in carve(absent, 32).status
+
+
+def test_no_mask_at_all_is_an_error(masked_views, jug):
+    views = masked_views(jug, count=3, size=64)
+    with pytest.raises(GeometryError, match="No view shows the object"):
+        carve(_without(views, 0, 1, 2))
+    broken = views[0].mask.copy()
+    broken[3, 3] = np.nan
+    with pytest.raises(GeometryError, match="view0"):
+        carve(Views((replace(views[0], mask=broken), *views.views[1:])))
+    full = Views(tuple(replace(v, mask=np.ones_like(v.mask)) for v in views))
+    with pytest.raises(GeometryError, match="fills its whole image"):
+        carve(full)
+
+
+@pytest.mark.parametrize("shift", [40, 14])
+def test_a_view_that_disagrees_is_dropped(masked_views, shift):
+    views = masked_views(_ball(0.3), count=6, size=128)
+    wrong = replace(views[3], mask=np.roll(views[3].mask, shift, axis=1))
+    made = carve(Views((*views.views[:3], wrong, *views.views[4:])), 32)
+    assert made.status.startswith("fallback: the views disagree, so view 'view3' was dropped")
+    np.testing.assert_allclose(np.ptp(made.mesh.bounds, axis=0), 0.6, atol=0.08)
+
+
+def test_two_views_that_contradict_each_other_are_an_error():
+    def view(position, rows):
+        camera = Camera.from_fov(0.8, look_along(position, -np.array(position)), 64, 64, f"at {position}")
+        mask = np.zeros((64, 64), dtype=np.float32)
+        mask[rows, 24:40] = 1
+        return View(camera, np.zeros((64, 64, 3), np.uint8), None, mask)
+
+    ahead, beside = view([2.0, 0, 0], slice(24, 40)), view([0, 2.0, 0], slice(26, 42))
+    assert carve(Views((ahead, beside)), 32).status == "ok"
+    with pytest.raises(GeometryError, match="contradict each other"):
+        carve(Views((ahead, view([0, 2.0, 0], slice(50, 62)))), 32)
+
+
+def test_a_mask_cut_by_the_image_does_not_cut_the_object(masked_views):
+    ball = _ball(0.4)
+    views = masked_views(ball, count=6, size=128)
+    near = views[0].camera
+    closer = Camera(
+        near.K @ np.diag([1.0, 1.0, 1.0]) + np.array([[0, 0, 60.0], [0, 0, 0], [0, 0, 0]]),
+        near.world_from_camera, near.width, near.height, "cut",
+    )  # fmt: skip
+    mask = np.zeros_like(views[0].mask)
+    mask[:, 60:] = views[0].mask[:, :-60]
+    assert mask[:, -1].any()
+    made = carve(Views((View(closer, views[0].image, None, mask), *views.views[1:])), 48)
+    assert made.status == "ok"
+    assert np.ptp(made.mesh.bounds, axis=0).min() > 0.75
+
+
+def test_what_the_robot_hides_is_no_evidence(masked_views):
+    views = masked_views(_ball(0.4), count=5, size=128)
+    arm = np.zeros(views[0].mask.shape, dtype=bool)
+    arm[:, 64:] = True
+    hidden = replace(views[0], mask=np.where(arm, 0, views[0].mask).astype(np.float32), robot_mask=arm)
+    made = carve(Views((hidden, *views.views[1:])), 48)
+    assert np.ptp(made.mesh.bounds, axis=0).min() > 0.75
+
+
+def test_bounds_limit_the_search(masked_views):
+    pair = trimesh.util.concatenate([_ball(0.2, (-0.3, 0, 0)), _ball(0.2, (0.3, 0, 0))])
+    views = masked_views(pair, count=12, size=128)
+    made = carve(views, 32, np.array([[-0.6, -0.4, -0.4], [0.0, 0.4, 0.4]]))
+    assert made.mesh.bounds[1, 0] < 0.05
+    for wrong in (np.zeros((2, 3)), np.zeros(6), np.array([[0, 0, 0], [1, 1, np.inf]])):
+        with pytest.raises(GeometryError, match="Bounds"):
+            carve(views, 32, wrong)
+
+
+def test_thin_things_survive_a_coarse_grid(masked_views):
+    rod = trimesh.creation.box((1.0, 0.02, 0.02))
+    made = carve(masked_views(rod, count=6, size=256, seed=4), 32)
+    assert np.ptp(made.mesh.bounds, axis=0)[0] > 0.95
+
+
+def test_a_resolution_that_is_none(masked_views, jug):
+    with pytest.raises(GeometryError, match="resolution"):
+        carve(masked_views(jug, count=3, size=64), 4)
+
+
+def test_gaussians_cover_the_surface(masked_views, jug):
+    from gvla2.reconstruction.rasteriser import render
+
+    views = masked_views(jug, count=6, size=128)
+    made = carve(views, 64).to_reconstruction(6000)
+    assert 5000 < len(made.gaussians) < 7000
+    assert made.gaussians.sh_rest is None
+    for view in views:
+        image, alpha = render(made.gaussians, view.camera)
+        inside = view.mask > 0.5
+        assert (alpha[inside] > 0.9).mean() > 0.98
+        assert np.abs(image - view.image / 255.0)[inside].mean() < 0.06
+        assert ((alpha > 0.5) & ~inside).sum() < 0.15 * inside.sum()
+
+
+def test_looking_along_the_gap():
+    # A camera inside nothing but its own axis: the mask of one pixel row must not break the field.
+    camera = Camera.from_fov(0.8, look_along([0, -2, 0], [0, 1, 0]), 32, 32)
+    mask = np.zeros((32, 32), dtype=np.float32)
+    mask[15:17, 10:22] = 1
+    made = carve(Views((View(camera, np.zeros((32, 32, 3), np.uint8), None, mask),)), 32)
+    assert len(made.mesh.faces)

@@ -1,0 +1,104 @@
+from dataclasses import replace
+
+import numpy as np
+import trimesh
+
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.colouring import vertex_colours
+from gvla2.reconstruction.mask_distance import signed_distance, silhouettes
+from gvla2.reconstruction.zbuffer import depth_map
+
+RED, GREEN = np.array([0.9, 0.1, 0.1]), np.array([0.1, 0.8, 0.1])
+
+
+def _painted(masked_views, mesh, count, size=128, seed=0):
+    """Views with each pixel in the colour of its place: red where x > 0, green elsewhere, without shading."""
+    painted = []
+    for view in masked_views(mesh, count=count, size=size, seed=seed):
+        x = np.nan_to_num(view.points()[..., 0])
+        image = np.where(x[..., None] > 0, RED, GREEN)
+        image = np.where(view.mask[..., None] > 0.5, image, 1.0)
+        painted.append(replace(view, image=np.rint(255 * image).astype(np.uint8)))
+    return Views(tuple(painted))
+
+
+def test_colours_come_from_the_views(masked_views):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+    made = carve(_painted(masked_views, ball, 12), 48)
+    x, colours = made.mesh.vertices[:, 0], made.mesh.colours
+    assert made.seen.mean() > 0.9
+    assert np.abs(colours[x > 0.08] - RED).max(axis=1).mean() < 0.03
+    assert np.abs(colours[x < -0.08] - GREEN).max(axis=1).mean() < 0.03
+    # Silhouettes are mixed with the white around them; none of it may end on the object.
+    assert colours.min(axis=1).max() < 0.5
+
+
+def test_what_stands_in_front_gives_no_colour_to_what_is_behind(masked_views):
+    # A big red ball behind a small green one, seen from ahead only.
+    back = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+    back.apply_translation([0.25, 0, 0])
+    front = trimesh.creation.icosphere(subdivisions=3, radius=0.12)
+    front.apply_translation([-0.3, 0, 0])
+    whole = trimesh.util.concatenate([back, front])
+    views = _painted(masked_views, whole, 14, seed=3)
+    mesh = Mesh(whole.vertices, whole.faces)
+    shown, _ = silhouettes(views)
+    depths = [depth_map(mesh, s.camera) for s in shown]
+    colours, seen = vertex_colours(mesh, np.array(whole.vertex_normals), shown, depths, 0.02)
+    behind = (mesh.vertices[:, 0] > 0.05) & seen
+    wrong = np.abs(colours[behind] - RED).max(axis=1) > 0.1
+    assert wrong.mean() < 0.005
+
+
+def test_one_liar_among_the_views_is_outvoted(masked_views):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+    views = list(masked_views(ball, count=14, size=96))
+    plain = [
+        replace(v, image=np.repeat(np.where(v.mask > 0.5, 128, 255)[..., None], 3, -1).astype(np.uint8))
+        for v in views
+    ]
+    black = replace(plain[0], image=np.zeros((96, 96, 3), dtype=np.uint8))
+    shown, _ = silhouettes(Views((black, *plain[1:])))
+    mesh = Mesh(ball.vertices, ball.faces)
+    depths = [depth_map(mesh, s.camera) for s in shown]
+    colours, seen = vertex_colours(mesh, np.array(ball.vertex_normals), shown, depths, 0.02)
+    assert np.quantile(np.abs(colours[seen] - 128 / 255).max(axis=1), 0.95) < 0.05
+
+
+def test_the_unseen_take_their_neighbours_colour(masked_views):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+    made = carve(_painted(masked_views, ball, 2, seed=5), 32)
+    assert not made.seen.all()
+    hidden = made.mesh.colours[~made.seen]
+    # Of two colours in the views, any mean of them may come, and nothing else.
+    assert (hidden[:, 2] < 0.15).mean() > 0.98
+    on_the_line = np.abs(hidden[:, 0] / 0.8 + hidden[:, 1] / 0.7 - 0.9 / 0.8 - 0.1 / 0.7) < 0.15
+    assert on_the_line.mean() > 0.98
+
+
+def test_depth_maps_agree_with_ray_casting(masked_views, jug):
+    for view in masked_views(jug, count=3, size=96):
+        drawn = depth_map(Mesh(jug.vertices, jug.faces), view.camera)
+        both = np.isfinite(drawn) & np.isfinite(view.depth)
+        assert (np.isfinite(drawn) != np.isfinite(view.depth)).mean() < 0.001
+        np.testing.assert_allclose(drawn[both], view.depth[both], atol=1e-4)
+
+
+def test_a_triangle_behind_the_camera_is_not_drawn(masked_views, jug):
+    view: View = masked_views(jug, count=1, size=32)[0]
+    behind = view.camera.position - 2 * view.camera.world_from_camera[:3, 2]
+    mesh = Mesh(behind + np.eye(3), np.array([[0, 1, 2]]))
+    assert np.isinf(depth_map(mesh, view.camera)).all()
+    across = Mesh(np.array([behind, [0, 0, 0], [0, 0.2, 0]]), np.array([[0, 1, 2]]))
+    assert np.isinf(depth_map(across, view.camera)).all()
+
+
+def test_signed_distances_are_sub_pixel():
+    mask = np.zeros((8, 8), dtype=np.float32)
+    mask[:, 4:] = 1
+    np.testing.assert_allclose(signed_distance(mask)[3], np.arange(8) - 3.5, atol=1e-6)
+    mask[:, 3] = 0.25  # the edge lies a quarter of a pixel further left
+    np.testing.assert_allclose(signed_distance(mask)[3], np.arange(8) - 3.25, atol=0.2)
+    assert np.isposinf(signed_distance(np.ones((4, 4)))).all()

@@ -1,0 +1,72 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.gate import accept
+
+
+@pytest.fixture(scope="module")
+def points(jug) -> np.ndarray:
+    return np.asarray(trimesh.sample.sample_surface(jug, 20_000, seed=0)[0])
+
+
+@pytest.fixture(scope="module")
+def views(jug, masked_views) -> Views:
+    return masked_views(jug)
+
+
+def test_no_change_is_kept(points, views):
+    gate = accept(points, points, views)
+    assert gate.accepted
+    assert gate.outcome == "kept"
+    assert gate.before == gate.after
+    assert set(gate.before) == {"support", "symmetric_iou"}
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1, (1, 1, 0.93)])
+def test_a_change_for_the_worse_is_not_and_the_way_back_is(points, views, scale):
+    worse = points * scale
+    refused, kept = accept(points, worse, views), accept(worse, points, views)
+    assert not refused.accepted
+    assert refused.outcome == "iou_fell"
+    assert "Symmetric IoU fell" in refused.reason
+    assert refused.after["symmetric_iou"] < refused.before["symmetric_iou"]
+    assert kept.accepted, kept.reason
+
+
+def test_support_counts_by_itself(points, views):
+    # With the silhouettes' say taken away, points outside the masks are still refused.
+    gate = accept(points, points * 1.06, views, iou_tolerance=1.0)
+    assert gate.outcome == "support_fell"
+    assert accept(points, points * 1.06, views, iou_tolerance=1.0, support_tolerance=1.0).accepted
+
+
+def test_not_a_number_is_never_kept(points, views):
+    broken = points.copy()
+    broken[7] = np.nan
+    gate = accept(points, broken, views)
+    assert gate.outcome == "not_finite"
+    assert "1 points" in gate.reason
+
+
+def test_without_silhouettes_nothing_changes(points, views):
+    empty = Views(tuple(replace(v, mask=np.zeros_like(v.mask)) for v in views))
+    assert accept(points, points, empty).outcome == "no_silhouette"
+
+
+def test_meshes_are_compared_by_their_faces(jug, views):
+    vertices = np.asarray(jug.vertices)
+    assert accept(vertices * 1.05, vertices, views, faces=jug.faces).after["symmetric_iou"] > 0.999
+
+
+def test_errors(points, views):
+    with pytest.raises(GeometryError, match="0 after"):
+        accept(points, np.zeros((0, 3)), views)
+    with pytest.raises(GeometryError, match="Tolerances"):
+        accept(points, points, views, iou_tolerance=-1)
+    with pytest.raises(GeometryError, match=r"after must be \(N, 3\)"):
+        accept(points, points[:, :2], views)
