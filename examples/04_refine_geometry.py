@@ -21,7 +21,9 @@ head = trimesh.creation.cylinder(radius=0.17, height=0.62, sections=40)
 handle = trimesh.creation.box((0.85, 0.1, 0.1), trimesh.transformations.translation_matrix([0.4, 0, 0]))
 solid = trimesh.util.concatenate([head, handle])
 solid.apply_translation(-solid.bounds.mean(axis=0))
-colours = np.where(np.arange(len(solid.faces))[:, None] < len(head.faces), [0.75, 0.25, 0.2], [0.8, 0.65, 0.4])
+colours = np.where(
+    np.arange(len(solid.faces))[:, None] < len(head.faces), [0.75, 0.25, 0.2], [0.8, 0.65, 0.4]
+)
 cameras = protocol_cameras("mallet", size=160)[:5]
 pictures = RayCaster([Surface(solid.vertices, solid.faces, colours, 0)]).cast(cameras, {})
 views = Views(

@@ -26,12 +26,11 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.repair import repair
 from gvla2.planning.trajectory import Trajectory
-from gvla2.reconstruction.contracts import Reconstructor
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
-from gvla2.refine import refine_scene
+from gvla2.refine import GeometryParts, refine_scene
 from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
-from gvla2.robot.report import ExecutionReport
+from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
 
 ABANDONED: tuple[str, ...] = ("error", "crashed", "interrupted")
@@ -45,7 +44,7 @@ class Parts:
     robot: RobotBackend
     task: Task | None
     perceiver: Perceiver
-    reconstructor: Reconstructor
+    geometry: GeometryParts
     memory: Memory
     planner: Planner
     verifier: Verifier
@@ -171,7 +170,7 @@ def _perceive(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 def _reconstruct(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     assert record.observation is not None
     assert record.scene is not None
-    scene, sentence = refine_scene(record.scene, record.observation, parts.reconstructor)
+    scene, sentence = refine_scene(record.scene, record.observation, record.instruction, parts.geometry)
     return replace(record, scene=scene, refinement=sentence)
 
 
@@ -273,7 +272,9 @@ def _execute(
     assert record.plan is not None
     assert record.plan.trajectory is not None
     assert record.scene is not None
-    report = parts.robot.execute(record.plan.trajectory, record.scene, ExecutionListener(frame=listener.frame))
+    report = parts.robot.execute(
+        record.plan.trajectory, record.scene, ExecutionListener(frame=listener.frame)
+    )
     record = replace(record, report=report)
     if report.abort is not None:
         stopped = report.abort

@@ -2,37 +2,83 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.reconstruction.contracts import Reconstruction, Reconstructor
+from gvla2.reconstruction.contracts import (
+    FusionStrategy,
+    GeometryPrior,
+    Reconstruction,
+    Reconstructor,
+    Renderer,
+)
 
 MIN_MASK_PIXELS = 30
 DEPTH_BAND = 0.015
 """A pixel belongs to an object when its depth lies within this of the object's box, metres."""
 
 
-def refine_scene(scene: Scene, observation: Observation, reconstructor: Reconstructor) -> tuple[Scene, str]:
-    """The scene with the solid objects' boxes fitted to their reconstructions, and a sentence on what was done.
+@dataclass(frozen=True)
+class GeometryParts:
+    """The components that refine an object's geometry."""
+
+    reconstructor: Reconstructor
+    prior: GeometryPrior
+    fusion: FusionStrategy
+    renderer: Renderer
+
+
+def refine_scene(
+    scene: Scene, observation: Observation, instruction: str, parts: GeometryParts
+) -> tuple[Scene, str]:
+    """The scene with the boxes of the objects of interest fitted to their refined geometry, and what was done.
 
     Each object's silhouette in a view is the set of pixels whose measured point lies in its box. An object
-    that no view shows, or that the reconstructor leaves alone, stays as perceived.
+    that no view shows, or that the reconstructor leaves alone or fails on, stays as perceived.
     """
-    refined: list[str] = []
-    for thing in scene.obstacles():
+    told: list[str] = []
+    for thing in objects_of_interest(scene, instruction):
         views = masked_views(observation, thing)
-        result = reconstructor.reconstruct(views) if views is not None else None
-        fitted = fit_box(thing, result) if result is not None else None
+        if views is None:
+            continue
+        try:
+            fitted = _refined(thing, views, parts)
+        except GeometryError as error:
+            told.append(f"{thing.label}: left as perceived ({error})")
+            continue
         if fitted is not None:
             scene = scene.with_object(fitted)
-            refined.append(thing.label)
-    if not refined:
+            change = 1e3 * (fitted.extents - thing.extents)
+            told.append(f"{thing.label}: extents changed by {', '.join(f'{c:+.1f}' for c in change)} mm")
+    if not told:
         return scene, "No geometry was refined: objects are as perceived."
-    return scene, f"Refined the geometry of {len(refined)} object(s): {', '.join(refined)}."
+    return scene, f"{'; '.join(told)}."
+
+
+def objects_of_interest(scene: Scene, instruction: str) -> tuple[SceneObject, ...]:
+    """The solid objects whose colour or noun the instruction names; all of them when it names none."""
+    words = set(re.findall(r"\w+", instruction.lower()))
+    things = scene.obstacles()
+    coloured = tuple(thing for thing in things if thing.colour in words)
+    named = tuple(thing for thing in things if words & set(thing.label.lower().split()))
+    return coloured or named or things
+
+
+def _refined(thing: SceneObject, views: Views, parts: GeometryParts) -> SceneObject | None:
+    """The object with its box fitted to the branch's output; None when there is nothing to refine."""
+    g0 = parts.reconstructor.reconstruct(views)
+    if g0 is None:
+        return None
+    # Compiled code is imported only when something is reconstructed.
+    from gvla2.reconstruction.branch import refine_geometry
+
+    return fit_box(thing, refine_geometry(g0, views, parts.prior, parts.fusion, parts.renderer).out)
 
 
 def masked_views(observation: Observation, thing: SceneObject) -> Views | None:

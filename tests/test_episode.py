@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import CHOICES
-from gvla2.episode import EpisodeRequest, Parts, run_episode
+from gvla2.commands.run import build_parts
+from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
 from gvla2.planning.contracts import Plan
 from gvla2.robot.task import Body, Joint
@@ -37,11 +37,9 @@ def parts_of(registry, compose_run):
     opened = []
 
     def build(*overrides):
-        config = compose_run(*overrides)
-        kinds = ("robot", "task", "perceiver", "reconstructor", "memory", "planner", "verifier")
-        built = registry.build_all(config, kinds)
-        opened.extend((built["robot"], built["memory"]))
-        return Parts(**built, choices={kind: getattr(config, kind).name for kind in CHOICES})
+        parts = build_parts(compose_run(*overrides), registry)
+        opened.extend((parts.robot, parts.memory))
+        return parts
 
     yield build
     for part in opened:
@@ -130,7 +128,9 @@ def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     np.testing.assert_array_equal(renamed.report.joint_path, plain.report.joint_path)
 
 
-@pytest.mark.parametrize("sentence", ["juggle the walrus", "pick up the zeppelin", "", "\x00;DROP TABLE memory;--"])
+@pytest.mark.parametrize(
+    "sentence", ["juggle the walrus", "pick up the zeppelin", "", "\x00;DROP TABLE memory;--"]
+)
 def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
     record = run_episode(parts_of(), EpisodeRequest(seed=1, instruction=sentence), Listener())
     assert record.failure is not None

@@ -1,14 +1,19 @@
 import numpy as np
 import pytest
 
+from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.refine import fit_box, masked_views, refine_scene
+from gvla2.refine import GeometryParts, fit_box, masked_views, objects_of_interest, refine_scene
+from gvla2_plugins.fusions.strategies import Residual
+from gvla2_plugins.nothing.choices import NoPrior, NoReconstructor
+from gvla2_plugins.reference_renderer import ReferenceRendererConfig
+from gvla2_plugins.reference_renderer.renderer import ReferenceRenderer
 
 SIZE = np.array([0.06, 0.04, 0.05])
 POSE = rigid(translation=(0.3, 0.1, 0.025))
@@ -40,21 +45,24 @@ def scene_of(extents):
     return Scene((seen, patch), 0.0, Box(np.full(3, -2.0), np.full(3, 2.0)))
 
 
-class FromDepth:
-    """Reconstructs by back-projecting what the masks show."""
+class Watched:
+    """The hull reconstructor, noting what it is shown."""
 
     def __init__(self):
         self.seen = []
 
     def reconstruct(self, views):
         self.seen.append(views)
-        points = np.concatenate([v.points()[v.mask > 0.5] for v in views])
-        return Reconstruction(None, Mesh(points, np.zeros((0, 3), dtype=np.int64)))
+        return carve(views).to_reconstruction()
 
 
-class Nothing:
+class Failing:
     def reconstruct(self, views):
-        return None
+        raise GeometryError("the masks are empty")
+
+
+def parts(reconstructor):
+    return GeometryParts(reconstructor, NoPrior(), Residual(0.5), ReferenceRenderer(ReferenceRendererConfig()))
 
 
 def test_masks_are_the_silhouette(observation):
@@ -65,26 +73,42 @@ def test_masks_are_the_silhouette(observation):
 
 
 def test_too_large_a_box_is_refined_and_regions_are_left_alone(observation):
-    reconstructor = FromDepth()
-    scene, sentence = refine_scene(scene_of(SIZE * 1.25), observation, reconstructor)
-    assert len(reconstructor.seen) == 1
-    assert "red box" in sentence
-    # The cameras see the top and three sides: the two shown axes come right to the millimetre.
-    np.testing.assert_allclose(scene["o1"].extents[1:], SIZE[1:], atol=4e-3)
+    watched = Watched()
+    scene, sentence = refine_scene(scene_of(SIZE * 1.2), observation, "lift it", parts(watched))
+    assert len(watched.seen) == 1
+    assert "red box: extents changed by" in sentence
+    # A hull of two views keeps what they cannot exclude, yet the true box lies within it.
+    assert (scene["o1"].extents > SIZE - 4e-3).all()
+    assert not np.array_equal(scene["o1"].extents, SIZE * 1.2)
     np.testing.assert_array_equal(scene["o2"].extents, np.full(3, 0.1))
 
 
 def test_without_a_reconstructor_nothing_changes(observation):
     before = scene_of(SIZE)
-    after, sentence = refine_scene(before, observation, Nothing())
+    after, sentence = refine_scene(before, observation, "lift it", parts(NoReconstructor()))
     assert after is before
     assert "No geometry was refined" in sentence
 
 
-def test_an_object_that_no_view_shows_is_left_alone(observation):
-    hidden = SceneObject(
-        "o9", "ghost", "box", "", rigid(translation=(5, 5, 5)), SIZE, np.zeros((1, 3))
+def test_a_failed_reconstruction_is_told_and_the_object_left_as_perceived(observation):
+    before = scene_of(SIZE)
+    after, sentence = refine_scene(before, observation, "lift it", parts(Failing()))
+    assert after is before
+    assert "left as perceived (the masks are empty)" in sentence
+
+
+def test_the_objects_of_interest_are_those_that_are_named():
+    red, green = (
+        SceneObject(f"o{i}", f"{colour} {noun}", "box", colour, POSE, SIZE, np.zeros((1, 3)))
+        for i, (colour, noun) in enumerate((("red", "cube"), ("green", "cup")))
     )
+    scene = Scene((red, green), 0.0, Box(np.full(3, -2.0), np.full(3, 2.0)))
+    for sentence, named in (("Lift the RED cube", ["o0"]), ("the cup, please", ["o1"]), ("go", ["o0", "o1"])):
+        assert [thing.id for thing in objects_of_interest(scene, sentence)] == named
+
+
+def test_an_object_that_no_view_shows_is_left_alone(observation):
+    hidden = SceneObject("o9", "ghost", "box", "", rigid(translation=(5, 5, 5)), SIZE, np.zeros((1, 3)))
     assert masked_views(observation, hidden) is None
 
 

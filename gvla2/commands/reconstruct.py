@@ -227,7 +227,10 @@ def _first(made: Reconstruction | None, config: ReconstructConfig, registry: Reg
             f"The reconstructor '{name}' makes no object, so there is nothing to refine. "
             f"Choose another with reconstructor=NAME: {others}."
         )
-    if not ((made.gaussians is not None and len(made.gaussians)) or (made.mesh is not None and len(made.mesh.faces))):
+    if not (
+        (made.gaussians is not None and len(made.gaussians))
+        or (made.mesh is not None and len(made.mesh.faces))
+    ):
         raise GeometryError(f"The reconstructor '{name}' made an empty object (status: {made.status}).")
     return made
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 CHOICES = (
-    "robot", "task", "perceiver", "reconstructor", "prior", "fusion",
+    "robot", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
     "memory", "retriever", "embedder", "planner", "verifier",
 )  # fmt: skip
 """The Hydra groups of a run; what was chosen for each is part of its result."""
@@ -90,13 +90,25 @@ def run_episodes(config: RunConfig, registry: Registry, folder: Path) -> float:
 
 def _build(config: RunConfig, registry: Registry, stack: ExitStack) -> Parts:
     """All components of the run; robot and memory are closed when ``stack`` unwinds."""
-    from gvla2.episode import Parts
+    parts = build_parts(config, registry)
+    stack.enter_context(closing(parts.robot))
+    stack.enter_context(closing(parts.memory))
+    return parts
 
-    kinds = ("robot", "task", "perceiver", "reconstructor", "memory", "planner", "verifier")
-    built = registry.build_all(config, kinds)
-    stack.enter_context(closing(built["robot"]))
-    stack.enter_context(closing(built["memory"]))
-    return Parts(**built, choices={kind: getattr(config, kind).name for kind in CHOICES})
+
+def build_parts(config: RunConfig, registry: Registry) -> Parts:
+    """All components that the configuration chose; the caller closes the robot and the memory."""
+    from gvla2.episode import Parts
+    from gvla2.refine import GeometryParts
+
+    loop = ("robot", "task", "perceiver", "memory", "planner", "verifier")
+    geometry = ("reconstructor", "prior", "fusion", "renderer")
+    built = registry.build_all(config, (*loop, *geometry))
+    return Parts(
+        **{kind: built[kind] for kind in loop},
+        geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
+        choices={kind: getattr(config, kind).name for kind in CHOICES},
+    )
 
 
 def _run_one(parts: Parts, config: RunConfig, seed: int, recorder: RunRecorder) -> EpisodeRecord:

@@ -52,6 +52,7 @@ class RunConfig:
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
     prior: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
+    renderer: ComponentConfig = field(default_factory=ComponentConfig)
     memory: ComponentConfig = field(default_factory=ComponentConfig)
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)

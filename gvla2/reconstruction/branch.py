@@ -33,8 +33,8 @@ from gvla2.reconstruction.contracts import (
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.guidance import guide
 from gvla2.reconstruction.silhouette import symmetric_iou
-from gvla2.reconstruction.soft_hull import soft_hull
 from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.visual_hull import soft_hull
 
 Move = Callable[[FloatArray], FloatArray]
 """Takes points (N, 3) of the object to where a stage puts them; serves Gaussians and mesh alike."""

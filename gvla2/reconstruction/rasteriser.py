@@ -8,10 +8,9 @@ how many there are: tiles are independent, and sums over tiles are taken in a fi
 
 from __future__ import annotations
 
-import os
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,10 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.reconstruction import rasteriser_gradients, rasteriser_projection, rasteriser_tiles
+from gvla2.reconstruction.compiled import cores, run_together
+from gvla2.reconstruction.rasteriser_kernel import Floats
 from gvla2.reconstruction.rasteriser_projection import CAMERA_ENTRIES, SPLAT_COLUMNS, TILE
 
-Floats = NDArray[np.float32]
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin
 _FEWEST_FOR_THREADS = 2000  # below, starting a thread costs more than it saves
 
@@ -120,22 +120,16 @@ def forward(
     packed = _pack(camera, options)
     splats = np.empty((count, SPLAT_COLUMNS), np.float32)
     boxes = np.empty((count, 4), np.int32)
-    rest = gaussians.sh_rest if gaussians.sh_rest is not None else np.zeros((0, 0), np.float32)
-    arrays = [
-        np.ascontiguousarray(array)
-        for array in (
-            gaussians.centres, gaussians.log_scales, gaussians.rotations, gaussians.opacity_logits,
-            gaussians.sh_dc, rest,
-        )
-    ]  # fmt: skip
-    parts = _threads(options, count)
+    centres, log_scales, rotations, logits, sh_dc, sh_rest = _contiguous(gaussians)
+    parts = _parts(options, count)
     bounds = [count * part // parts for part in range(parts + 1)]
     counts = np.zeros((parts, tiles), np.int64)
 
     def project(part: int) -> None:
         rasteriser_projection.project(
-            bounds[part], bounds[part + 1], packed, width, height, *arrays, splats, boxes, counts[part]
-        )
+            bounds[part], bounds[part + 1], packed, width, height,
+            centres, log_scales, rotations, logits, sh_dc, sh_rest, splats, boxes, counts[part],
+        )  # fmt: skip
 
     _share(project, parts)
     # Each part appends behind the one before it, so that a tile's list is in the Gaussians' order.
@@ -186,31 +180,33 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     boxes = frame.boxes
     first = np.zeros(count + 1, np.int64)
     np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
-    partial = np.zeros((len(frame.members), rasteriser_tiles.SUMS), np.float32)
+    sums = np.zeros((len(frame.members), rasteriser_tiles.SUMS), np.float32)
     left, across = 1 - frame.alpha, -(-shape[1] // TILE)
-    parts = _threads(options, count)
+    parts = _parts(options, count)
 
     def composite_back(part: int) -> None:
         rasteriser_tiles.composite_back(
             part, parts, across, frame.offsets, frame.members, boxes, frame.splats, first,
             np.float32(options.max_alpha), np.float32(options.stop),
-            frame.image, left, to_image, to_alpha, partial,
+            frame.image, left, to_image, to_alpha, sums,
         )  # fmt: skip
 
     _share(composite_back, parts)
     packed = _pack(frame.camera, options)
-    shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, 3))
-    gradients = [np.zeros(size, np.float32) for size in shapes]
-    sources = [np.ascontiguousarray(a) for a in (gaussians.centres, gaussians.log_scales, gaussians.rotations)]
+    centres, log_scales, rotations, *_ = _contiguous(gaussians)
+    found = GaussianGradients(
+        *(np.zeros(size, np.float32) for size in ((count, 3), (count, 3), (count, 4), (count,), (count, 3)))
+    )
     bounds = [count * part // parts for part in range(parts + 1)]
 
     def project_back(part: int) -> None:
         rasteriser_gradients.project_back(
-            bounds[part], bounds[part + 1], packed, *sources, frame.splats, first, partial, *gradients
-        )
+            bounds[part], bounds[part + 1], packed, centres, log_scales, rotations, frame.splats, first, sums,
+            found.centres, found.log_scales, found.rotations, found.opacity_logits, found.sh_dc,
+        )  # fmt: skip
 
     _share(project_back, parts)
-    return GaussianGradients(*gradients)
+    return found
 
 
 def expected_depth(
@@ -239,18 +235,23 @@ def _pack(camera: Camera, options: RasterOptions) -> Floats:
     """The camera as the kernels read it, see ``rasteriser_projection.ROTATION`` and the following."""
     K, pose = camera.K, camera.camera_from_world
     if K[1, 0] != 0 or not np.array_equal(K[2], [0, 0, 1]):
-        raise GeometryError(f"Camera '{camera.name}': K must be upper triangular with last row 0 0 1, got\n{K}")
-    # The slopes x/z, y/z at which the image ends; the principal point need not be central.
-    corners = np.array([[0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]])
+        raise GeometryError(
+            f"Camera '{camera.name}': K must be upper triangular with last row 0 0 1, got\n{K}"
+        )
+    # The slopes x/z, y/z at which the image ends; the principal point need not be central, nor in the image.
+    corners = np.array(
+        [[0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]]
+    )
     slopes = corners @ np.linalg.inv(K).T
-    low, high = slopes[:, :2].min(axis=0), slopes[:, :2].max(axis=0)
+    middle, half = (slopes.max(axis=0) + slopes.min(axis=0)) / 2, np.ptp(slopes, axis=0) / 2
+    low, high = middle - _FRUSTUM_MARGIN * half, middle + _FRUSTUM_MARGIN * half
     packed = np.concatenate(
         [
             pose[:3, :3].ravel(),
             pose[:3, 3],
             [K[0, 0], K[0, 1], K[0, 2], K[1, 1], K[1, 2]],
             camera.position,
-            _FRUSTUM_MARGIN * np.array([low[0], high[0], low[1], high[1]]),
+            [low[0], high[0], low[1], high[1]],
             [options.low_pass, options.near, options.min_alpha],
         ]
     )
@@ -258,29 +259,25 @@ def _pack(camera: Camera, options: RasterOptions) -> Floats:
     return packed.astype(np.float32)
 
 
-def _threads(options: RasterOptions, count: int) -> int:
+def _contiguous(gaussians: Gaussians) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    """What the kernels read: centres, log-scales, rotations, logits, constant and higher harmonics (none: (0, 0))."""
+    rest = np.zeros((0, 0), np.float32) if gaussians.sh_rest is None else gaussians.sh_rest
+    return (
+        np.ascontiguousarray(gaussians.centres),
+        np.ascontiguousarray(gaussians.log_scales),
+        np.ascontiguousarray(gaussians.rotations),
+        np.ascontiguousarray(gaussians.opacity_logits),
+        np.ascontiguousarray(gaussians.sh_dc),
+        np.ascontiguousarray(rest),
+    )
+
+
+def _parts(options: RasterOptions, count: int) -> int:
+    """Into how many parts the work is cut."""
     if count < _FEWEST_FOR_THREADS:
         return 1
-    if options.threads:
-        return options.threads
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
+    return options.threads or cores()
 
 
 def _share(work: Callable[[int], None], parts: int) -> None:
-    """Run ``work(0)`` to ``work(parts - 1)``, one a thread; the first error is raised here."""
-    errors: list[BaseException] = []
-
-    def guarded(part: int) -> None:
-        try:
-            work(part)
-        except BaseException as error:
-            errors.append(error)
-
-    others = [threading.Thread(target=guarded, args=(part,), daemon=True) for part in range(1, parts)]
-    for thread in others:
-        thread.start()
-    guarded(0)
-    for thread in others:
-        thread.join()
-    if errors:
-        raise errors[0]
+    run_together([partial(work, part) for part in range(parts)])

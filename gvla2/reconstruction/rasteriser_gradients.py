@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
 from gvla2.reconstruction.rasteriser_projection import (
     CONIC_A,
     CONIC_B,
@@ -20,12 +21,23 @@ from gvla2.reconstruction.rasteriser_projection import (
 )
 
 
-
 @kernel
 def project_back(
-    start, stop, camera, centres, log_scales, rotations, splats, first, partial,
-    to_centres, to_log_scales, to_rotations, to_logits, to_sh_dc,
-):  # fmt: skip
+    start: int,
+    stop: int,
+    camera: Floats,
+    centres: Floats,
+    log_scales: Floats,
+    rotations: Floats,
+    splats: Floats,
+    first: Ints,
+    partial: Floats,
+    to_centres: Floats,
+    to_log_scales: Floats,
+    to_rotations: Floats,
+    to_logits: Floats,
+    to_sh_dc: Floats,
+) -> None:
     """Write the gradients of Gaussians ``start`` to ``stop`` from what the tiles found.
 
     ``partial`` (entries, 9) holds the sums of ``rasteriser_tiles.composite_back``, one row for each tile of each
@@ -68,7 +80,14 @@ def project_back(
 
 
 @kernel
-def _to_shape(log_scale, rotation, axes, to_axes, to_log_scale, to_rotation):
+def _to_shape(
+    log_scale: Floats,
+    rotation: Floats,
+    axes: Floats,
+    to_axes: Floats,
+    to_log_scale: Floats,
+    to_rotation: Floats,
+) -> None:
     """Through L = R S to the logarithms of the scales and to the quaternion, which need not have length one."""
     for k in range(3):
         to_log_scale[k] = to_axes[0, k] * axes[0, k] + to_axes[1, k] * axes[1, k] + to_axes[2, k] * axes[2, k]
@@ -93,7 +112,20 @@ def _to_shape(log_scale, rotation, axes, to_axes, to_log_scale, to_rotation):
 
 
 @kernel
-def _to_centre(camera, x, y, z, slope_x, slope_y, axes, frame, to_image, to_u, to_v, to_centre):
+def _to_centre(
+    camera: Floats,
+    x: Real,
+    y: Real,
+    z: Real,
+    slope_x: Real,
+    slope_y: Real,
+    axes: Floats,
+    frame: Floats,
+    to_image: Floats,
+    to_u: Real,
+    to_v: Real,
+    to_centre: Floats,
+) -> None:
     """Through V = J W L and the projected centre (u, v) to the centre in the world."""
     k00, k01, k11 = camera[INTRINSICS], camera[INTRINSICS + 1], camera[INTRINSICS + 3]
     inverse = np.float32(1.0) / z

@@ -6,7 +6,12 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
+Floats = NDArray[np.float32]
+Real = Any  # float32 in the compiled code, for which Python has no type of its own
+Ints = NDArray[np.int32] | NDArray[np.int64]
 F = TypeVar("F", bound=Callable[..., Any])
 
 

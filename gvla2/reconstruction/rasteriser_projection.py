@@ -12,6 +12,8 @@ import math
 
 import numpy as np
 
+from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
+
 TILE = 16
 """Side of the square tiles in pixels."""
 
@@ -30,9 +32,11 @@ MOST_SPREAD = np.float32(1e3)
 SH_C0 = np.float32(0.2820948)
 
 
-
 @kernel
-def to_camera(camera, centre):
+def to_camera(
+    camera: Floats,
+    centre: Floats,
+) -> tuple[Real, Real, Real]:
     """A point of the world in the camera's frame."""
     x = camera[0] * centre[0] + camera[1] * centre[1] + camera[2] * centre[2] + camera[9]
     y = camera[3] * centre[0] + camera[4] * centre[1] + camera[5] * centre[2] + camera[10]
@@ -41,7 +45,12 @@ def to_camera(camera, centre):
 
 
 @kernel
-def gaussian_axes(log_scale, rotation, z, axes):
+def gaussian_axes(
+    log_scale: Floats,
+    rotation: Floats,
+    z: Real,
+    axes: Floats,
+) -> None:
     """Write L = R S (3, 3), one axis of the Gaussian a column, for a Gaussian at depth ``z``."""
     w, x, y, q = rotation[0], rotation[1], rotation[2], rotation[3]
     inverse = np.float32(1.0) / math.sqrt(w * w + x * x + y * y + q * q)
@@ -65,7 +74,15 @@ def gaussian_axes(log_scale, rotation, z, axes):
 
 
 @kernel
-def image_axes(camera, x, y, z, axes, frame, image):
+def image_axes(
+    camera: Floats,
+    x: Real,
+    y: Real,
+    z: Real,
+    axes: Floats,
+    frame: Floats,
+    image: Floats,
+) -> tuple[Real, Real]:
     """Write J W (2, 3) to ``frame`` and V = J W L (2, 3) to ``image``; return the slopes of linearisation.
 
     Far outside the image the slopes stay at its margin, as in 3DGS.
@@ -88,7 +105,10 @@ def image_axes(camera, x, y, z, axes, frame, image):
 
 
 @kernel
-def ellipse(image, low_pass):
+def ellipse(
+    image: Floats,
+    low_pass: Real,
+) -> tuple[Real, Real, Real, Real]:
     """Variances xx, xy, yy of V V^T + low_pass I in square pixels, and the determinant."""
     xx = image[0, 0] * image[0, 0] + image[0, 1] * image[0, 1] + image[0, 2] * image[0, 2]
     yy = image[1, 0] * image[1, 0] + image[1, 1] * image[1, 1] + image[1, 2] * image[1, 2]
@@ -102,9 +122,21 @@ def ellipse(image, low_pass):
 
 @kernel
 def project(
-    start, stop, camera, width, height, centres, log_scales, rotations, logits, sh_dc, sh_rest,
-    splats, boxes, counts,
-):  # fmt: skip
+    start: int,
+    stop: int,
+    camera: Floats,
+    width: int,
+    height: int,
+    centres: Floats,
+    log_scales: Floats,
+    rotations: Floats,
+    logits: Floats,
+    sh_dc: Floats,
+    sh_rest: Floats,
+    splats: Floats,
+    boxes: Ints,
+    counts: Ints,
+) -> None:
     """Project Gaussians ``start`` to ``stop``.
 
     Writes ``splats`` (N, 12) and ``boxes`` (N, 4), the first and last-plus-one tile column, then row, empty for
@@ -135,7 +167,9 @@ def project(
         half_u, half_v = math.sqrt(np.float32(2.0) * reach * xx), math.sqrt(np.float32(2.0) * reach * yy)
         left, right = np.ceil(u - half_u - half), np.floor(u + half_u - half)
         top, bottom = np.ceil(v - half_v - half), np.floor(v + half_v - half)
-        if not (left <= right and top <= bottom and right >= 0 and bottom >= 0 and left < width and top < height):
+        if not (
+            left <= right and top <= bottom and right >= 0 and bottom >= 0 and left < width and top < height
+        ):
             continue
         column0, column1 = int(max(left, 0)) // TILE, int(min(right, width - 1)) // TILE + 1
         row0, row1 = int(max(top, 0)) // TILE, int(min(bottom, height - 1)) // TILE + 1
@@ -151,7 +185,14 @@ def project(
 
 
 @kernel
-def _colour(camera, centre, sh_dc, sh_rest, i, splat):
+def _colour(
+    camera: Floats,
+    centre: Floats,
+    sh_dc: Floats,
+    sh_rest: Floats,
+    i: int,
+    splat: Floats,
+) -> None:
     """Colour >= 0 towards the camera, from spherical harmonics up to degree 3 in the order of 3DGS."""
     for k in range(3):
         splat[RED + k] = np.float32(0.5) + SH_C0 * sh_dc[k]

@@ -14,7 +14,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
 from gvla2.reconstruction.rasteriser_projection import (
     BLUE,
     CONIC_A,
@@ -36,7 +38,16 @@ p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
 
 
 @kernel
-def scatter(start, stop, across, boxes, splats, cursors, members, depths):
+def scatter(
+    start: int,
+    stop: int,
+    across: int,
+    boxes: Ints,
+    splats: Floats,
+    cursors: Ints,
+    members: Ints,
+    depths: Floats,
+) -> None:
     """Append Gaussians ``start`` to ``stop`` to their tiles' lists, at ``cursors`` (tiles,), which it moves."""
     for i in range(start, stop):
         for row in range(boxes[i, 2], boxes[i, 3]):
@@ -49,7 +60,12 @@ def scatter(start, stop, across, boxes, splats, cursors, members, depths):
 
 
 @kernel
-def _sort(keys, values, other_keys, other_values):
+def _sort(
+    keys: NDArray[np.uint32],
+    values: Ints,
+    other_keys: NDArray[np.uint32],
+    other_values: Ints,
+) -> None:
     """Sort by ``keys`` (n,), bit patterns of positive floats, stably, in place: radix sort by bytes from below."""
     n = len(keys)
     if n < 2:
@@ -78,7 +94,11 @@ def _sort(keys, values, other_keys, other_values):
 
 
 @kernel
-def _rows(splat, low, high):
+def _rows(
+    splat: Floats,
+    low: int,
+    high: int,
+) -> tuple[int, int]:
     """First and last row within ``low`` <= y < ``high`` whose pixel centres the ellipse reaches."""
     half = np.float32(0.5)
     tall = math.sqrt(np.float32(2.0) * splat[REACH] * splat[CONIC_A] / splat[CONIC_DET])
@@ -88,7 +108,14 @@ def _rows(splat, low, high):
 
 
 @kernel
-def _span(u, room, shift, inverse_a, low, high):
+def _span(
+    u: Real,
+    room: Real,
+    shift: Real,
+    inverse_a: Real,
+    low: int,
+    high: int,
+) -> tuple[int, int, Real]:
     """One row of an ellipse: first and last column within ``low`` <= x < ``high`` (last < first when empty), and t.
 
     With t = dx + (B / A) dy the exponent is -1/2 (A t t + (det / A) dy dy), without a mixed term that cancels;
@@ -104,8 +131,20 @@ def _span(u, room, shift, inverse_a, low, high):
 
 @kernel
 def composite(
-    part, parts, across, offsets, members, keys, splats, background, max_alpha, stop, image, left, longest
-):
+    part: int,
+    parts: int,
+    across: int,
+    offsets: Ints,
+    members: Ints,
+    keys: NDArray[np.uint32],
+    splats: Floats,
+    background: Floats,
+    max_alpha: Real,
+    stop: Real,
+    image: Floats,
+    left: Floats,
+    longest: int,
+) -> None:
     """Sort and paint the tiles ``part``, ``part + parts``, ...; rows of ``members`` end up nearest first.
 
     Writes ``image`` (H, W, 3), unclipped and with the background, and ``left`` (H, W), the light still passing.
@@ -174,9 +213,22 @@ def composite(
 
 @kernel
 def composite_back(
-    part, parts, across, offsets, members, boxes, splats, first_entry, max_alpha, stop,
-    image, left, to_image, to_alpha, partial,
-):  # fmt: skip
+    part: int,
+    parts: int,
+    across: int,
+    offsets: Ints,
+    members: Ints,
+    boxes: Ints,
+    splats: Floats,
+    first_entry: Ints,
+    max_alpha: Real,
+    stop: Real,
+    image: Floats,
+    left: Floats,
+    to_image: Floats,
+    to_alpha: Floats,
+    partial: Floats,
+) -> None:
     """Write ``partial`` (entries, 9), see ``SUMS``, for the tiles ``part``, ``part + parts``, ...
 
     ``to_image`` (H, W, 3) and ``to_alpha`` (H, W) are the loss's gradients at the image and at alpha = 1 - left.

@@ -25,7 +25,7 @@ def surface(count: int, seed: int = 0) -> Gaussians:
     directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
     centres = directions * (0.42 + 0.08 * np.sin(6 * directions).prod(axis=1, keepdims=True))
     spacing = np.sqrt(4 * np.pi * 0.42**2 / count)
-    half = directions + [0, 0, 1 + 1e-6]  # the half-way quaternion from z to the direction
+    half = directions + np.array([0, 0, 1 + 1e-6])  # the half-way quaternion from z to the direction
     rotations = np.concatenate(
         [half[:, 2:], -half[:, 1:2], half[:, :1], np.zeros((count, 1))], axis=1
     ) / np.linalg.norm(half, axis=1, keepdims=True)
@@ -57,7 +57,9 @@ def main() -> None:
         image, alpha = render(gaussians, CAMERA, options=options)
         slope = np.sign(image - 0.5).astype(np.float32) / image.size
 
-        def both(gaussians: Gaussians = gaussians, slope: np.ndarray = slope, alpha: np.ndarray = alpha) -> None:
+        def both(
+            gaussians: Gaussians = gaussians, slope: np.ndarray = slope, alpha: np.ndarray = alpha
+        ) -> None:
             backward(forward(gaussians, CAMERA, options=options), slope, alpha)
 
         for name, work in (

@@ -28,7 +28,7 @@ from gvla2.reconstruction.axis import AxisOptions, compensate
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.silhouette import symmetric_iou
-from gvla2.reconstruction.soft_hull import object_centre, soft_hull
+from gvla2.reconstruction.visual_hull import object_centre, soft_hull
 from gvla2.reconstruction.support import mask_support
 
 SIZE, FOCAL = 256, 1.09375

@@ -16,8 +16,8 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run import CHOICES
-from gvla2.episode import EpisodeRequest, Parts, run_episode
+from gvla2.commands.run import build_parts
+from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.evaluation.statistics import wilson_interval
 from gvla2.hydra_bridge import register
 from gvla2.plugins import load_plugins
@@ -44,11 +44,9 @@ def run_task(job: tuple[str, int, list[str]]) -> list[dict]:
     register(registry, PRIMARY)
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("run", overrides=["memory=none", f"task={task}", *overrides]))
-    kinds = ("robot", "task", "perceiver", "reconstructor", "memory", "planner", "verifier")
-    built = registry.build_all(config, kinds)
+    parts = build_parts(config, registry)
     rows = []
-    with closing(built["robot"]), closing(built["memory"]):
-        parts = Parts(**built, choices={kind: getattr(config, kind).name for kind in CHOICES})
+    with closing(parts.robot), closing(parts.memory):
         noise = DepthNoise(**asdict(config.depth_noise))
         for seed in range(config.seed, config.seed + seeds):
             started = time.perf_counter()

@@ -40,7 +40,10 @@ def cloud(count: int, seed: int = 0, spread: float = 0.3, size: float = 0.06) ->
 
 
 def torch_render(
-    parameters: dict[str, torch.Tensor], camera: Camera, background: tuple[float, float, float], options: RasterOptions
+    parameters: dict[str, torch.Tensor],
+    camera: Camera,
+    background: tuple[float, float, float],
+    options: RasterOptions,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """3D Gaussian splatting in a few dense lines of float64: every Gaussian at every pixel, no tiles, no stop."""
     pose, K = torch.tensor(camera.camera_from_world), torch.tensor(camera.K)
@@ -59,9 +62,12 @@ def torch_render(
         ]
     ).permute(2, 0, 1)
     axes = turn * torch.exp(parameters["log_scales"][order])[:, None]
-    corners = torch.tensor([[0.0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]])
-    slopes = 1.3 * corners.double() @ torch.linalg.inv(K).T
+    corners = torch.tensor(
+        [[0.0, 0, 1], [camera.width, 0, 1], [0, camera.height, 1], [camera.width, camera.height, 1]]
+    )
+    slopes = corners.double() @ torch.linalg.inv(K).T
     low, high = slopes.min(dim=0).values, slopes.max(dim=0).values
+    low, high = low - 0.15 * (high - low), high + 0.15 * (high - low)
     sx, sy = (x / z).clamp(low[0], high[0]), (y / z).clamp(low[1], high[1])
     zero = torch.zeros_like(z)
     jacobian = torch.stack(
@@ -73,7 +79,9 @@ def torch_render(
     offset = torch.tensor(camera.pixel_centres())[:, :, None] - uv
     power = -0.5 * torch.einsum("hwni,nij,hwnj->hwn", offset, torch.linalg.inv(covariance), offset)
     alpha = torch.sigmoid(parameters["opacity_logits"][order]) * torch.exp(power)
-    alpha = torch.where(alpha >= options.min_alpha, alpha.clamp(max=options.max_alpha), torch.zeros_like(alpha))
+    alpha = torch.where(
+        alpha >= options.min_alpha, alpha.clamp(max=options.max_alpha), torch.zeros_like(alpha)
+    )
     passing = torch.cumprod(torch.cat([torch.ones_like(alpha[..., :1]), 1 - alpha], dim=-1), dim=-1)
     colour = (0.5 + SH_C0 * parameters["sh_dc"][order]).clamp(min=0)
     image = (passing[..., :-1] * alpha) @ colour + passing[..., -1:] * torch.tensor(background).double()
@@ -115,7 +123,7 @@ def test_gradients_survive_hidden_saturated_and_clamped_gaussians() -> None:
     dark = scene.sh_dc.copy()
     dark[5:10] = -3.0  # black
     centres = scene.centres.copy()
-    centres[10] = CAMERA.position + [0.5, 0.4, 0]  # seen at a flat angle, beyond the margin
+    centres[10] = CAMERA.position + np.array([0.5, 0.4, 0])  # seen at a flat angle, beyond the margin
     centres[11] = CAMERA.position - 0.5 * CAMERA.world_from_camera[:3, 2]  # behind
     scales = scene.log_scales.copy()
     scales[10] = np.log(0.25)
@@ -265,7 +273,14 @@ def test_expected_depth_is_the_depth_of_a_wall() -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{"min_alpha": 0.0}, {"max_alpha": 1.5}, {"near": 0.0}, {"low_pass": -1.0}, {"stop": 1.0}, {"threads": -1}],
+    [
+        {"min_alpha": 0.0},
+        {"max_alpha": 1.5},
+        {"near": 0.0},
+        {"low_pass": -1.0},
+        {"stop": 1.0},
+        {"threads": -1},
+    ],
 )
 def test_senseless_options_are_refused(options) -> None:
     with pytest.raises(ConfigurationError, match="rasteriser needs"):

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
-from gvla2.reconstruction.soft_hull import object_centre, shrink_strength, soft_hull
+from gvla2.reconstruction.visual_hull import object_centre, shrink_strength, soft_hull
 
 
 def test_strength_is_the_papers_formula():
@@ -70,3 +70,11 @@ def test_errors(arguments, words):
 def test_nothing_finite_has_no_centre():
     with pytest.raises(GeometryError, match="None of 2 points"):
         object_centre(np.full((2, 3), np.nan))
+
+
+def test_the_pieces_are_exported_by_the_package():
+    import gvla2.reconstruction as reconstruction
+    from gvla2.reconstruction.support import mask_support
+
+    assert reconstruction.mask_support is mask_support
+    assert reconstruction.soft_hull is soft_hull

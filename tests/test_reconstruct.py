@@ -1,0 +1,412 @@
+"""`gvla2 reconstruct`: the real command from folders of views to geometry, numbers and a page."""
+
+import json
+import logging
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2 import cli
+from gvla2.catalog import Offer, Registry
+from gvla2.commands.primary import PRIMARY
+from gvla2.commands.reconstruct import branch_options, job, reconstruct
+from gvla2.commands.reconstruct_config import BranchConfig, ReconstructConfig, spec_of
+from gvla2.component import Component, ComponentConfig
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, OutputError
+from gvla2.evaluation.protocol import protocol_cameras
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh_files import read_mesh, write_mesh
+from gvla2.geometry.ply import read_gaussians
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.views import View, Views
+from gvla2.hydra_bridge import register
+from gvla2.kinds import KINDS
+from gvla2.plugins import Plugin
+from gvla2.reconstruction.branch import BranchOptions
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.reconstruction.gso_views import write_gso
+from gvla2.reconstruction.plain_views import write_plain
+from gvla2.reconstruction.view_folders import write_views
+from gvla2.testing.inputs import RED
+from gvla2.testing.inputs import views as table_views
+
+DATA = Path(os.environ.get("GVLA2_DATA", Path(__file__).parents[2] / "shared" / "data"))
+FAST = ("quiet=true", "frames=3", "reconstructor.resolution=32", "reconstructor.gaussians=3000")
+
+
+def mallet() -> trimesh.Trimesh:
+    """A head and a handle, longest side 1, centred."""
+    head = trimesh.creation.cylinder(radius=0.2, height=0.6, sections=32)
+    handle = trimesh.creation.box((0.8, 0.12, 0.12), trimesh.transformations.translation_matrix([0.4, 0, 0]))
+    solid = trimesh.util.concatenate([head, handle])
+    solid.apply_translation(-solid.bounds.mean(axis=0))
+    return solid
+
+
+def seen(solid: trimesh.Trimesh, count: int, size: int = 96) -> Views:
+    cameras = protocol_cameras("mallet", size)[:count]
+    shots = RayCaster([Surface(solid.vertices, solid.faces, np.array([0.7, 0.4, 0.2]), 0)]).cast(cameras, {})
+    rows = zip(cameras, shots, strict=True)
+    return Views(tuple(View(c, s.image, s.depth, (s.ids == 0).astype(np.float32)) for c, s in rows))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven views of a mallet in a plain folder, with its true mesh beside it."""
+    place = tmp_path_factory.mktemp("views") / "mallet"
+    solid = mallet()
+    write_plain(place, seen(solid, 7))
+    write_mesh(place.parent / "truth.obj", Mesh(solid.vertices, solid.faces))
+    return place
+
+
+@pytest.fixture(autouse=True)
+def _as_it_was(registry: Registry) -> Iterator[None]:
+    """Hydra knows the installed plugins, and logging is put back after a job."""
+    register(registry, PRIMARY)
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield
+    for handler in set(root.handlers) - set(handlers):
+        handler.close()
+    root.handlers[:], root.level = handlers, level
+
+
+def composed(*overrides: str) -> ReconstructConfig:
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        config = OmegaConf.to_object(compose("reconstruct", overrides=[*FAST, *overrides]))
+    assert isinstance(config, ReconstructConfig)
+    return config
+
+
+def with_component(registry: Registry, kind: str, build) -> Registry:
+    """The registry with one more component of the kind, called ``own``."""
+    offers = {k: registry.offers(k) for k in KINDS}
+    offers[kind]["own"] = Offer(Component("own", ComponentConfig, build), Plugin("test"))
+    return Registry(offers, registry.plugins)
+
+
+@pytest.fixture(scope="module")
+def run(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the command leaves of the mallet."""
+    out = tmp_path_factory.mktemp("run")
+    words = [f"views={folder}", "views_spec=0-4", "targets=5-6", f"truth={folder.parent / 'truth.obj'}"]
+    assert cli.main(["reconstruct", *FAST, *words, "prior=depth", f"hydra.run.dir={out}"]) == 0
+    return out
+
+
+def test_the_command_leaves_geometry_numbers_and_a_page(run: Path):
+    names = {p.name for p in run.iterdir() if not p.name.startswith(".")}
+    assert names == {
+        "config.yaml", "index.html", "reconstruct.log", "result.glb", "result.json", "result.ply", "turntable.gif",
+    }  # fmt: skip
+    told = json.loads((run / "result.json").read_text())
+    gaussians, mesh = read_gaussians(run / "result.ply"), read_mesh(run / "result.glb")
+    assert told["gaussians"] == len(gaussians) > 1000
+    assert told["faces"] == len(mesh.faces) > 1000
+    for points in (gaussians.centres, mesh.vertices):  # both in the views' frame, Z-up
+        np.testing.assert_allclose(np.ptp(points, axis=0), mallet().extents, atol=0.12)
+    assert mesh.colours is not None
+
+
+def test_the_result_tells_choices_stages_and_measures(run: Path):
+    told = json.loads((run / "result.json").read_text())
+    assert told["command"] == "reconstruct"
+    assert told["object"] == "mallet"
+    assert told["views"]["names"] == ["000", "001", "002", "003", "004"]
+    assert told["choices"] == {
+        "reconstructor": "hull",
+        "prior": "depth",
+        "fusion": "residual",
+        "renderer": "numba",
+    }
+    assert told["branch"] == asdict(BranchConfig())
+    assert {"prior", "appearance", "soft_hull", "axis", "fusion"} <= {
+        stage["stage"] for stage in told["stages"]
+    }
+    assert all(stage["reason"] for stage in told["stages"])
+    assert told["metrics"]["held_out_views"] == ["005", "006"]
+    for group, name in (("inputs", "symmetric_iou"), ("held_out", "psnr"), ("truth", "cd_surface")):
+        before, after = (told["metrics"][group][when][name] for when in ("before", "after"))
+        assert before > 0
+        assert abs(after / before - 1) < 0.5
+    assert told["metrics"]["inputs"]["after"]["symmetric_iou"] > 0.9
+    assert (
+        told["metrics"]["held_out"]["after"].get("lpips") is not None
+        or told["metrics"]["unmeasured"]["lpips"]
+    )
+    assert set(told["timings"]) == {"read", "reconstruct", "refine", "measure", "draw"}
+
+
+def test_the_page_shows_everything_and_loads_nothing(run: Path):
+    page = (run / "index.html").read_text()
+    told = json.loads((run / "result.json").read_text())
+    for stage in told["stages"]:
+        assert stage["status"] in page
+    for words in (
+        "mallet",
+        "Input views",
+        "All around",
+        "missed",
+        "excess",
+        "Against the true mesh",
+        "result.glb",
+    ):
+        assert words in page
+    # The hero, the turntable, and of each of five views: itself, its photo, two renders, two supports, two residuals.
+    assert page.count('src="data:image/') == 2 + 5 * 8
+    assert page.count("data:image/gif") == 2
+    assert "default-src 'none'" in page
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def test_a_planted_drift_is_undone_and_told(folder: Path, tmp_path: Path, registry: Registry):
+    """The mended object is nearer to the truth, and the page's numbers say so."""
+
+    class Drifted:
+        def reconstruct(self, views: Views) -> Reconstruction:
+            made = registry.build({"reconstructor": {"name": "hull", "resolution": 32}}, "reconstructor")
+            carved = made.reconstruct(views)
+            stretch, shift = np.array([1.05, 0.95, 1.04]), np.array([0.02, -0.01, 0.015])
+            return replace(
+                carved,
+                gaussians=carved.gaussians.with_centres(carved.gaussians.centres * stretch + shift),
+                mesh=carved.mesh.with_vertices(carved.mesh.vertices * stretch + shift),
+            )
+
+    drifting = with_component(registry, "reconstructor", lambda config: Drifted())
+    register(drifting, PRIMARY)
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        words = ["reconstructor=own", f"views={folder}", f"truth={folder.parent / 'truth.obj'}", "quiet=true"]
+        config = OmegaConf.to_object(compose("reconstruct", overrides=[*words, "frames=2"]))
+    record = reconstruct(config, drifting, tmp_path)
+    told = record.summary()["metrics"]
+    assert told["truth"]["after"]["cd_surface"] < 0.9 * told["truth"]["before"]["cd_surface"]
+    assert told["inputs"]["after"]["symmetric_iou"] > told["inputs"]["before"]["symmetric_iou"] + 0.03
+    assert record.changed
+    assert 0.01 < record.displacement / record.size < 0.1
+    assert "Refined" in (tmp_path / "index.html").read_text()
+
+
+def test_a_robot_runs_views_are_read(tmp_path: Path, registry: Registry):
+    """RGB-D views of a table: the object is small in them, metres are metres, nothing is held out."""
+    write_views(tmp_path, table_views(160, masked=RED))
+    record = reconstruct(composed(f"views={tmp_path}", "object=red cube"), registry, tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert told["object"] == "red cube"
+    assert told["metrics"]["held_out"] is None
+    assert told["metrics"]["truth"] is None
+    centre = np.asarray(record.result.out.mesh.bounds).mean(axis=0)
+    np.testing.assert_allclose(centre, RED.world_from_block[:3, 3], atol=0.01)
+
+
+def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry):
+    write_gso(tmp_path / "mallet" / "render_mvs_25" / "model", seen(mallet(), 12, 64))
+    record = reconstruct(composed(f"views={tmp_path / 'mallet'}", "size=64"), registry, tmp_path / "out")
+    assert [view.name for view in record.views] == ["000", "001", "002", "003", "004"]
+    assert record.measures.held_out == ("010", "011")
+    without = composed(f"views={tmp_path / 'mallet'}", "size=64", "targets=none")
+    assert reconstruct(without, registry, tmp_path / "bare").measures.held_out == ()
+
+
+@pytest.mark.skipif(not (DATA / "gso30_elephant").is_dir(), reason="needs gso30_elephant in GVLA2_DATA")
+def test_a_real_scan(tmp_path: Path):
+    words = [f"views={DATA / 'gso30_elephant'}", "quiet=true", "frames=2", f"hydra.run.dir={tmp_path}"]
+    assert cli.main(["reconstruct", *words]) == 0
+    told = json.loads((tmp_path / "result.json").read_text())
+    assert told["metrics"]["inputs"]["after"]["symmetric_iou"] > 0.95
+    assert len(told["metrics"]["held_out_views"]) == 15
+    held_out = told["metrics"]["held_out"]
+    assert held_out["after"]["psnr"] > 0.99 * held_out["before"]["psnr"]
+
+
+def test_the_job_returns_what_a_sweep_looks_at(folder: Path, tmp_path: Path):
+    words = [f"views={folder}", "branch.appearance=false,true", f"hydra.sweep.dir={tmp_path}"]
+    assert cli.main(["reconstruct", "-m", *FAST, *words]) == 0
+    rows = [json.loads(path.read_text()) for path in sorted(tmp_path.glob("*/result.json"))]
+    assert [row["branch"]["appearance"] for row in rows] == [False, True]
+    assert callable(job)
+
+
+# -- options ----------------------------------------------------------------------------------------------------
+
+
+def test_the_branchs_options_are_all_there():
+    assert [f.name for f in fields(BranchConfig)] == [f.name for f in fields(BranchOptions)]
+    assert branch_options(BranchConfig()) == BranchOptions()
+    assert branch_options(composed("branch.mode=paper", "branch.axis=false").branch) == BranchOptions(
+        mode="paper", axis=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "spec"), [("0-4", "0-4"), ("7", "7"), ("[0-4,7]", "0-4,7"), ("'0-4,7'", "0-4,7"), ("null", None)]
+)
+def test_view_specs_as_the_command_line_has_them(word: str, spec: str | None):
+    assert composed(f"views_spec={word}").views_spec == spec
+
+
+@pytest.mark.parametrize("value", [True, 1.5, {"a": 1}])
+def test_what_is_no_view_spec(value: object):
+    with pytest.raises(ConfigurationError, match="write views such as"):
+        spec_of("views_spec", value)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("branch.mode=papr", "branch.mode is 'papr'; it is one of default, paper"),
+        ("branch.compat=old", "branch.compat is 'old'"),
+        ("branch.eta=0", "eta > 0"),
+        ("size=4", "at least 8"),
+        ("frames=1", "2 to 120"),
+    ],
+)
+def test_values_that_cannot_be_are_refused(word: str, message: str):
+    with pytest.raises(ConfigurationError, match=message):
+        composed(word)
+
+
+# -- bad input --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "views=FOLDER"),
+        (["views=nowhere"], "no such folder"),
+        (["views={folder}", "views_spec=0-9"], "there is no view"),
+        (["views={folder}", "views_spec=0-3", "targets=3-5"], "both input and target"),
+        (["views={folder}", "truth=nowhere.obj"], "no such file"),
+        (["views={folder}", "reconstructor=none"], "Choose another with reconstructor=NAME: "),
+    ],
+)
+def test_bad_requests_are_one_message(
+    folder: Path, tmp_path: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+):
+    asked = [word.format(folder=folder) for word in words]
+    assert cli.main(["reconstruct", "quiet=true", *asked, f"hydra.run.dir={tmp_path}"]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("gvla2: ")
+    assert message in err
+    assert "Traceback" not in err
+    assert not (tmp_path / "result.json").exists()
+
+
+def test_masks_that_show_nothing(tmp_path: Path, registry: Registry):
+    views = seen(mallet(), 3, 48)
+    empty = Views(tuple(replace(view, mask=np.zeros_like(view.mask)) for view in views))
+    write_views(tmp_path, empty)
+    with pytest.raises(GeometryError, match="all 3 masks are empty"):
+        reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+    write_views(tmp_path, Views(tuple(replace(view, mask=None) for view in views)))
+    with pytest.raises(GeometryError, match="have no mask"):
+        reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+
+
+def test_one_empty_mask_and_one_view_only_are_told_not_fatal(tmp_path: Path, registry: Registry):
+    views = seen(mallet(), 4, 64)
+    partly = Views((*tuple(views)[:3], replace(views[3], mask=np.zeros_like(views[3].mask))))
+    write_views(tmp_path, partly)
+    record = reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+    assert "empty" in record.result.g0.status
+    alone = reconstruct(composed(f"views={tmp_path}", "views_spec=0"), registry, tmp_path / "alone")
+    assert "one view only" in alone.result.g0.status
+    page = (tmp_path / "alone" / "index.html").read_text()
+    assert "one view only" in page
+    assert "1 view " in page or "1 view<" in page
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda view: view["T"][0].__setitem__(slice(3), [-x for x in view["T"][0][:3]]), "mirror"),
+        (lambda view: view.update(K=[[0, 0, 0], [0, 0, 0], [0, 0, 1]]), "singular"),
+        (lambda view: view.update(mask="masks/other.png"), "other.png"),
+    ],
+)
+def test_cameras_and_masks_that_cannot_be(tmp_path: Path, registry: Registry, spoil, message: str):
+    from PIL import Image
+
+    write_plain(tmp_path, seen(mallet(), 3, 48))
+    Image.new("L", (20, 20), 255).save(tmp_path / "masks" / "other.png")
+    document = json.loads((tmp_path / "cameras.json").read_text())
+    spoil(document["views"][1])
+    (tmp_path / "cameras.json").write_text(json.dumps(document))
+    with pytest.raises(GeometryError, match=message):
+        reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_truth_in_another_frame_is_refused_early(folder: Path, tmp_path: Path, registry: Registry):
+    solid = mallet()
+    write_mesh(tmp_path / "far.obj", Mesh(solid.vertices + 5.0, solid.faces))
+    with pytest.raises(GeometryError, match="frame and scale"):
+        reconstruct(composed(f"views={folder}", f"truth={tmp_path / 'far.obj'}"), registry, tmp_path / "out")
+
+
+class _TooFew:
+    """A prior that answers for one view, whatever it is asked."""
+
+    def predict(self, views: Views) -> GeometryEstimate:
+        height, width = views[0].image.shape[:2]
+        return GeometryEstimate(
+            np.ones((1, height, width), np.float32), np.ones((1, height, width), np.float32)
+        )
+
+
+def test_a_prior_of_too_few_views_is_a_typed_fallback(folder: Path, tmp_path: Path, registry: Registry):
+    short = with_component(registry, "prior", lambda config: _TooFew())
+    register(short, PRIMARY)
+    record = reconstruct(composed(f"views={folder}", "prior=own"), short, tmp_path)
+    (stage,) = [stage for stage in record.result.stages if stage.stage == "prior"]
+    assert stage.status == "fallback"
+    assert stage.reason
+
+
+class _Blind:
+    """A renderer that draws what the branch asks for, then fails at the turntable."""
+
+    def __init__(self, real) -> None:
+        self.real = real
+
+    def render(self, gaussians, camera, background=(1.0, 1.0, 1.0)):
+        if camera.name.startswith("turn"):
+            raise RuntimeError("the display is gone")
+        return self.real.render(gaussians, camera, background)
+
+
+def test_a_picture_that_fails_costs_no_geometry(folder: Path, tmp_path: Path, registry: Registry):
+    real = registry.build({"renderer": {"name": "numba"}}, "renderer")
+    blind = with_component(registry, "renderer", lambda config: _Blind(real))
+    register(blind, PRIMARY)
+    reconstruct(composed(f"views={folder}", "renderer=own"), blind, tmp_path)
+    told = json.loads((tmp_path / "result.json").read_text())
+    assert any("the display is gone" in note for note in told["notes"])
+    assert (tmp_path / "result.ply").is_file()
+    assert "no turntable was made" in (tmp_path / "index.html").read_text()
+
+
+def test_a_folder_that_cannot_be_written_leaves_what_is_there(
+    folder: Path, tmp_path: Path, registry: Registry
+):
+    (tmp_path / "result.ply").mkdir()  # cannot be replaced by a file, not even by root
+    (tmp_path / "result.ply" / "keep").write_text("x")
+    (tmp_path / "result.json").write_text("old")
+    with pytest.raises(OutputError, match=r"result\.ply"):
+        reconstruct(composed(f"views={folder}"), registry, tmp_path)
+    assert (tmp_path / "result.json").read_text() == "old"
+    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".result")]
+    assert issubclass(OutputError, Gvla2Error)
+    occupied = tmp_path / "file"
+    occupied.write_text("mine")
+    with pytest.raises(OutputError, match="Cannot make the folder"):
+        reconstruct(composed(f"views={folder}"), registry, occupied)
+    assert occupied.read_text() == "mine"
