@@ -109,6 +109,14 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     return record
 
 
+class _StoppedMidwayError(BaseException):
+    """A stage was stopped by its cause when it had got as far as ``record`` says."""
+
+    def __init__(self, record: EpisodeRecord) -> None:
+        super().__init__()
+        self.record = record
+
+
 def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
     """After a failure: what was planned is still verified and learnt from, what was laid out still judged."""
     if stage in ("verify", "learn"):
@@ -132,7 +140,11 @@ def _run_stage(
         return record
 
     try:
-        record = function(record)  # an interrupt of the listener must not lose what the stage found
+        try:
+            record = function(record)  # an interrupt of the listener must not lose what the stage found
+        except _StoppedMidwayError as stopped:
+            record = stopped.record
+            raise stopped.__cause__ or stopped from None
         return ended(record)
     except PerceptionError as error:
         return ended(replace(record, failure=Failure(stage, "perception", str(error))))
@@ -272,9 +284,12 @@ def _execute(
     assert record.plan is not None
     assert record.plan.trajectory is not None
     assert record.scene is not None
-    report = parts.robot.execute(
-        record.plan.trajectory, record.scene, ExecutionListener(frame=listener.frame)
-    )
+    done: list[WaypointReport] = []
+    heard = ExecutionListener(listener.frame, done.append)
+    try:
+        report = parts.robot.execute(record.plan.trajectory, record.scene, heard)
+    except (Exception, KeyboardInterrupt) as cause:
+        raise _StoppedMidwayError(replace(record, report=ExecutionReport(tuple(done)))) from cause
     record = replace(record, report=report)
     if report.abort is not None:
         stopped = report.abort

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -110,6 +111,8 @@ def job(config: RunConfig, registry: Registry) -> float:
         raise ZeroDivisionError("by nothing")
     if config.seed == 9:
         raise KeyboardInterrupt
+    if config.seed == 10:
+        os.kill(os.getpid(), signal.SIGTERM)
     assert isinstance(registry.get("planner", config.planner.name).config(), ComponentConfig)
     (output_folder() / "seed").write_text(str(config.seed))
     return float(config.seed)
@@ -150,7 +153,13 @@ def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]
             "The option 'planner.lift_height' is wrong: Value 'high' of type 'str'",
         ),
         (["seed=1,2"], "--multirun"),
-        (["a==b="], "Error parsing override"),
+        (["a==b="], "'a==b=' cannot be read"),
+        (["instruction=a=b"], "quotes of its own inside the shell's: 'instruction=\"...\"'"),
+        (
+            ["instruction=${nowhere}"],
+            "The option 'instruction' is wrong: Interpolation key 'nowhere' not found",
+        ),
+        (["hydra.run.dir=/dev/null/x"], "Choose another with hydra.run.dir=FOLDER."),
         (["episodes=0"], "episodes is 0"),
         (["seed=7"], "No horse named 'pegasus'. Available: shire."),
     ],
@@ -193,6 +202,9 @@ def test_an_unforeseen_error_shows_its_traceback(folder: Path, capsys: pytest.Ca
 def test_an_interrupt_and_wrong_usage_have_their_status(folder: Path):
     assert launch("run", job, ["seed=9"]) == 130
     assert launch("run", job, ["--no-such-flag"]) == 2
+    before = signal.getsignal(signal.SIGTERM)
+    assert launch("run", job, ["seed=10"]) == 143
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.parametrize(

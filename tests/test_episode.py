@@ -193,6 +193,7 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
     with pytest.raises(KeyboardInterrupt):
         run_episode(parts, EpisodeRequest(seed=1), listener)
     assert listener.records["execute"].failure.kind == "interrupted"
+    assert listener.records["execute"].report.abort.abort == "interrupted"
     assert "learn" not in listener.records
     # The same robot and memory serve the next episode, which remembers nothing of the broken one.
     record = run_episode(parts, EpisodeRequest(seed=1), Listener())

@@ -53,10 +53,11 @@ def _missing_choice(error: MissingConfigException, registry: Registry | None) ->
 
 
 def _unreadable(error: OverrideParseException) -> str:
+    lines = [line for line in error.message.splitlines() if not line.startswith(("Error parsing", "See "))]
     key = error.override.partition("=")[0]
     return (
-        f"'{error.override}' cannot be read: {error.message.partition(chr(10))[0]}. A value with commas, equal signs, "
-        f"colons or quotes needs quotes of its own inside the shell's: '{key}=\"...\"'."
+        f"'{error.override}' cannot be read: {' '.join(lines)}. A value with commas, equal signs or quotes needs "
+        f"quotes of its own inside the shell's: '{key}=\"...\"'."
     )
 
 

@@ -74,7 +74,7 @@ class JobFailedError(BaseException):
         self.error = error
 
 
-class Terminated(KeyboardInterrupt):  # noqa: N818 - it ends a process, as its base does
+class Terminated(KeyboardInterrupt):
     """SIGTERM, from a batch system, say: it unwinds like Ctrl-C, so that the run's folder is complete."""
 
 

@@ -67,7 +67,8 @@ def read_weights(path: Path | None = None) -> Weights:
         raise MissingDependencyError(f"the weight file {source}", "LPIPS", FETCH, LICENCE)
     try:
         if source.suffix == ".npz":
-            with np.load(source, allow_pickle=False) as stored:
+            # Read whole first: numpy leaves a damaged file open.
+            with np.load(io.BytesIO(source.read_bytes()), allow_pickle=False) as stored:
                 arrays = {name: np.asarray(stored[name]) for name in stored.files}
             weights = Weights(
                 *(tuple(arrays[f"{kind}{n}"] for n in range(LAYERS)) for kind in ("kernel", "bias", "head"))

@@ -146,7 +146,6 @@ def _write_entry(entry: Path, views: tuple[View, ...]) -> None:
     np.savez_compressed(
         buffer,
         image=np.stack([view.image for view in views]),
-        # Alpha is a count of rays: a byte holds it only if there are at most 255 of them.
         alpha=np.stack([view.mask for view in views if view.mask is not None]),
         depth=np.stack([view.depth for view in views if view.depth is not None]),
     )
@@ -162,7 +161,8 @@ def _read_entry(entry: Path, cameras: list[Camera]) -> tuple[View, ...] | None:
     if not entry.is_file():
         return None
     try:
-        with np.load(entry, allow_pickle=False) as stored:
+        # Read whole first: numpy leaves a damaged file open.
+        with np.load(io.BytesIO(entry.read_bytes()), allow_pickle=False) as stored:
             image, alpha, depth = (stored[key] for key in ("image", "alpha", "depth"))
         return _as_views(cameras, image, alpha, depth)
     except Exception as error:  # a damaged archive fails in many ways, and each has the same cure

@@ -22,7 +22,7 @@ def lines_of(entry: Entry, measure: Measure) -> list[str]:
         change = entry.change
         lines.append(f"{change.percent:+.2f} % [{change.low:+.2f}, {change.high:+.2f}]")
     if entry.worst is not None:
-        lines.append(f"worst {entry.worst:+.2f} % ({entry.worst_object})")
+        lines.append(f"worst {entry.worst + 0.0:+.2f} % ({entry.worst_object})")
     return lines
 
 

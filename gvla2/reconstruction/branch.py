@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians
@@ -103,7 +104,7 @@ def refine_geometry(
     start = _Source(g0)
     if options.mode == "default":
         # A drift of the whole object is set right first: a prior moves the seen sides alone, and would tear it.
-        start = _source_b(start, views, options)
+        start = _source_b(start, views, options, "drift")
     a = _source_a(start, views, prior, renderer, options)
     # The published branch puts source B beside A, both from G0; carrying on from A keeps what A has mended.
     b = _source_b(_Source(g0 if options.mode == "paper" else a.state), views, options)
@@ -148,18 +149,17 @@ def _shrunk(source: _Source, views: Views, options: BranchOptions) -> _Source:
     return _gated("soft_hull", source, _moved(source.state, move), views, options, began)
 
 
-def _source_b(source: _Source, views: Views, options: BranchOptions) -> _Source:
+def _source_b(source: _Source, views: Views, options: BranchOptions, stage: str = "axis") -> _Source:
     """Axis compensation p'' = c + (p - c) * a + delta, from masks and poses alone."""
     if not options.axis:
-        return source.after(source.state, StageReport("axis", "skipped", "Source B is switched off."))
+        return source.after(source.state, StageReport(stage, "skipped", "Source B is switched off."))
     began = time.perf_counter()
-    points, centre = _points(source.state), object_centre(source.state)
-    fit = compensate(points, views, centre, AxisOptions(mode=options.mode))
+    fit = compensate(_dense(source.state), views, object_centre(source.state), AxisOptions(mode=options.mode))
     measures = {"iou": fit.iou_before}, {"iou": fit.iou_after}
     seconds = time.perf_counter() - began
     if not fit.accepted:
-        return source.after(source.state, StageReport("axis", "rejected", fit.reason, *measures, seconds))
-    report = StageReport("axis", "applied", fit.reason, *measures, seconds)
+        return source.after(source.state, StageReport(stage, "rejected", fit.reason, *measures, seconds))
+    report = StageReport(stage, "applied", fit.reason, *measures, seconds)
     return source.after(_moved(source.state, fit.apply), report)
 
 
@@ -228,14 +228,15 @@ def _settled(
 
 
 CLEARLY = 0.005
-"""A difference of symmetric IoU that counts: a hull fits its own masks to the pixel, so a truer shape may cost a little."""
+"""A difference of symmetric IoU that counts. A hull fits its masks to the pixel: a truer shape may cost a little."""
 
 
 def _gated(
     stage: str, source: _Source, moved: Reconstruction, views: Views, options: BranchOptions, began: float
 ) -> _Source:
     """Keep ``moved`` where the views do not speak against it; always in paper mode, which has no gate."""
-    gate = accept(_points(source.state), _points(moved), views)
+    (before, faces), (after, _) = _outline(source.state), _outline(moved)
+    gate = accept(before, after, views, faces=faces)
     seconds = time.perf_counter() - began
     if gate.accepted or options.mode == "paper":
         return source.after(
@@ -247,7 +248,25 @@ def _gated(
 
 
 def _iou(thing: Reconstruction, views: Views) -> float:
-    return symmetric_iou(_points(thing), views)
+    points, faces = _outline(thing)
+    return symmetric_iou(points, views, faces=faces)
+
+
+def _outline(thing: Reconstruction) -> tuple[FloatArray, NDArray[np.int64] | None]:
+    """What casts the object's silhouettes: the mesh, which has no gaps, else the Gaussians' centres."""
+    if thing.mesh is not None and len(thing.mesh.faces):
+        return thing.mesh.vertices, thing.mesh.faces
+    return _points(thing), None
+
+
+def _dense(thing: Reconstruction) -> FloatArray:
+    """(N, 3) points so close together that their outline is the object's: samples of the mesh where there is one."""
+    if thing.mesh is not None and len(thing.mesh.faces) and thing.mesh.areas.sum() > 0:
+        return thing.mesh.sample(DENSE, np.random.default_rng(0))[0]
+    return _points(thing)
+
+
+DENSE = 100_000
 
 
 def _mismatch(a: Reconstruction, b: Reconstruction) -> str:
@@ -298,4 +317,4 @@ def _moved(thing: Reconstruction, move: Move) -> Reconstruction:
 def object_centre(thing: Reconstruction) -> FloatArray:
     """(3,) centre c of the object's bounding box: one for Gaussians and mesh alike."""
     points = _points(thing)
-    return 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))

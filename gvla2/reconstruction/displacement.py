@@ -12,12 +12,12 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled, cores
 from gvla2.reconstruction.support import as_points
 
-_MOST_ANCHORS = 30_000
-_NEIGHBOURS, _PARENTS = 8, 3
+_MOST_ANCHORS = 25_000
+_NEIGHBOURS, _PARENTS = 8, 2
 
 
 class Neighbourhood:
-    """Who is near whom among points (N, 3): smoothing takes place on at most 30 thousand anchors.
+    """Who is near whom among points (N, 3): smoothing takes place on at most 25 thousand anchors.
 
     ``spacing`` is the typical distance of all points from their nearest neighbour on a surface, metres.
     """
@@ -30,8 +30,7 @@ class Neighbourhood:
         self._anchors = chosen
         tree = cKDTree(points[chosen])
         many = min(_NEIGHBOURS, len(chosen) - 1) + 1
-        distance, index = tree.query(points[chosen], k=np.arange(1, many + 1), workers=cores())
-        self._graph = np.ascontiguousarray(index, dtype=np.int64)
+        distance, self._graph = _nearest(tree, points[chosen], many)
         reach = float(np.median(distance[:, -1]))
         self.spacing = reach / np.sqrt(max(many - 1, 1) / np.pi) * np.sqrt(len(chosen) / count)
         reach = max(reach, 1e-12)
@@ -39,8 +38,7 @@ class Neighbourhood:
         self._closeness[:, 0] = 0.0  # the point itself
         self._parents: NDArray[np.int64] | None = None
         if len(chosen) < count:
-            apart, parents = tree.query(points, k=np.arange(1, _PARENTS + 1), workers=cores())
-            self._parents = np.ascontiguousarray(parents, dtype=np.int64)
+            apart, self._parents = _nearest(tree, points, _PARENTS)
             self._shares = np.exp(-0.5 * (apart / reach) ** 2) + 1e-9
             self._shares /= self._shares.sum(axis=1, keepdims=True)
 
@@ -80,7 +78,7 @@ class Displacement:
         if len(self.points) == 0 or not finite.any() or not self.offsets.any():
             return result
         many = min(4, len(self.points))
-        distance, index = cKDTree(self.points).query(array[finite], k=np.arange(1, many + 1), workers=cores())
+        distance, index = _nearest(cKDTree(self.points), array[finite], many)
         # Far beyond rounding, far below any spacing.
         floor = 1e-9 * float(np.abs(self.points).max() + 1e-9)
         weight = 1.0 / (distance**2 + floor**2)
@@ -91,6 +89,12 @@ class Displacement:
     def move(self, others: ArrayLike) -> FloatArray:
         """The other points (M, 3), moved."""
         return as_points(others) + self.at(others)
+
+
+def _nearest(tree: cKDTree, points: FloatArray, many: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Distances and indices (N, many) of the nearest neighbours."""
+    distance, index = tree.query(points, k=np.arange(1, many + 1), workers=cores())
+    return np.asarray(distance, dtype=np.float64), np.ascontiguousarray(index, dtype=np.int64)
 
 
 @compiled

@@ -8,7 +8,6 @@ kept only when the input masks speak no worse of it than of the points that came
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,27 +17,28 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.compiled import run_together
 from gvla2.reconstruction.contracts import GeometryEstimate, StageReport
 from gvla2.reconstruction.displacement import Displacement, Neighbourhood
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.misfit import deep_changes, rim_share
 from gvla2.reconstruction.prior_agreement import CrossCheck
 from gvla2.reconstruction.prior_depth import PriorDepth, UnusablePriorError, calibrate_prior
-from gvla2.reconstruction.pull import pull
+from gvla2.reconstruction.pull import Pull
 from gvla2.reconstruction.settle import settle
-from gvla2.reconstruction.support import as_points, projection
-from gvla2.reconstruction.visibility import depth_of_points
+from gvla2.reconstruction.support import as_points
 
 STAGE = "prior"
 _LEAST_POINTS = 16
+_AGREEMENT = 0.013
+"""Two views' surfaces agree to half at this share of the size."""
+_ENOUGH = 60_000
 _STILL = 1e-4
 """A prior that moves no point by more than this share of the size has nothing to correct."""
 
 
 @dataclass(frozen=True)
 class GuidanceOptions:
-    """How points follow a prior; lengths are shares of the object's diagonal, whatever its size.
+    """How points follow a prior; lengths are shares of the object's diameter.
 
     ``rounds`` of correction; ``cauchy``: the residual at which a view's say is halved, so that the nearest of the
     surfaces that the views ask for wins; ``behind``: points farther behind the prior's surface than this belong to
@@ -51,15 +51,15 @@ class GuidanceOptions:
     """
 
     rounds: int = 3
-    cauchy: float = 0.02
-    behind: float = 0.10
-    tolerance: float = 0.01
-    step: float = 0.15
-    edge: float = 0.02
+    cauchy: float = 0.025
+    behind: float = 0.13
+    tolerance: float = 0.013
+    step: float = 0.2
+    edge: float = 0.025
     damping: float = 0.3
     smoothing: float = 0.5
     passes: int = 4
-    straggling: float = 0.005
+    straggling: float = 0.006
     most_conflict: float = 0.35
     most_misfit: float = 0.015
 
@@ -128,12 +128,13 @@ def guide(
     except UnusablePriorError as error:
         return kept("fallback", str(error))
     followed = _follow(start, views, prior, size, neighbours, options)
-    moved = settle(followed, start, views, prior.depth, options.straggling * size)
+    moved = settle(followed, start, views, prior.solid, options.straggling * size)
     way = np.linalg.norm(moved - start, axis=1)
     if way.max() < _STILL * size:
         return kept("skipped", "The prior agrees with the object as it is.")
     gate = accept(start, moved, views, iou_tolerance=0.5 * rim_share(views))
-    lost, gained = deep_changes(start, moved, views)
+    thin = slice(None, None, max(1, len(start) // _ENOUGH))  # outlines of more points are much the same
+    lost, gained = deep_changes(start[thin], moved[thin], views)
     before = {**gate.before, "mean_move": 0.0}
     after = {
         **gate.after,
@@ -156,9 +157,9 @@ def guide(
 
 
 def object_size(points: FloatArray) -> float:
-    """Diagonal of the points' bounding box, metres, without the outermost half percent each way."""
-    low, high = np.quantile(points, [0.005, 0.995], axis=0)
-    return float(np.linalg.norm(high - low))
+    """Twice the distance from the points' mean within which 99 of 100 of them lie, metres; turns change nothing."""
+    off = points - points.mean(axis=0)
+    return 2.0 * float(np.sqrt(np.quantile(np.einsum("nd,nd->n", off, off), 0.99)))
 
 
 def _cross_checked(
@@ -167,7 +168,7 @@ def _cross_checked(
     """The prior in the scale in which its views agree best, and the share of conflicts that is left."""
     if len(views) < 2:
         return prior, 0.0
-    check = CrossCheck(prior, views, 0.01 * size)
+    check = CrossCheck(prior, views, _AGREEMENT * size)
     found, scale = check.at(), check.best_scale()
     better = check.at(scale)
     # A small gain is noise, and metric depth is right more often than not.
@@ -192,41 +193,24 @@ def _follow(
     options: GuidanceOptions,
 ) -> FloatArray:
     """The rounds of correction: points (N, 3)."""
-    cameras = [view.camera for view in views]
-    points = start.copy()
+    puller = Pull(
+        views,
+        prior,
+        cauchy=options.cauchy * size,
+        behind=options.behind * size,
+        # A splatted point hides what lies behind it on a slope.
+        tolerance=options.tolerance * size + 2.0 * neighbours.spacing,
+        spacing=neighbours.spacing,
+    )
+    points = start
     for _ in range(options.rounds):
-        totals = [np.zeros((len(points), 4)) for _ in cameras]
-
-        def job(s: int, points: FloatArray = points, totals: list[FloatArray] = totals) -> Callable[[], None]:
-            def run() -> None:
-                front = depth_of_points(points, cameras[s], neighbours.spacing)
-                pull(
-                    points,
-                    projection(cameras[s]),
-                    cameras[s].position,
-                    prior.depth[s],
-                    prior.weight[s],
-                    front,
-                    options.tolerance * size,
-                    options.cauchy * size,
-                    options.behind * size,
-                    prior.jump,
-                    totals[s],
-                )
-
-            return run
-
-        run_together([job(s) for s in range(len(cameras))])
-        total = np.sum(totals, axis=0)
-        weight = total[:, 3]
-        correction = total[:, :3] / np.maximum(weight, 1e-12)[:, None]
+        correction, weight = puller.of(points)
         sure = np.minimum(weight / options.damping, 1.0)
         around, around_sure = neighbours.spread(correction, sure, options.passes)
-        pushed = (
-            sure[:, None] * correction + (options.smoothing * np.minimum(around_sure, 1.0))[:, None] * around
-        )
+        heard = options.smoothing * np.minimum(around_sure, 1.0)
+        pushed = sure[:, None] * correction + heard[:, None] * around
         pushed /= (sure + options.smoothing)[:, None]
-        length = np.linalg.norm(pushed, axis=1)
+        length = np.sqrt(np.einsum("nd,nd->n", pushed, pushed))
         pushed *= np.minimum(1.0, options.step * size / np.maximum(length, 1e-12))[:, None]
         points = points + pushed
     return points

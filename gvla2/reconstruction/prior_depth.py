@@ -22,6 +22,8 @@ _LEAST_COVERAGE = 0.25
 """Least share of the masks' pixels that must have depth."""
 _LEAST_COSINE = 0.05
 """Depth seen at a grazing angle is trusted this much at least."""
+_RIM = 0.2
+"""Pixels on a silhouette or depth edge may be flying pixels: trust them this much."""
 
 
 class UnusablePriorError(GeometryError):
@@ -37,7 +39,8 @@ class PriorDepth:
     """Metric depth of S views along the calibrated cameras' z.
 
     ``depth`` (S, H, W) metres, 0 where unknown; ``weight`` (S, H, W) in [0, 1], 0 where unknown or outside the
-    mask: confidence x mask x cosine of incidence, less on depth edges. ``normals`` (S, H, W, 3) world, unit,
+    mask: confidence x mask x cosine of incidence, less on depth edges. ``solid`` (S, H, W) is the depth without silhouette
+    and depth edges, where pixels may fly between two surfaces. ``normals`` (S, H, W, 3) world, unit,
     towards the view's camera, NaN where there is none. ``jump`` is the step in metres between
     neighbouring pixels that counts as an edge; ``coverage`` the share of mask pixels with depth; ``notes`` what
     was done to bring the prior here.
@@ -45,6 +48,7 @@ class PriorDepth:
 
     depth: FloatArray
     weight: FloatArray
+    solid: FloatArray
     normals: FloatArray
     jump: float
     coverage: float
@@ -52,7 +56,7 @@ class PriorDepth:
 
     def scaled(self, factor: float, note: str) -> PriorDepth:
         """The same surfaces nearer to or farther from their cameras."""
-        return replace(self, depth=self.depth * factor, notes=(*self.notes, note))
+        return replace(self, depth=self.depth * factor, solid=self.solid * factor, notes=(*self.notes, note))
 
 
 def calibrate_prior(
@@ -62,13 +66,13 @@ def calibrate_prior(
     *,
     size: float,
     spacing: float,
-    edge: float = 0.02,
+    edge: float = 0.025,
 ) -> PriorDepth:
     """Depth x scale for the given cameras, and how far to trust each pixel.
 
     An estimate with poses is aligned to the calibrated cameras by Sim(3); only the scale is kept, its poses are
     dropped (VGGT's depth x scale is nearer than its point map). Where the poses leave the scale open (one view),
-    the depth of the ``points`` (N, 3) of the object serves. ``size`` is the object's diagonal and ``spacing`` the
+    the depth of the ``points`` (N, 3) of the object serves. ``size`` is the object's diameter and ``spacing`` the
     points' distance, metres; ``edge`` the step in depth that counts as an edge, as a share of the size.
     Raises :class:`UnusablePriorError` with a typed code; :class:`GeometryError` for views without masks.
     """
@@ -87,19 +91,19 @@ def calibrate_prior(
             "too_little_depth", f"the prior has depth for {coverage:.0%} of the masks' pixels."
         )
     typical = float(np.median(confidence[known]))
-    weight, normals = np.zeros_like(depth), np.full((*depth.shape, 3), np.nan)
+    weight, solid = np.zeros_like(depth), np.zeros_like(depth)
+    normals = np.full((*depth.shape, 3), np.nan)
     for s, view in enumerate(views):
         trust = np.clip(confidence[s] / typical, 0.0, 1.0) * masks[s]
         smooth, normals[s], cosine = _surface(
             view.camera.backproject(depth[s]), depth[s], view.camera.position, edge * size
         )
-        rim = binary_erosion(known[s], np.ones((3, 3))) & smooth
-        weight[s] = np.where(known[s], trust * cosine * np.where(rim, 1.0, _RIM), 0.0)
-    return PriorDepth(np.where(known, depth, 0.0), weight, normals, edge * size, coverage, tuple(notes))
-
-
-_RIM = 0.2
-"""Pixels on a silhouette or depth edge may be flying pixels: trust them this much."""
+        inner = binary_erosion(known[s], np.ones((3, 3), dtype=np.bool_)) & smooth
+        weight[s] = np.where(known[s], trust * cosine * np.where(inner, 1.0, _RIM), 0.0)
+        solid[s] = np.where(inner, depth[s], 0.0)
+    return PriorDepth(
+        np.where(known, depth, 0.0), weight, solid, normals, edge * size, coverage, tuple(notes)
+    )
 
 
 def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,12 @@ from numpy.typing import NDArray
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.reconstruction import rasteriser_gradients, rasteriser_projection, rasteriser_tiles
+from gvla2.reconstruction import (
+    rasteriser_compositing,
+    rasteriser_gradients,
+    rasteriser_projection,
+    rasteriser_tiles,
+)
 from gvla2.reconstruction.compiled import cores, run_together
 from gvla2.reconstruction.rasteriser_kernel import Floats
 from gvla2.reconstruction.rasteriser_projection import CAMERA_ENTRIES, SPLAT_COLUMNS, TILE
@@ -152,7 +157,7 @@ def forward(
     colour = np.asarray(background, np.float32)
 
     def composite(part: int) -> None:
-        rasteriser_tiles.composite(
+        rasteriser_compositing.composite(
             part, parts, across, offsets, members, keys, splats, colour,
             np.float32(options.max_alpha), np.float32(options.stop), image, left, longest,
         )  # fmt: skip
@@ -180,12 +185,12 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
     boxes = frame.boxes
     first = np.zeros(count + 1, np.int64)
     np.cumsum((boxes[:, 1] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 2]), out=first[1:])
-    sums = np.zeros((len(frame.members), rasteriser_tiles.SUMS), np.float32)
+    sums = np.zeros((len(frame.members), rasteriser_compositing.SUMS), np.float32)
     left, across = 1 - frame.alpha, -(-shape[1] // TILE)
     parts = _parts(options, count)
 
     def composite_back(part: int) -> None:
-        rasteriser_tiles.composite_back(
+        rasteriser_compositing.composite_back(
             part, parts, across, frame.offsets, frame.members, boxes, frame.splats, first,
             np.float32(options.max_alpha), np.float32(options.stop),
             frame.image, left, to_image, to_alpha, sums,

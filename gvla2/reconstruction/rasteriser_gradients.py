@@ -40,7 +40,7 @@ def project_back(
 ) -> None:
     """Write the gradients of Gaussians ``start`` to ``stop`` from what the tiles found.
 
-    ``partial`` (entries, 9) holds the sums of ``rasteriser_tiles.composite_back``, one row for each tile of each
+    ``partial`` (entries, 9) holds the sums of ``rasteriser_compositing.composite_back``, one row for each tile of each
     Gaussian; rows ``first[i]`` to ``first[i + 1]`` are Gaussian i's and are added in that order, so that the
     answer does not depend on the number of threads.
     """

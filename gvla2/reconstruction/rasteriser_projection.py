@@ -199,7 +199,9 @@ def _colour(
     count = sh_rest.shape[1] // 3
     if count > 0:
         x, y, z = centre[0] - camera[EYE], centre[1] - camera[EYE + 1], centre[2] - camera[EYE + 2]
-        inverse = np.float32(1.0) / max(math.sqrt(x * x + y * y + z * z), np.float32(1e-12))
+        inverse = np.float32(1.0) / math.sqrt(
+            x * x + y * y + z * z
+        )  # not zero: z > near in the camera's frame
         x, y, z = x * inverse, y * inverse, z * inverse
         xx, yy, zz = x * x, y * y, z * z
         basis = (

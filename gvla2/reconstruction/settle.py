@@ -27,7 +27,7 @@ def settle(
     P = np.stack([projection(view.camera) for view in views])
     positions = np.stack([view.camera.position for view in views])
     pixel = np.array([1.0 / view.camera.K[0, 0] for view in views])
-    result = moved.copy()
+    result = np.ascontiguousarray(moved).copy()
 
     def body(first: int, last: int) -> None:
         _settle(result, start, P, positions, pixel, depth, outside, tolerance, first, last)

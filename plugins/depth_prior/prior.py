@@ -1,4 +1,4 @@
-"""Measured depth, less what lies on borders."""
+"""Measured depth, less the flying pixels on borders."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import View, Views
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class DepthPrior:
     """The views' own depth: metric and calibrated, so that the estimate has no poses.
 
-    Raises :class:`ConfigurationError` for a negative ``erode`` or a ``confidence`` that is not above 0.
+    Raises :class:`ConfigurationError` for a negative ``erode`` or ``slope`` or a ``confidence`` that is not above 0.
     """
 
     def __init__(self, config: DepthPriorConfig) -> None:
@@ -27,6 +27,9 @@ class DepthPrior:
             raise ConfigurationError(f"prior.erode counts pixels and must be >= 0, got {config.erode}.")
         if not 0 < config.confidence < float("inf"):
             raise ConfigurationError(f"prior.confidence must be a number above 0, got {config.confidence}.")
+        if not 0 <= config.slope < float("inf"):
+            raise ConfigurationError(f"prior.slope must be a number >= 0, got {config.slope}.")
+        self._slope = config.slope
         self._erode, self._confidence = config.erode, config.confidence
 
     def predict(self, views: Views) -> GeometryEstimate | None:
@@ -51,8 +54,20 @@ class DepthPrior:
             keep &= view.mask > 0.5
         if self._erode:
             # The picture's own border is no border of the object.
-            keep = binary_erosion(keep, np.ones((3, 3)), iterations=self._erode, border_value=1)
+            core = binary_erosion(keep, np.ones((3, 3)), iterations=self._erode, border_value=1)
+            keep &= core | self._continues(depth, core, view.camera.K[0, 0])
         return np.where(keep, depth, np.nan).astype(np.float32)
+
+    def _continues(
+        self, depth: NDArray[np.float32], core: NDArray[np.bool_], focal: float
+    ) -> NDArray[np.bool_]:
+        """Where the depth goes on from the nearest core pixel without a jump (H, W)."""
+        if not core.any():
+            return np.zeros_like(core)
+        apart, nearest = distance_transform_edt(~core, return_indices=True)
+        with np.errstate(invalid="ignore"):
+            step = np.abs(depth - depth[tuple(nearest)])
+            return np.asarray(step <= self._slope * apart * depth / focal)
 
 
 def _measured(depth: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -136,6 +136,11 @@ def test_a_file_that_cannot_be_used_is_refused_and_left_alone(tmp_path: Path, ho
     assert (path.read_bytes(), path.stat().st_mode) == (before, mode)
 
 
+def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MemoryStoreError, match="is a folder"):
+        Store.open(f"sqlite:///{tmp_path}")
+
+
 def test_a_locked_database_is_refused_and_serves_again_later(url: str, tmp_path: Path) -> None:
     Store.open(url).close()
     path = tmp_path / "memory.db"

@@ -46,6 +46,19 @@ def test_quiet_says_nothing(episode: Callable[..., EpisodeRecord]) -> None:
     assert printed(episode(), quiet=True) == ""
 
 
+@pytest.mark.parametrize("error", [BrokenPipeError, OSError])
+def test_a_terminal_that_is_gone_stops_nothing(
+    episode: Callable[..., EpisodeRecord], error: type[OSError]
+) -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise error
+
+    progress = Progress(console=Console(file=Gone()))
+    progress.stage(episode(), "plan")
+    progress.finish(episode(), Path("out"))
+
+
 def test_a_terminal_without_unicode_is_no_error(episode: Callable[..., EpisodeRecord]) -> None:
     record = episode(instruction="größer", failure=None)
     assert "ok" in printed(record, encoding="ascii")

@@ -38,7 +38,12 @@ class ReconstructionRecord:
     @property
     def changed(self) -> bool:
         """Whether the output differs from the first reconstruction at all."""
-        return bool(self.displacement > 0) or self._colours(self.result.out) != self._colours(self.result.g0)
+        return self.displacement > 0 or self.recoloured
+
+    @property
+    def recoloured(self) -> bool:
+        """Whether any base colour differs."""
+        return self._colours(self.result.out) != self._colours(self.result.g0)
 
     @property
     def displacement(self) -> float:

@@ -12,6 +12,7 @@ from gvla2.record.page import render
 from gvla2.record.reconstruction import sections
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.maps import AGREED, CONTOUR, EXCESS, MISSED, scale_css
+from gvla2.record.reconstruction.numbers import metric_groups
 from gvla2.record.reconstruction.pictures import ReconstructionPictures
 
 
@@ -46,7 +47,7 @@ def render_reconstruction(
         tiles=sections.tiles(record),
         steps=sections.steps(record),
         stages=sections.stage_rows(record),
-        groups=sections.metric_groups(record),
+        groups=metric_groups(record),
         unmeasured={} if measures is None else dict(measures.unmeasured or {}),
         fits=fits,
         total=sum(record.timings.values()),

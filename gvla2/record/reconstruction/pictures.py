@@ -95,8 +95,6 @@ def turntables(
     """GIF files of one turn from the first view's side: the refined object alone, and both side by side."""
     points = np.concatenate([measures.before.gaussians.centres, measures.after.gaussians.centres])
     cameras = ring(points.astype(np.float64), frames, TURNTABLE_SIZE, views[0].camera.position)
-    before, after = (
-        turn(end.gaussians, cameras, renderer) for end in (measures.before, measures.after)
-    )
+    before, after = (turn(end.gaussians, cameras, renderer) for end in (measures.before, measures.after))
     fps = frames / SECONDS_A_TURN
     return gif(after, fps, rest=0.0), gif(side_by_side(before, after, TITLES), fps, rest=0.0)

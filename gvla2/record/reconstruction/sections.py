@@ -10,8 +10,9 @@ from gvla2.reconstruction.branch import BranchOptions
 from gvla2.reconstruction.contracts import StageReport
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Group
+from gvla2.record.reconstruction.numbers import GROUPS, MEASURES, told, tone_of
 from gvla2.record.sections import Tile
-from gvla2.record.wording import State, count, fixed, listing
+from gvla2.record.wording import State, count, listing
 
 STATES: Mapping[str, State] = {
     "applied": "done",
@@ -33,36 +34,8 @@ MEANINGS: Mapping[str, tuple[str, str]] = {
 """The source that each stage belongs to, and what it does."""
 
 
-@dataclass(frozen=True)
-class Measure:
-    """How a number is told: its name, decimals, unit, and whether more is better."""
-
-    label: str
-    digits: int
-    unit: str
-    more_is_better: bool
-    note: str = ""
-
-
-MEASURES: Mapping[str, Measure] = {
-    "symmetric_iou": Measure("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
-    "mask_support": Measure("mask support", 4, "", True, "mean mask value where points project"),
-    "psnr": Measure("PSNR", 2, "dB", True, "colours, on white"),
-    "ssim": Measure("SSIM", 4, "", True, "structure, uniform 7 × 7 window"),
-    "lpips": Measure("LPIPS", 4, "", False, "perceived distance, AlexNet v0.1"),
-    "cd_surface": Measure(
-        "CD surface × 10³", 2, "", False, "in the views’ frame: place, scale and shape count"
-    ),
-    "cd_official": Measure("CD official × 10³", 2, "", False, "each shape in its own unit box"),
-}
-GROUPS: Mapping[Group, tuple[str, str]] = {
-    "truth": ("Against the true mesh", "Chamfer distance, 100 000 points a surface"),
-    "held_out": ("In held-out views", "views that nothing was made from"),
-    "inputs": ("In the input views", "how well what went in is explained; no measure of quality by itself"),
-}
 _STAGE_LABELS = {"iou": "symmetric IoU", "support": "mask support", "colour_error": "colour error"}
 _STILL = 1e-4  # mean displacement, as a share of the size, below which an object counts as not moved
-_STEADY = 5e-4  # relative change below which a number counts as unchanged
 
 
 @dataclass(frozen=True)
@@ -91,34 +64,13 @@ class StageRow:
     seconds: float
 
 
-@dataclass(frozen=True)
-class MetricRow:
-    """One number before and after, as text; ``change`` in percent, toned by whether it is for the better."""
-
-    label: str
-    note: str
-    before: str
-    after: str
-    change: str
-    tone: str
-
-
-@dataclass(frozen=True)
-class MetricGroup:
-    """Numbers of one kind."""
-
-    title: str
-    note: str
-    rows: tuple[MetricRow, ...]
-
-
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
     """The outcome in two words, and its tone."""
     if not record.changed:
         return "Kept as first made", "idle"
     if record.displacement < _STILL * record.size:
-        return "Hardly moved, colours changed", "idle"
-    tone = _tone("inputs", "symmetric_iou", record)
+        return ("Colours calibrated" if record.recoloured else "Hardly changed"), "idle"
+    tone = tone_of("inputs", "symmetric_iou", record)
     return ("Refined", "good") if tone != "bad" else ("Refined, masks fit worse", "unsure")
 
 
@@ -155,12 +107,12 @@ def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
 
 def tiles(record: ReconstructionRecord) -> list[Tile]:
     """Masks, colours and ground truth."""
-    masks = Tile("Silhouettes against the masks", *_told("inputs", "symmetric_iou", record))
-    colours = Tile("Colours of the input views", *_told("inputs", "psnr", record))
+    masks = Tile("Silhouettes against the masks", *told("inputs", "symmetric_iou", record))
+    colours = Tile("Colours of the input views", *told("inputs", "psnr", record))
     judges: tuple[tuple[Group, str], ...] = (("truth", "cd_surface"), ("held_out", "psnr"))
     for group, name in judges:
         if record.measures is not None and group in record.measures.groups:
-            return [masks, colours, Tile(GROUPS[group][0], *_told(group, name, record))]
+            return [masks, colours, Tile(GROUPS[group][0], *told(group, name, record))]
     note = "Nothing that was not used was given to measure by: truth=MESH, or targets=VIEWS."
     return [masks, colours, Tile("Ground truth", "None given", "idle", note)]
 
@@ -224,73 +176,20 @@ def stage_rows(record: ReconstructionRecord) -> list[StageRow]:
     return rows
 
 
-def metric_groups(record: ReconstructionRecord) -> list[MetricGroup]:
-    """All numbers before and after; the hardest judge first."""
-    if record.measures is None:
-        return []
-    made = []
-    for group, (title, note) in GROUPS.items():
-        pair = record.measures.groups.get(group)
-        if pair is None:
-            continue
-        rows = []
-        for name, after in pair[1].items():
-            how = MEASURES.get(name, Measure(name.replace("_", " "), 4, "", True))
-            before = pair[0].get(name, float("nan"))
-            change = _change(before, after)
-            told = "" if change is None else f"{100 * change:+.2f} %".replace("-", "−")
-            was, now = (f"{fixed(value, how.digits)} {how.unit}".strip() for value in (before, after))
-            rows.append(MetricRow(how.label, how.note, was, now, told, _tone(group, name, record)))
-        shown = f"{note}; {count(len(record.measures.held_out), 'view')}" if group == "held_out" else note
-        made.append(MetricGroup(title, shown, tuple(rows)))
-    return made
-
-
 def summary_line(record: ReconstructionRecord) -> str:
     """The outcome on one line, for the terminal."""
     parts = [headline(record)[0].lower()]
     if record.measures is not None:
-        for group, name in (("inputs", "symmetric_iou"), ("held_out", "psnr"), ("truth", "cd_surface")):
-            value = _told(group, name, record)[0]
+        judged: tuple[tuple[Group, str], ...] = (
+            ("inputs", "symmetric_iou"),
+            ("held_out", "psnr"),
+            ("truth", "cd_surface"),
+        )
+        for group, name in judged:
+            value = told(group, name, record)[0]
             if value:
                 parts.append(f"{MEASURES[name].label} {value}{' held out' if group == 'held_out' else ''}")
     return f"{record.name}: {', '.join(parts)}"
-
-
-def _told(group: Group, name: str, record: ReconstructionRecord) -> tuple[str, str, str]:
-    """A number before and after as text, its tone and a note."""
-    pair = None if record.measures is None else record.measures.groups.get(group)
-    if pair is None or name not in pair[1]:
-        return "", "idle", "Not measured."
-    how = MEASURES[name]
-    texts = [fixed(numbers.get(name), how.digits) for numbers in pair]
-    value = f"{texts[0]} → {texts[1]} {how.unit}".strip()
-    if _change(pair[0].get(name), pair[1].get(name)) is None:
-        value = f"{texts[1]} {how.unit}".strip()
-    note = f"{how.label}: {how.note}. {'More' if how.more_is_better else 'Less'} is better."
-    return value, _tone(group, name, record), note
-
-
-def _tone(group: Group, name: str, record: ReconstructionRecord) -> str:
-    pair = None if record.measures is None else record.measures.groups.get(group)
-    change = None if pair is None else _change(pair[0].get(name), pair[1].get(name))
-    if change is None or abs(change) < _STEADY:
-        return "idle"
-    better = MEASURES[name].more_is_better if name in MEASURES else True
-    return "good" if (change > 0) == better else "bad"
-
-
-def _change(before: float | None, after: float | None) -> float | None:
-    """Relative change; None when it cannot be told."""
-    if (
-        before is None
-        or after is None
-        or not math.isfinite(before)
-        or not math.isfinite(after)
-        or before == 0
-    ):
-        return None
-    return (after - before) / abs(before)
 
 
 def _spoken(stage: StageReport) -> str:

@@ -1,0 +1,109 @@
+"""What `gvla2 reconstruct` starts from: the input views, views to judge by, and a true mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from gvla2.commands.reconstruct_config import NO_TARGETS, ReconstructConfig
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.evaluation.gso_truth import true_mesh
+from gvla2.evaluation.protocol import TARGETS
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh_files import read_mesh
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.gso_views import find_model_folder
+from gvla2.reconstruction.plain_views import find_cameras
+from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.view_archive import ARCHIVE
+from gvla2.reconstruction.view_folders import read_views
+
+LEAST_TRUTH_SUPPORT = 0.3
+"""Mean mask support below which a true mesh is taken to lie in another frame; masks may be occluded in part."""
+GSO_TRUTH = Path("meshes") / "model.obj"
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """``views`` all have masks, of which one at least shows something; ``truth`` lies in their frame.
+
+    ``held_out`` shares no view with them. ``truth_file`` is where the truth was read, "" for none.
+    """
+
+    name: str
+    folder: Path
+    views: Views
+    held_out: Views | None
+    truth: Mesh | None
+    truth_file: str
+
+
+def read_inputs(config: ReconstructConfig) -> Inputs:
+    """Everything that the configuration names, read and checked.
+
+    Raises :class:`ConfigurationError` without a folder, :class:`GeometryError` for files that cannot be used.
+    """
+    if not config.views:
+        raise ConfigurationError(
+            "Say which views to reconstruct from: gvla2 reconstruct views=FOLDER. `gvla2 reconstruct --help` lists "
+            "the kinds of folders."
+        )
+    folder = Path(config.views).expanduser()
+    views = _masked(read_views(folder, config.views_spec, config.size), folder)
+    held_out = _held_out(folder, config, views)
+    truth, truth_file = _truth(folder, config, views)
+    return Inputs(config.object or folder.resolve().name, folder, views, held_out, truth, truth_file)
+
+
+def _masked(views: Views, folder: Path) -> Views:
+    bare = [view.name for view in views if view.mask is None]
+    if bare:
+        raise GeometryError(
+            f"{folder}: the views {', '.join(bare)} have no mask. The object's silhouette is needed in every view: "
+            "save transparent PNG files, or put masks/<name>.png beside images/."
+        )
+    if not any(view.mask is not None and (view.mask > 0.5).any() for view in views):
+        raise GeometryError(f"{folder}: all {len(views)} masks are empty, so no view shows the object.")
+    return views
+
+
+def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | None:
+    """The views that were asked for, else the protocol's of a GSO-30 tree that are there and no input."""
+    if config.targets == NO_TARGETS:
+        return None
+    if config.targets is not None:
+        held_out = read_views(folder, config.targets, config.size)
+        shared = {view.name for view in views} & {view.name for view in held_out}
+        if shared:
+            raise GeometryError(
+                f"The views {', '.join(sorted(shared))} are both input and target: what was used cannot judge."
+            )
+        return held_out
+    model = _gso_model(folder)
+    if model is None:
+        return None
+    used = {int(view.name) for view in views}
+    numbers = [n for n in TARGETS if n not in used and (model / f"{n:03d}.npy").is_file()]
+    return read_views(folder, ",".join(map(str, numbers)), config.size) if numbers else None
+
+
+def _gso_model(folder: Path) -> Path | None:
+    """Where the numbered views lie when the folder is read as an object of a GSO-30 tree."""
+    other = find_cameras(folder) is not None or (folder / ARCHIVE).is_file()
+    return None if other else find_model_folder(folder)
+
+
+def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[Mesh | None, str]:
+    """The true mesh in the views' frame; a GSO-30 tree brings its own, scaled and turned as its views were."""
+    if config.truth:
+        given = read_mesh(Path(config.truth).expanduser())
+        support = float(mask_support(given.vertices, views).mean())
+        if support < LEAST_TRUTH_SUPPORT:
+            raise GeometryError(
+                f"{config.truth} lies outside the masks (mean mask support {support:.2f}): truth must be in the views' "
+                "frame and scale."
+            )
+        return given, config.truth
+    brought = folder / GSO_TRUTH
+    mesh = true_mesh(brought, views) if _gso_model(folder) is not None and brought.is_file() else None
+    return mesh, "" if mesh is None else str(brought)

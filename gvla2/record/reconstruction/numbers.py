@@ -1,0 +1,121 @@
+"""A reconstruction's numbers in words: names, changes, and whether they are for the better."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gvla2.record.reconstruction.contents import ReconstructionRecord
+from gvla2.record.reconstruction.measures import Group
+from gvla2.record.wording import count, fixed
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How a number is told: its name, decimals, unit, and whether more is better."""
+
+    label: str
+    digits: int
+    unit: str
+    more_is_better: bool
+    note: str = ""
+
+
+MEASURES: Mapping[str, Measure] = {
+    "symmetric_iou": Measure("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
+    "mask_support": Measure("mask support", 4, "", True, "mean mask value where points project"),
+    "psnr": Measure("PSNR", 2, "dB", True, "colours, on white"),
+    "ssim": Measure("SSIM", 4, "", True, "structure, uniform 7 × 7 window"),
+    "lpips": Measure("LPIPS", 4, "", False, "perceived distance, AlexNet v0.1"),
+    "cd_surface": Measure(
+        "CD surface × 10³", 2, "", False, "in the views’ frame: place, scale and shape count"
+    ),
+    "cd_official": Measure("CD official × 10³", 2, "", False, "each shape in its own unit box"),
+}
+GROUPS: Mapping[Group, tuple[str, str]] = {
+    "truth": ("Against the true mesh", "Chamfer distance, 100 000 points a surface"),
+    "held_out": ("In held-out views", "views that nothing was made from"),
+    "inputs": ("In the input views", "how well what went in is explained; no measure of quality by itself"),
+}
+_STEADY = 5e-4  # relative change below which a number counts as unchanged
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One number before and after, as text; ``change`` in percent, toned by whether it is for the better."""
+
+    label: str
+    note: str
+    before: str
+    after: str
+    change: str
+    tone: str
+
+
+@dataclass(frozen=True)
+class MetricGroup:
+    """Numbers of one kind."""
+
+    title: str
+    note: str
+    rows: tuple[MetricRow, ...]
+
+
+def metric_groups(record: ReconstructionRecord) -> list[MetricGroup]:
+    """All numbers before and after; the hardest judge first."""
+    if record.measures is None:
+        return []
+    made = []
+    for group, (title, note) in GROUPS.items():
+        pair = record.measures.groups.get(group)
+        if pair is None:
+            continue
+        rows = []
+        for name, after in pair[1].items():
+            how = MEASURES.get(name, Measure(name.replace("_", " "), 4, "", True))
+            before = pair[0].get(name, float("nan"))
+            change = _change(before, after)
+            told = "" if change is None else f"{100 * change:+.2f} %".replace("-", "−")
+            was, now = (f"{fixed(value, how.digits)} {how.unit}".strip() for value in (before, after))
+            rows.append(MetricRow(how.label, how.note, was, now, told, tone_of(group, name, record)))
+        shown = f"{note}; {count(len(record.measures.held_out), 'view')}" if group == "held_out" else note
+        made.append(MetricGroup(title, shown, tuple(rows)))
+    return made
+
+
+def told(group: Group, name: str, record: ReconstructionRecord) -> tuple[str, str, str]:
+    """A number before and after as text, its tone and a note."""
+    pair = None if record.measures is None else record.measures.groups.get(group)
+    if pair is None or name not in pair[1]:
+        return "", "idle", "Not measured."
+    how = MEASURES[name]
+    texts = [fixed(numbers.get(name), how.digits) for numbers in pair]
+    value = f"{texts[0]} → {texts[1]} {how.unit}".strip()
+    if _change(pair[0].get(name), pair[1].get(name)) is None:
+        value = f"{texts[1]} {how.unit}".strip()
+    note = f"{how.label}: {how.note}. {'More' if how.more_is_better else 'Less'} is better."
+    return value, tone_of(group, name, record), note
+
+
+def tone_of(group: Group, name: str, record: ReconstructionRecord) -> str:
+    """Whether a number changed for the better ("good"), for the worse ("bad") or hardly ("idle")."""
+    pair = None if record.measures is None else record.measures.groups.get(group)
+    change = None if pair is None else _change(pair[0].get(name), pair[1].get(name))
+    if change is None or abs(change) < _STEADY:
+        return "idle"
+    better = MEASURES[name].more_is_better if name in MEASURES else True
+    return "good" if (change > 0) == better else "bad"
+
+
+def _change(before: float | None, after: float | None) -> float | None:
+    """Relative change; None when it cannot be told."""
+    if (
+        before is None
+        or after is None
+        or not math.isfinite(before)
+        or not math.isfinite(after)
+        or before == 0
+    ):
+        return None
+    return (after - before) / abs(before)

@@ -1,0 +1,42 @@
+"""The renderer for machines without a GPU: Gaussians in tiles, compiled by numba, on all cores."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.reconstruction.contracts import Renderer
+
+
+@dataclass
+class NumbaRendererConfig(ComponentConfig):
+    """Options of the ``numba`` renderer; the defaults are those of 3D Gaussian splatting."""
+
+    low_pass: float = 0.3
+    """Added to both variances of a projected Gaussian, square pixels: none becomes thinner than a pixel."""
+    near: float = 0.01
+    """Gaussians whose centre is nearer to the camera's plane than this are left out, metres."""
+    min_alpha: float = 1 / 255
+    """Contributions below this opacity are left out."""
+    max_alpha: float = 0.99
+    """No Gaussian alone hides more than this."""
+    stop: float = 1e-4
+    """A pixel is finished when no more than this share of light passes on."""
+    threads: int = 0
+    """How many threads share the work, 0 for one a core; they change no result."""
+
+
+def _build(config: NumbaRendererConfig) -> Renderer:
+    """Fast on the CPU: 100,000 Gaussians at 256 x 256 in tens of milliseconds."""
+    from gvla2_plugins.numba_renderer.renderer import NumbaRenderer
+
+    return NumbaRenderer(config)
+
+
+@hookimpl
+def gvla2_renderers() -> list[Component[Renderer]]:
+    """``renderer=numba``."""
+    return [Component("numba", NumbaRendererConfig, _build)]

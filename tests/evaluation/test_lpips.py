@@ -1,0 +1,139 @@
+import hashlib
+import io
+import os
+import pickle
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional
+
+from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
+from gvla2.evaluation.lpips import Lpips
+from gvla2.evaluation.lpips_weights import (
+    ARCHIVE,
+    MEMBER,
+    Weights,
+    keep_weights,
+    read_weights,
+    weights_path,
+)
+
+SHAPES = ((11, 11, 3, 64), (5, 5, 64, 192), (3, 3, 192, 384), (3, 3, 384, 256), (3, 3, 256, 256))
+
+
+def random_tree() -> dict:
+    rng = np.random.default_rng(0)
+
+    def array(*shape):
+        return rng.normal(0, 1 / np.sqrt(np.prod(shape[:-1])), shape).astype(np.float32)
+
+    layers = {f"Conv_{n}": {"kernel": array(*s), "bias": array(1, s[3])[0]} for n, s in enumerate(SHAPES)}
+    heads = {
+        f"NetLinLayer_{n}": {"Conv_0": {"kernel": np.abs(array(1, 1, s[3], 1))}} for n, s in enumerate(SHAPES)
+    }
+    return {"AlexNet_0": layers, **heads}
+
+
+def archive_of(tree: object, folder: Path) -> tuple[Path, str]:
+    content = pickle.dumps(tree, protocol=3)
+    path = folder / ARCHIVE
+    with tarfile.open(path, "w:gz") as bundle:
+        member = tarfile.TarInfo(MEMBER)
+        member.size = len(content)
+        bundle.addfile(member, io.BytesIO(content))
+    return path, hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.fixture
+def weights(tmp_path) -> Weights:
+    keep_weights(*archive_of(random_tree(), tmp_path))
+    return read_weights()
+
+
+def with_torch(weights: Weights, a: np.ndarray, b: np.ndarray) -> float:
+    def features(image):
+        x = torch.from_numpy(2 * image.astype(np.float32) - 1).permute(2, 0, 1)[None]
+        x = (x - torch.tensor([-0.030, -0.088, -0.188]).view(1, 3, 1, 1)) / torch.tensor(
+            [0.458, 0.448, 0.450]
+        ).view(1, 3, 1, 1)
+        for n, (stride, padding) in enumerate(((4, 2), (1, 2), (1, 1), (1, 1), (1, 1))):
+            if n in (1, 2):
+                x = functional.max_pool2d(x, 3, 2)
+            kernel = torch.from_numpy(weights.kernels[n]).permute(3, 2, 0, 1)
+            x = functional.relu(
+                functional.conv2d(x, kernel, torch.from_numpy(weights.biases[n]), stride, padding)
+            )
+            yield x / (x.pow(2).sum(1, keepdim=True).sqrt() + 1e-10)
+
+    total = 0.0
+    for n, (x, y) in enumerate(zip(features(a), features(b), strict=True)):
+        head = torch.from_numpy(weights.heads[n]).view(1, -1, 1, 1)
+        total += float(((x - y).pow(2) * head).sum(1).mean())
+    return total
+
+
+@pytest.mark.parametrize("size", [(64, 64), (67, 90)])
+def test_the_forward_pass_is_that_of_a_deep_learning_library(weights, size):
+    rng = np.random.default_rng(1)
+    a, b = rng.random((*size, 3)), rng.random((*size, 3))
+    lpips = Lpips(weights)
+    assert lpips(a, b) == pytest.approx(with_torch(weights, a, b), rel=1e-4)
+    assert lpips(a, a) == 0
+    assert lpips(a, b) > 0
+
+
+def test_what_lpips_does_not_take(weights):
+    lpips = Lpips(weights)
+    with pytest.raises(GeometryError, match="32 pixels"):
+        lpips.features(np.zeros((16, 64, 3)))
+    with pytest.raises(GeometryError, match="same size"):
+        lpips(np.zeros((64, 64, 3)), np.zeros((64, 80, 3)))
+
+
+def test_without_weights_the_error_says_how_to_get_them():
+    with pytest.raises(MissingDependencyError, match=r"gvla2 data fetch=\[lpips\]"):
+        Lpips()
+
+
+def test_another_archive_is_not_used(tmp_path):
+    path, _ = archive_of(random_tree(), tmp_path)
+    with pytest.raises(Gvla2Error, match="pinned"):
+        keep_weights(path)
+    assert not weights_path().exists()
+
+
+class Harmful:
+    def __reduce__(self):
+        return os.mkdir, ("harm",)
+
+
+def test_a_pickle_that_names_anything_else_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tree = random_tree()
+    tree["AlexNet_0"]["extra"] = Harmful()
+    with pytest.raises(ConfigurationError, match="mkdir"):
+        keep_weights(*archive_of(tree, tmp_path))
+    assert not (tmp_path / "harm").exists()
+    assert not weights_path().exists()
+
+
+def test_damaged_weights_are_named(weights):
+    weights_path().write_bytes(weights_path().read_bytes()[:1000])
+    with pytest.raises(ConfigurationError, match=r"gvla2 data fetch=\[lpips\]"):
+        read_weights()
+
+
+def test_weights_of_a_wrong_shape(tmp_path):
+    tree = random_tree()
+    tree["NetLinLayer_2"]["Conv_0"]["kernel"] = np.ones((1, 1, 5, 1), dtype=np.float32)
+    with pytest.raises(ConfigurationError, match="wrong shape"):
+        keep_weights(*archive_of(tree, tmp_path))
+
+
+def test_a_file_of_ones_own(tmp_path):
+    own = tmp_path / "mine.ckpt"
+    own.write_bytes(pickle.dumps(random_tree(), protocol=3))
+    assert read_weights(own).kernels[0].shape == SHAPES[0]

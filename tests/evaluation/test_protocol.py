@@ -1,0 +1,149 @@
+import logging
+
+import numpy as np
+import pytest
+
+from gvla2.errors import GeometryError
+from gvla2.evaluation.protocol import (
+    FOCAL,
+    TARGETS,
+    cache_folder,
+    look_at,
+    object_views,
+    protocol_cameras,
+    render,
+)
+from gvla2.evaluation.textured_mesh import read_textured_mesh
+from gvla2.geometry.camera import Camera
+
+
+def test_cameras_follow_the_protocol():
+    cameras = protocol_cameras("bowl", 256)
+    assert len(cameras) == 25
+    radii = np.array([np.linalg.norm(camera.position) for camera in cameras])
+    assert 1.7 <= radii[0] <= 2.0
+    assert 0.9 <= cameras[0].position[2] <= 1.1
+    assert ((radii >= 1.5) & (radii <= 2.2)).all()
+    for camera in cameras:
+        uv, depth = camera.project(np.zeros(3))
+        np.testing.assert_allclose(uv, [128, 128], atol=1e-9)
+        assert depth == pytest.approx(np.linalg.norm(camera.position))
+        assert camera.K[0, 0] == FOCAL * 256 == 1.09375 * 256
+        assert camera.world_from_camera[2, 1] <= 1e-12, "the image's y axis points down"
+
+
+def test_cameras_depend_on_the_name_alone():
+    first, again, other = (protocol_cameras(name) for name in ("bowl", "bowl", "mug"))
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.world_from_camera, b.world_from_camera)
+    assert not np.allclose(first[3].position, other[3].position)
+    assert {np.sign(camera.position[2]) for camera in first} == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize("position", [(0.0, 0.0, 2.0), (0.0, 0.0, -2.0), (1.0, 0.0, 0.0)])
+def test_look_at_is_a_rigid_motion_even_at_the_poles(position):
+    pose = look_at(np.array(position))
+    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1)
+
+
+def test_texture_lies_where_the_file_says(tmp_path, block):
+    path = block(tmp_path / "cube", (1, 1, 1))
+    textured = read_textured_mesh(path).normalised()
+    assert len(textured.mesh.vertices) == 8, "vertices that the texture cuts apart count once"
+    K = np.array([[60.0, 0, 32], [0, 60, 32], [0, 0, 1]])
+    # The face z = +0.5 has corners 2 6 8 4 = (-,-) (+,-) (+,+) (-,+) with v = 1, the blue row, at y = +0.5.
+    camera = Camera(K, look_at(np.array([0, 1e-9, 2.0])), 64, 64)
+    (view,) = render(textured, [camera], 4)
+    right = camera.world_from_camera[:3, 0]
+    uv, _ = camera.project(np.array([[-0.3, 0, 0.5], [0.3, 0, 0.5], [0, 0.47, 0.5]]))
+    red, green, blue = (view.image[int(v), int(u)].argmax() for u, v in uv)
+    assert (red, green, blue) == (0, 1, 2)
+    assert abs(right[0]) == pytest.approx(1)
+    assert view.mask is not None
+    assert view.depth is not None
+    assert view.depth[32, 32] == pytest.approx(1.5, abs=1e-5)
+    assert view.mask[32, 32] == 1
+    assert view.mask[0, 0] == 0
+    assert np.isnan(view.depth[0, 0])
+    np.testing.assert_array_equal(view.image[0, 0], [255, 255, 255])
+
+
+def test_alpha_is_soft_and_its_area_is_right(tmp_path, block):
+    textured = read_textured_mesh(block(tmp_path / "cube", (1, 1, 1))).normalised()
+    K = np.array([[50.3, 0, 32], [0, 50.3, 32], [0, 0, 1]])
+    camera = Camera(K, look_at(np.array([2.0, 0, 0])), 64, 64)
+    (view,) = render(textured, [camera], 8)
+    assert view.mask is not None
+    side = 50.3 / 1.5
+    assert view.mask.sum() == pytest.approx(side**2, rel=5e-3)
+    assert ((view.mask > 0.02) & (view.mask < 0.98)).any()
+
+
+def test_views_of_an_object_and_their_cache(tmp_path, block, own_cache, caplog):
+    path = block(tmp_path / "box")
+    first = object_views(path, size=48, samples=2)
+    assert (first.name, len(first.inputs), len(first.targets)) == ("box", 5, 15)
+    assert [view.name for view in first.targets] == [f"{n:03d}" for n in TARGETS]
+    assert first.mesh is not None
+    assert np.ptp(first.mesh.vertices, axis=0).max() == pytest.approx(1)
+    np.testing.assert_allclose(first.mesh.bounds.mean(axis=0), 0, atol=1e-12)
+    points = first.inputs[0].points()
+    assert np.nanmax(np.abs(points)) <= 0.5 + 1e-5, "depth lies on the normalised object"
+
+    (entry,) = (own_cache / "views").iterdir()
+    stamp = entry.stat().st_mtime_ns
+    again = object_views(path, size=48, samples=2)
+    for one, other in zip((*first.inputs, *first.targets), (*again.inputs, *again.targets), strict=True):
+        np.testing.assert_array_equal(one.image, other.image)
+        np.testing.assert_array_equal(one.mask, other.mask)
+        np.testing.assert_array_equal(one.depth, other.depth)
+    assert entry.stat().st_mtime_ns == stamp, "read, not rendered again"
+
+    entry.write_bytes(entry.read_bytes()[:500])
+    with caplog.at_level(logging.WARNING):
+        rebuilt = object_views(path, size=48, samples=2)
+    assert "made anew" in caplog.text
+    np.testing.assert_array_equal(rebuilt.inputs[2].image, first.inputs[2].image)
+    assert len(entry.read_bytes()) > 500
+
+    block(tmp_path / "box", (0.2, 0.2, 0.05))
+    assert object_views(path, size=48, samples=2).mesh.vertices[0, 1] != first.mesh.vertices[0, 1]
+    assert len(list((own_cache / "views").iterdir())) == 2, "another content has another key"
+
+
+def test_a_cache_that_cannot_be_written_only_warns(tmp_path, block, caplog):
+    (tmp_path / "occupied").write_text("a file")
+    with caplog.at_level(logging.WARNING):
+        views = object_views(block(tmp_path / "box"), size=32, samples=1, cache=tmp_path / "occupied")
+    assert "could not be kept" in caplog.text
+    assert len(views.inputs) == 5
+
+
+def test_cache_folder(monkeypatch, tmp_path):
+    assert cache_folder() == tmp_path / "cache"
+    monkeypatch.delenv("GVLA2_CACHE")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    assert cache_folder() == tmp_path / "xdg" / "gvla2"
+
+
+def test_meshes_that_cannot_be_used(tmp_path):
+    with pytest.raises(GeometryError, match="no such file"):
+        object_views(tmp_path / "none.obj")
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    with pytest.raises(GeometryError, match=r"points\.obj"):
+        object_views(tmp_path / "points.obj")
+
+
+def test_a_glb_is_turned_upright_and_a_plain_mesh_is_grey(tmp_path):
+    import trimesh
+
+    box = trimesh.creation.box(extents=(0.1, 0.3, 0.2))
+    box.export(tmp_path / "tall.glb")
+    textured = read_textured_mesh(tmp_path / "tall.glb").normalised()
+    np.testing.assert_allclose(np.ptp(textured.mesh.vertices, axis=0), [1 / 3, 2 / 3, 1], atol=1e-6)
+    view = object_views(tmp_path / "tall.glb", "tall", size=32, samples=1).inputs[0]
+    seen = view.image[view.mask == 1]
+    assert len(seen) > 20
+    assert (np.ptp(seen, axis=1) == 0).all(), "grey"
+    assert len(np.unique(seen[:, 0])) > 1, "shaded"

@@ -1,0 +1,112 @@
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from gvla2.evaluation.report_page import render_report
+from gvla2.evaluation.results import Cell, Run
+from gvla2.evaluation.table_formats import NOT_MEASURED, to_latex, to_markdown
+from gvla2.evaluation.tables import RECONSTRUCTION, make_tables
+
+
+def cells() -> list[Cell]:
+    """Two objects, two seeds; the branch takes a tenth off the first object's distance, adds 2 % to the other's."""
+    made = []
+    for thing, base, factor in (("a_mug", 20.0, 0.9), ("bowl", 10.0, 1.02)):
+        for seed in (0, 1):
+            for variant in ("ab_fusion", "baseline"):
+                value = (base + seed) * (factor if variant == "ab_fusion" else 1)
+                factors = {"data": "meshes", "baseline": "hull", "drift": "none", "object": thing}
+                measures = {"cd_surface": value, "psnr": 20.0, "lpips": None, "seconds": 1.0}
+                made.append(
+                    Cell(
+                        f"{thing}{seed}{variant}",
+                        {**factors, "seed": seed, "variant": variant},
+                        measures,
+                        {"status": "ok"},
+                        run=7,
+                    )
+                )
+    return made
+
+
+def test_means_changes_and_the_worst_object():
+    (table,) = make_tables(cells(), RECONSTRUCTION)
+    assert [row.name for row in table.rows] == ["baseline", "ab_fusion"]
+    assert table.runs == (7,)
+    base, fused = (row.entries[0] for row in table.rows)
+    assert base.mean == pytest.approx(15.5)
+    assert base.deviation == pytest.approx(0.5**0.5)
+    assert base.change is None
+    assert fused.change.percent == pytest.approx(100 * ((20.5 * 0.9 + 10.5 * 1.02) / 31 - 1))
+    assert fused.change.low <= fused.change.percent <= fused.change.high
+    assert (fused.worst, fused.worst_object) == (pytest.approx(2), "bowl")
+    assert fused.change.count == 2
+    lpips = table.rows[1].entries[4]
+    assert (lpips.mean, lpips.change) == (None, None)
+    assert table.rows[1].entries[5].change is None, "seconds are not compared"
+
+
+def test_groups_are_tables_of_their_own_and_failures_are_counted():
+    made = cells()
+    drifted = [Cell(c.key + "d", {**c.factors, "drift": "planted"}, c.measures, c.notes, 8) for c in made]
+    lost = Cell(
+        "x", {**made[0].factors, "object": "pan"}, {"cd_surface": None}, {"status": "failed: no mask"}, 9
+    )
+    first, second = make_tables([*made, *drifted, lost], RECONSTRUCTION)
+    assert (first.group["drift"], second.group["drift"]) == ("none", "planted")
+    assert first.runs == (7, 9)
+    assert [row.failed for row in first.rows] == [0, 1]
+    assert first.rows[1].entries[0].change.count == 2
+
+
+def test_of_a_cell_measured_twice_the_later_counts():
+    made = cells()
+    again = Cell("new", made[0].factors, {**made[0].measures, "cd_surface": 100.0}, made[0].notes, run=9)
+    (table,) = make_tables([again, *made], RECONSTRUCTION)
+    assert table.rows[1].entries[0].mean == pytest.approx((100 + 10 * 1.02 + 21 * 0.9 + 11 * 1.02) / 4)
+
+
+def test_markdown():
+    text = to_markdown(make_tables(cells(), RECONSTRUCTION))
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in rows}) == 1
+    assert "15.50 ± 0.71" in text
+    assert NOT_MEASURED in text
+    assert "runs 7" in text
+
+
+def test_latex_escapes_what_it_must():
+    text = to_latex(make_tables(cells(), RECONSTRUCTION))
+    assert r"a\_mug" in text or r"bowl" in text
+    assert not re.search(r"(?<!\\)%", text)
+    assert not re.search(r"[±↓↑×]", text)
+    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 1
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
+def test_latex_compiles(tmp_path):
+    body = to_latex(make_tables(cells(), RECONSTRUCTION))
+    (tmp_path / "t.tex").write_text(
+        "\\documentclass{article}\\usepackage{booktabs}\\begin{document}" + body + "\\end{document}"
+    )
+    done = subprocess.run(
+        ["pdflatex", "-halt-on-error", "t.tex"], cwd=tmp_path, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-500:]
+
+
+def test_the_page_is_self_contained_and_escapes(tmp_path):
+    made = cells()
+    picture = tmp_path / "p.png"
+    picture.write_bytes(b"\x89PNG")
+    made[0] = Cell(
+        made[0].key, made[0].factors, made[0].measures, {"status": "ok", "picture": str(picture)}, 7
+    )
+    run = Run(id=7, suite="reconstruction", started="2026", commit="<b>abc", config="seed: 0", versions="{")
+    page = render_report(make_tables(made, RECONSTRUCTION), made, [run], "Title")
+    assert "data:image/png;base64," in page
+    assert "&lt;b&gt;abc" in page
+    assert not re.search(r'(src|href)="(?!data:)', page)
+    assert "not measured" in page

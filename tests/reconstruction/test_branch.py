@@ -1,0 +1,136 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.views import Views
+from gvla2.reconstruction import rasteriser
+from gvla2.reconstruction.branch import BranchOptions, object_centre, refine_geometry
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2_plugins.fusions.strategies import Residual
+from gvla2_plugins.nothing.choices import NoPrior
+
+SCALE, SHIFT = np.array([1.06, 0.95, 1.04]), np.array([0.02, -0.015, 0.01])
+
+
+class Fast:
+    def render(self, gaussians, camera, background=(1.0, 1.0, 1.0)):
+        return rasteriser.render(gaussians, camera, background)
+
+
+class Depth:
+    """The views' own depth as a prior."""
+
+    def predict(self, views):
+        depth = np.stack([v.depth for v in views])
+        return GeometryEstimate(depth, np.isfinite(depth).astype(np.float32))
+
+
+class Wrong:
+    """A prior for another number of views."""
+
+    def predict(self, views):
+        return GeometryEstimate(np.ones((1, 4, 4), np.float32), np.ones((1, 4, 4), np.float32))
+
+
+@pytest.fixture(scope="module")
+def views(masked_views, jug):
+    return masked_views(jug, size=96)
+
+
+@pytest.fixture(scope="module")
+def g0(views):
+    return carve(views, resolution=48).to_reconstruction(6_000)
+
+
+def drifted(thing: Reconstruction) -> Reconstruction:
+    c = object_centre(thing)
+    gaussians = thing.gaussians.with_centres(c + (thing.gaussians.centres - c) * SCALE + SHIFT)
+    return replace(
+        thing,
+        gaussians=gaussians,
+        mesh=thing.mesh.with_vertices(c + (thing.mesh.vertices - c) * SCALE + SHIFT),
+    )
+
+
+def refine(thing, views, given=None, **options):
+    return refine_geometry(thing, views, given or NoPrior(), Residual(0.5), Fast(), BranchOptions(**options))
+
+
+def status(result):
+    return {stage.stage: stage.status for stage in result.stages}
+
+
+def test_a_drift_of_the_whole_object_is_undone(g0, views):
+    start = drifted(g0)
+    out = refine(start, views).out
+    before = np.linalg.norm(start.mesh.vertices - g0.mesh.vertices, axis=1).mean()
+    after = np.linalg.norm(out.mesh.vertices - g0.mesh.vertices, axis=1).mean()
+    assert after < 0.3 * before
+
+
+def test_only_positions_change(g0, views):
+    start = drifted(g0)
+    out = refine(start, views, Depth(), appearance=False).out
+    for name in ("log_scales", "rotations", "opacity_logits", "sh_dc"):
+        np.testing.assert_array_equal(getattr(out.gaussians, name), getattr(start.gaussians, name))
+    np.testing.assert_array_equal(out.mesh.faces, start.mesh.faces)
+    np.testing.assert_array_equal(out.mesh.colours, start.mesh.colours)
+
+
+def test_gaussians_and_mesh_move_together(g0, views):
+    result = refine(drifted(g0), views)
+    moved = result.out.gaussians.centres - drifted(g0).gaussians.centres
+    mesh = result.out.mesh.vertices - drifted(g0).mesh.vertices
+    np.testing.assert_allclose(moved.mean(axis=0), mesh.mean(axis=0), atol=6e-3)
+
+
+def test_all_switched_off_is_the_identity(g0, views):
+    off = {name: False for name in ("prior", "appearance", "soft_hull", "axis", "fusion")}
+    out = refine(g0, views, Depth(), **off).out
+    np.testing.assert_array_equal(out.gaussians.centres, g0.gaussians.centres)
+    np.testing.assert_array_equal(out.mesh.vertices, g0.mesh.vertices)
+
+
+def test_a_prior_for_other_views_is_a_typed_fallback(g0, views):
+    result = refine(g0, views, Wrong(), axis=False, fusion=False)
+    assert status(result)["prior"] in ("fallback", "rejected")
+    np.testing.assert_array_equal(result.a.gaussians.sh_dc, g0.gaussians.sh_dc)
+
+
+def test_sources_of_other_topology_fall_back_to_a(g0, views):
+    class Growing:
+        def fuse(self, a, b, support_a, support_b):
+            return np.concatenate([a, b])
+
+    result = refine_geometry(g0, views, NoPrior(), Growing(), Fast())
+    assert status(result)["fusion"] == "fallback"
+    np.testing.assert_array_equal(result.out.gaussians.centres, result.a.gaussians.centres)
+
+
+def test_paper_mode_puts_both_sources_beside_each_other(g0, views):
+    start = drifted(g0)
+    result = refine(start, views, mode="paper")
+    assert [s.stage for s in result.stages] == ["prior", "appearance", "soft_hull", "axis", "fusion"]
+    # alpha is one half: the fused geometry lies between the sources, nowhere beyond.
+    a, b, out = (np.asarray(r.gaussians.centres, dtype=np.float64) for r in (result.a, result.b, result.out))
+    assert (np.linalg.norm(out - a, axis=1) <= 0.5 * np.linalg.norm(b - a, axis=1) + 1e-5).all()
+
+
+def test_the_masks_may_refuse_all_of_it(g0, views):
+    class Bulging:
+        def fuse(self, a, b, support_a, support_b):
+            return a * 1.5
+
+    result = refine_geometry(g0, views, NoPrior(), Bulging(), Fast())
+    assert status(result)["fusion"] == "rejected"
+    np.testing.assert_allclose(result.out.gaussians.centres, g0.gaussians.centres, atol=0.012)
+
+
+def test_views_without_masks_and_empty_reconstructions_are_refused(g0, views):
+    with pytest.raises(GeometryError, match="mask"):
+        refine(g0, Views(tuple(replace(v, mask=None) for v in views)))
+    with pytest.raises(GeometryError, match="empty"):
+        refine(Reconstruction(None, None), views)

@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.transform import rigid
+from gvla2.reconstruction.sim3 import Sim3, align_cameras, umeyama
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_sim3(rng: np.random.Generator) -> Sim3:
+    rotation = Rotation.random(random_state=int(rng.integers(2**31))).as_matrix()
+    return Sim3(float(np.exp(rng.uniform(-2, 2))), rotation, rng.normal(size=3) * 3)
+
+
+def random_poses(rng: np.random.Generator, count: int) -> np.ndarray:
+    return np.stack(
+        [
+            rigid(Rotation.random(random_state=int(rng.integers(2**31))).as_matrix(), rng.normal(size=3))
+            for _ in range(count)
+        ]
+    )
+
+
+@given(seeds)
+@settings(max_examples=25, deadline=None)
+def test_compose_and_inverse_are_those_of_the_matrices(seed):
+    rng = np.random.default_rng(seed)
+    a, b, points = random_sim3(rng), random_sim3(rng), rng.normal(size=(5, 3))
+    np.testing.assert_allclose(a.compose(b).apply(points), a.apply(b.apply(points)), atol=1e-9)
+    np.testing.assert_allclose(a.inverse().apply(a.apply(points)), points, atol=1e-9)
+    np.testing.assert_allclose(a.compose(b).matrix(), a.matrix() @ b.matrix(), atol=1e-9)
+    assert Sim3.identity().apply(points) == pytest.approx(points)
+
+
+@given(seeds)
+@settings(max_examples=25, deadline=None)
+def test_umeyama_finds_the_similarity_and_ignores_points_without_weight(seed):
+    rng = np.random.default_rng(seed)
+    truth, source = random_sim3(rng), rng.normal(size=(12, 3))
+    target, weights = truth.apply(source), rng.uniform(0.1, 1, 12)
+    target[3], weights[3] = 100.0, 0.0
+    found = umeyama(source, target, weights)
+    np.testing.assert_allclose(found.matrix(), truth.matrix(), atol=1e-7)
+
+
+def test_umeyama_takes_a_plane_and_never_mirrors():
+    rng = np.random.default_rng(0)
+    flat = rng.normal(size=(10, 3)) * [1, 1, 0]
+    truth = random_sim3(rng)
+    np.testing.assert_allclose(umeyama(flat, truth.apply(flat)).matrix(), truth.matrix(), atol=1e-9)
+    solid = rng.normal(size=(10, 3)) * [3, 2, 1]
+    assert np.linalg.det(umeyama(solid, solid * [1, 1, -1]).rotation) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "weights", "words"),
+    [
+        (np.zeros((3, 2)), np.zeros((3, 2)), None, r"\(N, 3\)"),
+        (np.eye(3), np.eye(4)[:, :3], None, r"\(N, 3\)"),
+        (np.eye(3)[:2], np.eye(3)[:2], None, "3 or more"),
+        (np.eye(3), np.eye(3), [1, 1, 0], "3 or more"),
+        (np.outer(np.arange(5), [1, 2, 3]), np.outer(np.arange(5), [1, 2, 3]), None, "one line"),
+        (np.ones((4, 3)), np.eye(4)[:, :3], None, "one line or in one place"),
+        (np.full((3, 3), np.nan), np.eye(3), None, "finite"),
+        (np.eye(3), np.eye(3), [1, -1, 1], "weights"),
+    ],
+)
+def test_umeyama_says_why_it_cannot(source, target, weights, words):
+    with pytest.raises(GeometryError, match=words):
+        umeyama(source, target, weights)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])
+def test_a_scale_is_above_zero(scale):
+    with pytest.raises(GeometryError, match="scale"):
+        Sim3(scale, np.eye(3), np.zeros(3))
+
+
+def test_a_mirror_is_named():
+    with pytest.raises(GeometryError, match="mirrored"):
+        Sim3(1.0, np.diag([1.0, 1.0, -1.0]), np.zeros(3))
+
+
+@given(seeds, st.integers(2, 6))
+@settings(max_examples=25, deadline=None)
+def test_cameras_are_aligned_exactly(seed, count):
+    rng = np.random.default_rng(seed)
+    truth, poses = random_sim3(rng), random_poses(rng, count)
+    fit = align_cameras(poses, truth.apply_to_poses(poses))
+    assert fit.status == "ok"
+    np.testing.assert_allclose(fit.sim3.matrix(), truth.matrix(), atol=1e-6)
+    assert fit.centre_residual < 1e-6 * max(fit.baseline, 1)
+    assert fit.rotation_residual < 1e-3  # arccos near 1 keeps half of the digits
+
+
+def test_collinear_centres_fix_the_rotation_by_their_axes():
+    rng = np.random.default_rng(3)
+    truth, poses = random_sim3(rng), random_poses(rng, 4)
+    poses[:, :3, 3] = np.outer(np.arange(4), [1.0, 0.5, -0.2])
+    fit = align_cameras(poses, truth.apply_to_poses(poses))
+    np.testing.assert_allclose(fit.sim3.matrix(), truth.matrix(), atol=1e-8)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_without_a_baseline_the_scale_stays_open(count):
+    rng = np.random.default_rng(4)
+    truth, poses = random_sim3(rng), random_poses(rng, count)
+    poses[:, :3, 3] = [10.0, 20.0, 30.0]
+    fit = align_cameras(poses, truth.apply_to_poses(poses))
+    assert fit.status == "scale_undetermined"
+    assert fit.sim3.scale == 1.0
+    np.testing.assert_allclose(fit.sim3.rotation, truth.rotation, atol=1e-9)
+
+
+def test_noise_shows_in_the_residuals_and_little_in_the_answer():
+    rng = np.random.default_rng(5)
+    truth, poses = random_sim3(rng), random_poses(rng, 6)
+    noisy = poses.copy()
+    noisy[:, :3, 3] += rng.normal(scale=0.01, size=(6, 3))
+    fit = align_cameras(noisy, truth.apply_to_poses(poses))
+    assert 0 < fit.centre_residual < 0.05 * fit.baseline
+    assert fit.sim3.scale == pytest.approx(truth.scale, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("estimated", "calibrated", "words"),
+    [
+        (np.tile(np.eye(4), (2, 1, 1)), np.tile(np.eye(4), (3, 1, 1)), r"\(S, 4, 4\)"),
+        (np.zeros((0, 4, 4)), np.zeros((0, 4, 4)), "S >= 1"),
+        (np.diag([1.0, 1, -1, 1])[None], np.eye(4)[None], "mirrored"),
+        (np.full((1, 4, 4), np.nan), np.eye(4)[None], "finite"),
+    ],
+)
+def test_bad_cameras_are_named(estimated, calibrated, words):
+    with pytest.raises(GeometryError, match=words):
+        align_cameras(estimated, calibrated)

@@ -1,0 +1,340 @@
+"""A reconstruction's numbers, pictures and page, made of a real one: a cube carved from three views of a table."""
+
+import io
+import json
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.branch import BranchResult, refine_geometry
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.contracts import Reconstruction, StageReport
+from gvla2.record.files import plain
+from gvla2.record.reconstruction import maps, sections
+from gvla2.record.reconstruction.contents import ReconstructionRecord
+from gvla2.record.reconstruction.measures import Measures, fit, measure, on_white
+from gvla2.record.reconstruction.numbers import metric_groups
+from gvla2.record.reconstruction.page import render_reconstruction
+from gvla2.record.reconstruction.pictures import (
+    MOST_VIEWS,
+    ReconstructionPictures,
+    shown_views,
+    turntables,
+    view_pictures,
+)
+from gvla2.record.reconstruction.turntable import ring, side_by_side
+from gvla2.testing.inputs import RED
+from gvla2.testing.inputs import views as table_views
+
+
+@pytest.fixture(scope="module")
+def renderer(registry):
+    return registry.build({"renderer": {"name": "numba"}}, "renderer")
+
+
+@pytest.fixture(scope="module")
+def views() -> Views:
+    return table_views(160, masked=RED)
+
+
+def enlarged(thing: Reconstruction, factor: float) -> Reconstruction:
+    """The object grown about its middle."""
+    middle = thing.mesh.bounds.mean(axis=0)
+    return replace(
+        thing,
+        gaussians=thing.gaussians.with_centres(middle + factor * (thing.gaussians.centres - middle)),
+        mesh=thing.mesh.with_vertices(middle + factor * (thing.mesh.vertices - middle)),
+    )
+
+
+@pytest.fixture(scope="module")
+def record(registry, renderer, views) -> ReconstructionRecord:
+    """The cube, first made a tenth too large."""
+    g0 = enlarged(carve(views, 24).to_reconstruction(1500), 1.1)
+    choices = {"prior": "none", "fusion": "residual"}
+    parts = registry.build_all({kind: {"name": name} for kind, name in choices.items()}, choices)
+    result = refine_geometry(g0, views, parts["prior"], parts["fusion"], renderer)
+    return ReconstructionRecord(
+        "red cube",
+        "a/folder",
+        views,
+        {"reconstructor": "hull", **choices, "renderer": "numba"},
+        {"mode": "default"},
+        result,
+        measure(result, views, renderer),
+        timings={"read": 0.1, "reconstruct": 0.2, "refine": 0.3, "measure": 0.1, "draw": 0.4},
+    )
+
+
+@pytest.fixture(scope="module")
+def pictures(record, renderer) -> ReconstructionPictures:
+    hero, turntable = turntables(record.views, record.measures, renderer, 4)
+    return ReconstructionPictures(view_pictures(record.views, record.measures, renderer), hero, turntable)
+
+
+def decoded(data: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+
+# -- measures ---------------------------------------------------------------------------------------------------
+
+
+def test_missed_and_excess_count_pixels(record, views):
+    for view, seen in zip(views, record.measures.before.views, strict=True):
+        mask = view.mask > 0.5
+        assert seen.excess == (seen.silhouette & ~mask).sum() > 0
+        assert seen.missed == (mask & ~seen.silhouette).sum()
+        assert seen.iou == pytest.approx((mask & seen.silhouette).sum() / (mask | seen.silhouette).sum())
+
+
+def test_the_refined_cube_fits_its_views_better(record):
+    before, after = record.measures.groups["inputs"]
+    assert after["symmetric_iou"] > before["symmetric_iou"]
+    assert after["psnr"] > before["psnr"]
+    assert record.changed
+    assert record.displacement == pytest.approx(0.1 * 0.05 / 2, rel=0.8)
+
+
+def test_a_mesh_alone_is_measured_and_drawn(record, views, renderer):
+    bare = replace(record.result.out, gaussians=None)
+    seen = fit(bare, views, renderer)
+    assert len(seen.gaussians) > 1000
+    with_points = record.measures.after.numbers()
+    assert seen.numbers()["symmetric_iou"] == pytest.approx(with_points["symmetric_iou"], abs=0.05)
+
+
+def test_an_empty_mask_is_left_out_of_the_means(record, views, renderer):
+    blank = Views((*tuple(views)[:2], replace(views[2], mask=np.zeros_like(views[2].mask))))
+    numbers = fit(record.result.out, blank, renderer).numbers()
+    assert np.isfinite(numbers["symmetric_iou"])
+    assert np.isfinite(numbers["psnr"])
+
+
+def test_what_is_outside_the_mask_is_white(views):
+    cut = on_white(views[0])
+    assert (cut[views[0].mask == 0] == 1).all()
+    inside = views[0].mask > 0.5
+    np.testing.assert_allclose(cut[inside], views[0].image[inside] / 255, atol=1e-6)
+
+
+def test_against_the_truth_the_smaller_cube_is_nearer(record, views, renderer):
+    groups = measure(record.result, views, renderer, truth=carve(views, 24).mesh).groups
+    before, after = groups["truth"]
+    assert after["cd_surface"] < before["cd_surface"]
+
+
+def test_held_out_views_are_named_and_lpips_is_measured_or_explained(record, views, renderer):
+    held = measure(record.result, views, renderer, held_out=views)
+    assert held.held_out == tuple(view.name for view in views)
+    assert {"psnr", "ssim"} <= set(held.groups["held_out"][1])
+    assert ("lpips" in held.groups["held_out"][1]) != ("lpips" in held.unmeasured)
+
+
+# -- pictures ---------------------------------------------------------------------------------------------------
+
+
+def test_the_residual_shows_each_kind_of_pixel():
+    camera = Camera.from_fov(0.8, np.eye(4), 60, 60, "one")
+    mask, silhouette = np.zeros((60, 60), np.float32), np.zeros((60, 60), np.bool_)
+    mask[20:40, 20:40], silhouette[20:40, 25:45] = 1, True
+    view = View(camera, np.full((60, 60, 3), 128, np.uint8), mask=mask)
+    picture = np.asarray(maps.residual_picture(silhouette, view, (0, 0, 60, 60), width=60))
+    assert tuple(picture[30, 22]) == maps.MISSED
+    assert tuple(picture[30, 42]) == maps.EXCESS
+    assert (picture[5, 5] == maps.PAPER).all()
+    assert len({tuple(p) for p in picture.reshape(-1, 3)}) == 4
+
+
+def test_the_part_shown_holds_mask_and_silhouette():
+    camera = Camera.from_fov(0.8, np.eye(4), 200, 120, "wide")
+    mask, silhouette = np.zeros((120, 200), np.float32), np.zeros((120, 200), np.bool_)
+    mask[100:118, 5:20], silhouette[90:110, 10:30] = 1, True
+    view = View(camera, np.zeros((120, 200, 3), np.uint8), mask=mask)
+    x0, y0, x1, y1 = maps.part_of(view, [silhouette])
+    assert x0 == 0
+    assert y1 == 120
+    assert x1 >= 30
+    assert y0 <= 90
+    assert x1 - x0 == y1 - y0 >= 48
+    empty = replace(view, mask=np.zeros_like(mask))
+    assert maps.part_of(empty, []) == (0, 0, 200, 120)
+
+
+def test_support_has_its_own_colours():
+    low, high = 255 * maps.support_colours(np.array([0.0, 1.0]))
+    assert tuple(np.rint(low)) == maps.SUPPORT_SCALE[0][1]
+    assert tuple(np.rint(high)) == maps.SUPPORT_SCALE[-1][1]
+
+
+def test_every_view_has_all_its_pictures(pictures, views):
+    assert [p.name for p in pictures.views] == [view.name for view in views]
+    for shown in pictures.views:
+        assert decoded(shown.masked).shape == (480, 480, 3)
+        sizes = {
+            decoded(data).shape for data in (shown.photo, *shown.renders, *shown.supports, *shown.residuals)
+        }
+        assert len(sizes) == 1
+        assert (decoded(shown.renders[0]) != decoded(shown.renders[1])).any()
+
+
+def test_few_of_many_views_are_shown():
+    assert shown_views(3) == [0, 1, 2]
+    many = shown_views(100)
+    assert len(many) == MOST_VIEWS
+    assert (many[0], many[-1]) == (0, 99)
+
+
+def test_the_ring_keeps_the_object_in_the_picture():
+    points = np.random.default_rng(0).uniform(-1, 1, (500, 3)) * [0.02, 0.3, 0.1] + [5, -3, 0.7]
+    cameras = ring(points, 6, 64, first=np.array([5.0, 2.0, 1.0]))
+    for camera in cameras:
+        uv, depth = camera.project(points)
+        assert camera.inside(uv).mean() > 0.97
+        assert (depth > 0).all()
+    begin = cameras[0].position - points.mean(axis=0)
+    assert begin[1] > abs(begin[0])  # it starts on the first view's side
+
+
+def test_the_turntable_turns(pictures):
+    both = Image.open(io.BytesIO(pictures.turntable))
+    assert both.n_frames == 4
+    assert both.width == 2 * Image.open(io.BytesIO(pictures.hero)).width
+    frames = side_by_side([np.zeros((40, 40, 3), np.uint8)], [np.full((40, 40, 3), 9, np.uint8)], ("a", "b"))
+    assert frames[0].shape == (70, 80, 3)
+
+
+# -- the page ---------------------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """The page's visible text and its tags."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.text = ""
+        self._hidden = 0
+        self.feed(source)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        self._hidden += tag in ("style", "script")
+
+    def handle_endtag(self, tag):
+        self._hidden -= tag in ("style", "script")
+
+    def handle_data(self, data):
+        if not self._hidden:
+            self.text += data
+
+
+def test_the_page_tells_everything(record, pictures):
+    page = Page(render_reconstruction(record, pictures, "seed: 3", [("result.ply", "3D Gaussians")]))
+    before, after = (numbers["symmetric_iou"] for numbers in record.measures.groups["inputs"])
+    for words in (
+        "red cube",
+        "Refined",
+        f"{before:.4f} → {after:.4f}",
+        "seed: 3",
+        "result.ply",
+        "None given",
+    ):
+        assert words in page.text, words
+    for stage in record.result.stages:
+        assert stage.status in page.text
+        assert stage.reason[1:] in page.text  # its first letter became a capital
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    anchors = {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")}
+    assert anchors <= set(ids)
+    sources = [attributes["src"] for tag, attributes in page.tags if tag == "img"]
+    assert all(source.startswith("data:") for source in sources)
+
+
+def test_the_page_does_without_measures_and_pictures(record):
+    bare = replace(record, measures=None, timings={})
+    page = Page(render_reconstruction(bare, ReconstructionPictures()))
+    assert "Nothing was measured." in page.text
+    assert "no turntable was made" in page.text
+
+
+def test_hostile_names_stay_text(record):
+    evil = "<img src=x onerror=alert(1)>"
+    stage = StageReport("soft_hull", "applied", evil, {evil: float("nan")}, {evil: float("inf")})
+    told = replace(
+        record,
+        name=evil,
+        folder=evil,
+        choices={evil: evil},
+        notes=(evil,),
+        result=replace(record.result, stages=(stage,), g0=replace(record.result.g0, status=evil)),
+    )
+    source = render_reconstruction(told, ReconstructionPictures(), evil)
+    assert evil not in source
+    assert evil in Page(source).text
+
+
+def test_the_result_is_strict_json(record):
+    told = json.loads(json.dumps(plain(record.summary()), allow_nan=False))
+    assert told["stages"][0]["stage"] == record.result.stages[0].stage
+    assert told["gaussians"] == len(record.result.out.gaussians)
+    assert told["metrics"]["truth"] is None
+
+
+# -- words ------------------------------------------------------------------------------------------------------
+
+
+def with_numbers(
+    record: ReconstructionRecord, before: dict, after: dict, group="inputs"
+) -> ReconstructionRecord:
+    measures = Measures(record.measures.before, record.measures.after, {group: (before, after)})
+    return replace(record, measures=measures)
+
+
+@pytest.mark.parametrize(
+    ("group", "name", "before", "after", "tone"),
+    [
+        ("inputs", "symmetric_iou", 0.9, 0.95, "good"),
+        ("inputs", "symmetric_iou", 0.9, 0.85, "bad"),
+        ("inputs", "symmetric_iou", 0.9, 0.9001, "idle"),
+        ("truth", "cd_surface", 20.0, 15.0, "good"),
+        ("truth", "cd_surface", 20.0, 25.0, "bad"),
+        ("held_out", "lpips", 0.2, 0.1, "good"),
+        ("held_out", "psnr", float("nan"), 20.0, "idle"),
+    ],
+)
+def test_a_change_is_toned_by_what_is_better(record, group, name, before, after, tone):
+    ((shown,),) = [g.rows for g in metric_groups(with_numbers(record, {name: before}, {name: after}, group))]
+    assert shown.tone == tone
+    assert ("%" in shown.change) == np.isfinite(before)
+
+
+def test_an_unchanged_object_says_so(record):
+    still = replace(record, result=replace(record.result, out=record.result.g0))
+    assert not still.changed
+    assert sections.headline(still)[0] == "Kept as first made"
+    nudged = record.result.g0.gaussians.centres + np.float32(1e-7)
+    out = replace(record.result.g0, gaussians=record.result.g0.gaussians.with_centres(nudged))
+    assert sections.headline(replace(record, result=replace(record.result, out=out)))[0] == "Hardly changed"
+
+
+def test_what_was_not_taken_over_is_named(record):
+    stages = (StageReport("axis", "rejected", "no"), StageReport("fusion", "fallback", "no"))
+    told = sections.story(replace(record, result=replace(record.result, stages=stages)))
+    assert "Not taken over: axis, fusion" in told
+    idle = BranchResult(*(record.result.g0,) * 4, (StageReport("prior", "skipped", "none"),))
+    assert "No stage had anything to do." in sections.story(replace(record, result=idle))
+
+
+def test_only_unusual_options_are_told(record):
+    told = sections.unusual_options(replace(record, options={"mode": "paper", "axis": False, "tau": 0.45}))
+    assert told == {"mode": "paper", "axis": "false"}
+
+
+def test_shares_of_time_add_up(record):
+    assert sum(step.share for step in sections.steps(record)) == pytest.approx(100)

@@ -1,0 +1,239 @@
+"""The benchmark from end to end on two small objects: rows, resuming, failures, worker processes."""
+
+import json
+import math
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+from rich.console import Console
+
+from gvla2.catalog import Offer, Registry
+from gvla2.commands.bench import run_bench
+from gvla2.commands.bench_config import BenchConfig, DataConfig, ResultsConfig
+from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_workers import in_processes, workers_for
+from gvla2.commands.data import take_stock
+from gvla2.commands.data_config import DataCommandConfig
+from gvla2.commands.primary import PRIMARY
+from gvla2.component import Component, ComponentConfig
+from gvla2.discovery import Plugin
+from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.evaluation.ablation import VARIANTS
+from gvla2.hydra_bridge import register
+from gvla2.reconstruction.rasteriser import render
+from gvla2_plugins import depth_prior, fusions, hull
+
+PLUGIN = Plugin("tests")
+FACTORS = {"object", "baseline", "drift", "variant", "seed"}
+MEASURES = {"cd_surface", "cd_official", "psnr", "ssim", "lpips", "seconds"}
+
+
+@dataclass
+class PlainConfig(ComponentConfig):
+    """No options."""
+
+
+class Rasterised:
+    def render(self, gaussians, camera, background=(1.0, 1.0, 1.0)):
+        return render(gaussians, camera, background)
+
+
+@pytest.fixture(scope="module")
+def parts() -> Registry:
+    """The real components, whichever of them are installed as plugins."""
+    offers = {
+        "reconstructor": hull.gvla2_reconstructors(),
+        "prior": depth_prior.gvla2_geometry_priors(),
+        "fusion": fusions.gvla2_fusion_strategies(),
+        "renderer": [Component("raster", PlainConfig, lambda config: Rasterised())],
+    }
+    return Registry(
+        {kind: {made.name: Offer(made, PLUGIN) for made in found} for kind, found in offers.items()},
+        [PLUGIN],
+    )
+
+
+@pytest.fixture(scope="module")
+def meshes(tmp_path_factory) -> Path:
+    root = tmp_path_factory.mktemp("meshes")
+    for name, extents in (("brick", (0.1, 0.06, 0.04)), ("pillar", (0.03, 0.04, 0.12))):
+        (root / name).mkdir()
+        box = trimesh.creation.box(extents=extents).subdivide().subdivide()
+        shade = np.rint(120 + 100 * np.sin(90 * box.vertices))
+        trimesh.Trimesh(box.vertices, box.faces, vertex_colors=shade.astype(np.uint8)).export(
+            root / name / "textured.glb"
+        )
+    return root
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path_factory, monkeypatch):
+    monkeypatch.setenv("GVLA2_CACHE", str(tmp_path_factory.getbasetemp() / "bench_cache"))
+
+
+def config_for(meshes: Path, tmp_path: Path, **changes) -> BenchConfig:
+    settings = {
+        "data": DataConfig("meshes", str(meshes), size=40, samples=1),
+        "baselines": ["hull"],
+        "baseline_options": {"hull": {"resolution": 32, "gaussians": 1500}},
+        "seeds": [0],
+        "prior": depth_prior.DepthPriorConfig(name="depth"),
+        "fusion": fusions.ResidualConfig(name="residual"),
+        "renderer": PlainConfig(name="raster"),
+        "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
+        "workers": 1,
+        "quiet": True,
+    }
+    return BenchConfig(**{**settings, **changes})
+
+
+def rows_of(folder: Path) -> list[dict]:
+    return json.loads((folder / "result.json").read_text())["rows"]
+
+
+def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, tmp_path, capsys):
+    config = config_for(meshes, tmp_path)
+    assert run_bench(config, parts, tmp_path / "first") == 1
+    rows = rows_of(tmp_path / "first")
+    assert len(rows) == 2 * 2 * len(VARIANTS)
+    cells = {tuple(str(row[name]) for name in sorted(FACTORS)) for row in rows}
+    assert len(cells) == len(rows)
+    for row in rows:
+        assert row.keys() >= FACTORS | MEASURES
+        assert row["status"] == "ok"
+        assert row["lpips"] is None, "no weights: not measured, never a zero"
+        assert row["cd_points"] == "mesh"
+        assert 0 < row["cd_surface"] < 200
+        assert 0 < row["cd_official"] < 200
+        assert 5 < row["psnr"] < 60
+        assert 0 < row["ssim"] <= 1
+        assert row["seconds"] > 0
+    planted = {r["object"]: r for r in rows if r["drift"] == "planted" and r["variant"] == "baseline"}
+    calm = {r["object"]: r for r in rows if r["drift"] == "none" and r["variant"] == "baseline"}
+    assert all(planted[name]["psnr"] < calm[name]["psnr"] for name in calm), "the drift does harm"
+    page = (tmp_path / "first" / "index.html").read_text()
+    assert page.count("data:image/png;base64,") == 2 * 2 * 2
+    assert "not measured" in page
+    assert (tmp_path / "first" / "report.md").is_file()
+    assert (tmp_path / "first" / "report.tex").is_file()
+
+    assert run_bench(config, parts, tmp_path / "second") == 1
+    again = rows_of(tmp_path / "second")
+    assert again == rows, "the same numbers to the last digit, seconds included: nothing was run again"
+
+    one = config_for(meshes, tmp_path, variants=["baseline"], drifts=["planted"], seeds=[0, 1])
+    run_bench(one, parts, tmp_path / "third")
+    third = rows_of(tmp_path / "third")
+    assert [row["seed"] for row in third] == [0, 1, 0, 1]
+    assert {row["run"] for row in third} == {1, 3}
+    assert len({row["cd_surface"] for row in third}) == 4, "each seed has a drift of its own"
+
+    fresh = config_for(meshes, tmp_path, variants=["baseline"], drifts=["none"])
+    fresh.results.fresh = True
+    run_bench(fresh, parts, tmp_path / "fourth")
+    measured = {row["object"]: row for row in rows_of(tmp_path / "fourth")}
+    for name, row in measured.items():
+        assert row["run"] == 4
+        assert row["cd_surface"] == calm[name]["cd_surface"], "measuring anew gives the same"
+
+
+def test_an_object_that_cannot_be_read_is_a_failed_row_and_tried_again(meshes, parts, tmp_path):
+    root = tmp_path / "objects"
+    shutil.copytree(meshes, root)
+    (root / "pillar" / "textured.glb").write_bytes(b"not a mesh")
+    config = config_for(root, tmp_path, variants=["baseline"], drifts=["none"])
+    assert run_bench(config, parts, tmp_path / "first") == 0.5
+    good, bad = rows_of(tmp_path / "first")
+    assert good["status"] == "ok"
+    assert bad["status"].startswith("failed: ")
+    assert bad["psnr"] is None
+    shutil.copy(meshes / "pillar" / "textured.glb", root / "pillar" / "textured.glb")
+    assert run_bench(config, parts, tmp_path / "second") == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"suite": "memroy"}, "No suite 'memroy'. Available: reconstruction"),
+        ({"variants": ["a_hull"]}, "No variant 'a_hull'. Available: baseline"),
+        ({"drifts": ["big"]}, "No drift 'big'. Available: none, planted"),
+        ({"baselines": ["hul"]}, "Did you mean 'hull'"),
+        ({"baseline_options": {"hull": {"sides": 3}}}, "sides"),
+        ({"lpips_weights": "/nowhere.npz"}, "/nowhere.npz"),
+    ],
+)
+def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path, changes, message):
+    with pytest.raises(Gvla2Error) as told:
+        run_bench(config_for(meshes, tmp_path, **changes), parts, tmp_path / "out")
+    assert message in str(told.value)
+    assert not (tmp_path / "out" / "result.json").exists()
+
+
+@pytest.mark.parametrize(
+    "changes", [{"mode": "fast"}, {"compat": "x"}, {"seeds": []}, {"workers": -1}, {"seeds": [-1]}]
+)
+def test_nonsense_in_the_configuration(changes):
+    with pytest.raises(ConfigurationError):
+        BenchConfig(**changes)
+
+
+def test_the_configurations_compose(registry):
+    register(registry, PRIMARY)
+    chosen = ["prior=none", "fusion=none", "renderer=reference"]
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        config = OmegaConf.to_object(compose("bench", overrides=["data=meshes", "data.root=x", *chosen]))
+        lists = [compose("bench", overrides=[f"data={name}", *chosen]) for name in ("gso30", "gso30_public")]
+        report = OmegaConf.to_object(compose("report", overrides=["+where.object=[a,b]"]))
+    assert isinstance(config, BenchConfig)
+    assert (config.data.kind, config.data.root) == ("meshes", "x")
+    assert config.prior.name == "none"
+    assert [list(one.data.objects) for one in lists] == [[], ["alarm", "backpack", "bell"]]
+    assert report.where == {"object": ["a", "b"]}
+
+
+def test_work_is_shared_among_processes_and_errors_come_back():
+    assert dict(in_processes(math.sqrt, [1.0, 4.0, 9.0], 2)) == {1.0: 1.0, 4.0: 2.0, 9.0: 3.0}
+    with pytest.raises(ValueError, match="math domain error|nonnegative"):
+        list(in_processes(math.sqrt, [-1.0], 1))
+
+
+def test_how_many_workers():
+    assert workers_for(3, 10) == 3
+    assert workers_for(3, 2) == 2
+    assert workers_for(0, 1) == 1
+    assert workers_for(2, 0) == 1
+
+
+def test_progress_without_a_terminal(capsys):
+    console = Console(stderr=True, force_terminal=False)
+    with BenchProgress(4, console=console) as progress:
+        progress.done(2, "brick, hull")
+        progress.done(2, "pillar, hull")
+    assert "4 of 4 cells, pillar, hull, 0:00 left" in capsys.readouterr().err
+    with BenchProgress(4, quiet=True, console=console) as progress:
+        progress.done(4, "brick")
+    assert capsys.readouterr().err == ""
+
+
+def test_data_says_what_is_here_and_what_is_not(meshes, tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("GVLA2_DATA", str(tmp_path))
+    monkeypatch.setenv("GVLA2_CACHE", str(tmp_path / "empty"))
+    (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model").mkdir(parents=True)
+    (tmp_path / "gso30" / "toy" / "render_mvs_25" / "model" / "000.png").write_bytes(b"")
+    out = Console(width=200, force_terminal=False)
+    assert take_stock(DataCommandConfig(roots={"meshes": str(meshes)}), out) >= 2
+    text = capsys.readouterr().out
+    assert f"2 objects in {meshes}" in text
+    assert "toy: views are missing (000.npy" in text
+    assert "gvla2 data fetch=[lpips]" in text
+    assert "CC BY 4.0" in text
+    with pytest.raises(Gvla2Error, match="No data set x"):
+        take_stock(DataCommandConfig(roots={"x": "y"}), out)
+    with pytest.raises(ConfigurationError, match="Cannot fetch ycb"):
+        DataCommandConfig(fetch=["ycb"])

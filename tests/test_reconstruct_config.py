@@ -1,0 +1,63 @@
+"""What can be asked of `gvla2 reconstruct`, and what cannot."""
+
+from dataclasses import fields
+
+import pytest
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2.catalog import Registry
+from gvla2.commands.primary import PRIMARY
+from gvla2.commands.reconstruct import branch_options
+from gvla2.commands.reconstruct_config import BranchConfig, ReconstructConfig, spec_of
+from gvla2.errors import ConfigurationError
+from gvla2.hydra_bridge import register
+from gvla2.reconstruction.branch import BranchOptions
+
+
+@pytest.fixture(autouse=True)
+def _registered(registry: Registry) -> None:
+    register(registry, PRIMARY)
+
+
+def composed(*overrides: str) -> ReconstructConfig:
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        config = OmegaConf.to_object(compose("reconstruct", overrides=list(overrides)))
+    assert isinstance(config, ReconstructConfig)
+    return config
+
+
+def test_the_branchs_options_are_all_there():
+    assert [f.name for f in fields(BranchConfig)] == [f.name for f in fields(BranchOptions)]
+    assert branch_options(BranchConfig()) == BranchOptions()
+    assert branch_options(composed("branch.mode=paper", "branch.axis=false").branch) == BranchOptions(
+        mode="paper", axis=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "spec"), [("0-4", "0-4"), ("7", "7"), ("[0-4,7]", "0-4,7"), ("'0-4,7'", "0-4,7"), ("null", None)]
+)
+def test_view_specs_as_the_command_line_has_them(word: str, spec: str | None):
+    assert composed(f"views_spec={word}").views_spec == spec
+
+
+@pytest.mark.parametrize("value", [True, 1.5, {"a": 1}])
+def test_what_is_no_view_spec(value: object):
+    with pytest.raises(ConfigurationError, match="write views such as"):
+        spec_of("views_spec", value)
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("branch.mode=papr", "branch.mode is 'papr'; it is one of default, paper"),
+        ("branch.compat=old", "branch.compat is 'old'"),
+        ("branch.eta=0", "eta > 0"),
+        ("size=4", "at least 8"),
+        ("frames=1", "2 to 120"),
+    ],
+)
+def test_values_that_cannot_be_are_refused(word: str, message: str):
+    with pytest.raises(ConfigurationError, match=message):
+        composed(word)

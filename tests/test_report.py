@@ -1,0 +1,68 @@
+"""Reports of stored results."""
+
+from pathlib import Path
+
+import pytest
+
+from gvla2.commands.hydra_job import launch
+from gvla2.commands.report import job, make_report
+from gvla2.commands.report_config import ReportConfig, ResultsConfig
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.results import Cell, Results, Run, now
+
+
+@pytest.fixture
+def url(tmp_path) -> str:
+    url = f"sqlite:///{tmp_path / 'results.sqlite'}"
+    with Results.open(url) as results:
+        for number in range(2):
+            run = results.begin(Run(suite="reconstruction", started=now(), config="seed: 0"))
+            cells = []
+            for thing in ("apple", "bowl"):
+                for variant, value in (("baseline", 20.0), ("ab_fusion", 10.0 + number)):
+                    factors = {"object": thing, "variant": variant, "seed": number, "drift": "none"}
+                    key = f"{thing}{variant}{number}"
+                    cells.append(Cell(key, factors, {"cd_surface": value}, {"status": "ok"}))
+            results.add(run, "reconstruction", cells)
+    return url
+
+
+def test_all_formats(url, tmp_path, capsys):
+    assert make_report(ReportConfig(results=ResultsConfig(url)), tmp_path / "out") == 8
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "report.md", "report.tex"]
+    out = capsys.readouterr().out
+    assert "10.50 ± 0.71" in out
+    assert "-47.50 % [-47.50, -47.50]" in out
+    assert "runs 1, 2" in out
+    assert "10.50 ± 0.71" in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_a_selection(url, tmp_path, capsys):
+    config = ReportConfig(
+        results=ResultsConfig(url), where={"object": ["apple"]}, runs=[2], formats=["terminal"]
+    )
+    assert make_report(config, tmp_path / "out") == 2
+    assert "11.00 ± 0.00" in capsys.readouterr().out
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_not_there(url, tmp_path):
+    with pytest.raises(ConfigurationError, match=r"object: apple, bowl\."):
+        make_report(ReportConfig(results=ResultsConfig(url), where={"object": ["pear"]}), tmp_path)
+    with pytest.raises(ConfigurationError, match="There is no results database"):
+        make_report(ReportConfig(results=ResultsConfig(f"sqlite:///{tmp_path}/none.sqlite")), tmp_path)
+    assert not (tmp_path / "none.sqlite").exists()
+    with pytest.raises(ConfigurationError, match="No suite 'x'"):
+        make_report(ReportConfig(suite="x", results=ResultsConfig(url)), tmp_path)
+    with pytest.raises(ConfigurationError, match="choose among terminal"):
+        ReportConfig(formats=["pdf"])
+
+
+def test_as_a_command(url, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = Path("out")
+    status = launch("report", job, [f"results.url={url}", "formats=[markdown]", f"hydra.run.dir={folder}"])
+    assert status == 0
+    assert (folder / "report.md").is_file()
+    assert launch("report", job, ["results.url=sqlite:///gone.sqlite", f"hydra.run.dir={folder}"]) == 1
+    assert "There is no results database gone.sqlite" in capsys.readouterr().err
