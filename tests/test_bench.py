@@ -83,6 +83,7 @@ def config_for(meshes: Path, tmp_path: Path, **changes) -> BenchConfig:
         "baselines": ["hull"],
         "baseline_options": {"hull": {"resolution": 32, "gaussians": 1500}},
         "seeds": [0],
+        "surface_samples": 5000,
         "prior": depth_prior.DepthPriorConfig(name="depth"),
         "fusion": fusions.ResidualConfig(name="residual"),
         "renderer": PlainConfig(name="raster"),
@@ -176,7 +177,15 @@ def test_what_is_not_there_is_said_before_anything_runs(meshes, parts, tmp_path,
 
 
 @pytest.mark.parametrize(
-    "changes", [{"mode": "fast"}, {"compat": "x"}, {"seeds": []}, {"workers": -1}, {"seeds": [-1]}]
+    "changes",
+    [
+        {"mode": "fast"},
+        {"compat": "x"},
+        {"seeds": []},
+        {"workers": -1},
+        {"seeds": [-1]},
+        {"surface_samples": 1},
+    ],
 )
 def test_nonsense_in_the_configuration(changes):
     with pytest.raises(ConfigurationError):
@@ -199,7 +208,7 @@ def test_the_configurations_compose(registry):
 
 def test_work_is_shared_among_processes_and_errors_come_back():
     assert dict(in_processes(math.sqrt, [1.0, 4.0, 9.0], 2)) == {1.0: 1.0, 4.0: 2.0, 9.0: 3.0}
-    with pytest.raises(ValueError, match="math domain error|nonnegative"):
+    with pytest.raises(ValueError, match=r"math domain error|nonnegative"):
         list(in_processes(math.sqrt, [-1.0], 1))
 
 

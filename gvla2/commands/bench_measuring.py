@@ -92,7 +92,7 @@ def measure_unit(unit: Unit, registry: Registry, threads: int = -1) -> list[Meas
     )
 
     def judge_for(renderer: Renderer) -> Judge:
-        return Judge(views, renderer, lpips_of(config.lpips_weights), threads)
+        return Judge(views, renderer, lpips_of(config.lpips_weights), threads, config.surface_samples)
 
     return list(measure_object(views, unit.wanted, parts_for, judge_for, options))
 

@@ -115,7 +115,14 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                             "mode": config.mode,
                             "compat": config.compat,
                         }
-                        protocol = (VERSION, dataset.size, dataset.samples, lpips, config.lpips_weights)
+                        protocol = (
+                            VERSION,
+                            dataset.size,
+                            dataset.samples,
+                            lpips,
+                            config.lpips_weights,
+                            config.surface_samples,
+                        )
                         key = cell_key(SUITE, factors, chosen[baseline, seed], protocol, print_of_files)
                         wanted.append(Wanted(key, factors))
             yield Unit(dataset, item, baseline, tuple(wanted), config)

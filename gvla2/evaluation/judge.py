@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.evaluation.lpips import Features, Lpips
-from gvla2.evaluation.metrics import Truth, cd_official, cd_surface, psnr, ssim, surface_points
+from gvla2.evaluation.metrics import (
+    SURFACE_SAMPLES,
+    Truth,
+    cd_official,
+    cd_surface,
+    psnr,
+    ssim,
+    surface_points,
+)
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
@@ -30,7 +38,8 @@ class Verdict:
 class Judge:
     """Measures reconstructions of one object; what belongs to the truth is prepared once.
 
-    ``workers`` is the number of threads for nearest neighbours, -1 for all cores. Equal reconstructions are measured
+    ``workers`` is the number of threads for nearest neighbours, -1 for all cores;
+    ``samples`` how many points of a surface are compared. Equal reconstructions are measured
     once, so a branch that changed nothing has exactly its input's numbers.
     """
 
@@ -38,13 +47,14 @@ class Judge:
     renderer: Renderer
     lpips: Lpips | None = None
     workers: int = -1
+    samples: int = SURFACE_SAMPLES
     _truth: Truth | None = field(init=False, repr=False)
     _targets: list[NDArray[np.float32]] = field(init=False, repr=False)
     _features: list[Features] | None = field(init=False, repr=False)
     _known: dict[str, Verdict] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh)
+        self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh, self.samples)
         self._targets = [(view.image / 255).astype(np.float32) for view in self.views.targets]
         self._features = None if self.lpips is None else [self.lpips.features(t) for t in self._targets]
 
@@ -60,7 +70,7 @@ class Judge:
         points = "none"
         if self._truth is not None:
             centres = None if thing.gaussians is None else thing.gaussians.centres.astype(np.float64)
-            surface, points = surface_points(thing.mesh, centres)
+            surface, points = surface_points(thing.mesh, centres, self.samples)
             vertices = thing.mesh.vertices if thing.mesh is not None and points == "mesh" else surface
             measures["cd_surface"] = cd_surface(surface, self._truth, self.workers)
             measures["cd_official"] = cd_official(vertices, self._truth, self.workers)

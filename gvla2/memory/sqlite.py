@@ -88,7 +88,7 @@ def _has_tables(path: Path, busy_seconds: float) -> bool:
     if not path.exists():
         return False
     if path.is_dir():
-        raise MemoryStoreError(f"The memory {path} is a folder: give the path of a file in it.")
+        raise MemoryStoreError(f"The memory {path} cannot be used: it is a folder. Give the path of a file.")
     # An administrator who takes all write bits away means it, for root as well.
     if not path.stat().st_mode & 0o222:
         raise MemoryStoreError(f"The memory {path} is read-only. Make it writable, or choose another file.")

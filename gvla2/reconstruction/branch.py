@@ -216,7 +216,7 @@ def _settled(
             report = StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
             out, iou = out.after(_with_geometry(out.state, b), report), iou_b
     iou_0 = _iou(g0, views)
-    if iou < iou_0 - CLEARLY:
+    if iou < iou_0 - MUCH:
         reason = (
             f"The masks speak against the refinement: IoU {iou:.4f}, {iou_0:.4f} as it was. G0 is the output."
         )
@@ -228,7 +228,11 @@ def _settled(
 
 
 CLEARLY = 0.005
-"""A difference of symmetric IoU that counts. A hull fits its masks to the pixel: a truer shape may cost a little."""
+"""A difference of symmetric IoU that decides between two sources."""
+
+MUCH = 0.03
+"""A loss of symmetric IoU against G0 that undoes everything. Each stage has its own gate, so this is a safety net; a
+carved hull fits its masks to the pixel, and a truer shape than it may well fit them less."""
 
 
 def _gated(

@@ -132,7 +132,7 @@ def guide(
     way = np.linalg.norm(moved - start, axis=1)
     if way.max() < _STILL * size:
         return kept("skipped", "The prior agrees with the object as it is.")
-    gate = accept(start, moved, views, iou_tolerance=0.5 * rim_share(views))
+    gate = accept(start, moved, views, iou_tolerance=rim_share(views))
     thin = slice(None, None, max(1, len(start) // _ENOUGH))  # outlines of more points are much the same
     lost, gained = deep_changes(start[thin], moved[thin], views)
     before = {**gate.before, "mean_move": 0.0}

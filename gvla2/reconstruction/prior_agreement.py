@@ -56,13 +56,15 @@ class CrossCheck:
 
     def __init__(self, prior: PriorDepth, views: Views, tolerance: float) -> None:
         self._tolerance = tolerance
-        self._depth, self._weight = prior.depth, prior.weight
+        self._depth = prior.solid  # a flying pixel would contradict every other view
         self._projections = [projection(view.camera) for view in views]
         self._masks = [maximum_filter(mask_of(view) > 0.5, 2 * _MARGIN + 1) for view in views]
         self._samples: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
         self._positions = [view.camera.position for view in views]
         for s, view in enumerate(views):
-            rows, columns = np.nonzero(prior.weight[s] > 0.25 * prior.weight[s].max(initial=0.0))
+            rows, columns = np.nonzero(
+                (prior.solid[s] > 0) & (prior.weight[s] > 0.25 * prior.weight[s].max(initial=0.0))
+            )
             step = max(1, len(rows) // _SAMPLES)
             rows, columns = rows[::step], columns[::step]
             origin, rays = view.camera.rays()
@@ -83,7 +85,6 @@ class CrossCheck:
                         self._positions[t],
                         self._projections[t],
                         self._depth[t],
-                        self._weight[t],
                         self._masks[t],
                         scale,
                         self._tolerance,
@@ -114,7 +115,6 @@ def _compare(
     position: FloatArray,
     P: FloatArray,
     depth: FloatArray,
-    weight: FloatArray,
     mask: NDArray[np.bool_],
     scale: float,
     tolerance: float,
@@ -134,7 +134,7 @@ def _compare(
         counts[2] += 1.0
         if not mask[row, column]:
             counts[1] += 1.0
-        elif weight[row, column] > 0:
+        elif depth[row, column] > 0:
             off = (here - scale * depth[row, column]) / tolerance
             # The far side of a thin wall is another surface, however near.
             facing = (

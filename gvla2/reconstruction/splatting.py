@@ -54,6 +54,7 @@ class SplatOptions:
     weight_alpha: float = 0.5
     smooth_centres: float = 0.3
     smooth_colours: float = 0.3
+    low_pass: float = 0.3
     seed: int = 0
     threads: int = 0
 
@@ -87,7 +88,7 @@ def optimise(
             else "no mask shows anything"
         )
         return gaussians, StageReport("splat", "skipped", f"There is nothing to fit: {why}.")
-    raster = RasterOptions(threads=options.threads)
+    raster = RasterOptions(low_pass=options.low_pass, threads=options.threads)
     before = _measure(gaussians, shown, raster)
     fitted = _fit(gaussians, shown, options, raster)
     after = _measure(fitted, shown, raster)

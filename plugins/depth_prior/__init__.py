@@ -18,7 +18,7 @@ class DepthPriorConfig(ComponentConfig):
     erode: int = 1
     """Width in pixels of the border, of what was measured and of the mask, where depth may be a mixture of two."""
     slope: float = 4.0
-    """Border pixels are kept when their depth differs from the nearest inner pixel's by no more than this slope,
+    """Border pixels are kept when their depth differs from the nearest inner pixel's by less than this slope,
     in pixel sizes a pixel: a surface seen at 76 degrees. 0 leaves the whole border out."""
     confidence: float = 1.0
     """Confidence of every measured pixel, > 0."""

@@ -67,7 +67,7 @@ class DepthPrior:
         apart, nearest = distance_transform_edt(~core, return_indices=True)
         with np.errstate(invalid="ignore"):
             step = np.abs(depth - depth[tuple(nearest)])
-            return np.asarray(step <= self._slope * apart * depth / focal)
+            return np.asarray(step < self._slope * apart * depth / focal)
 
 
 def _measured(depth: NDArray[np.float32]) -> NDArray[np.bool_]:

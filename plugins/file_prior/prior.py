@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,14 @@ if TYPE_CHECKING:
 
 _KEYS = ("depth", "point_map", "confidence", "world_from_camera", "names")
 _SHAPE_TOLERANCE = 0.02
+
+
+def _archive(file: BinaryIO) -> np.lib.npyio.NpzFile:
+    """The open archive; ValueError for a single array."""
+    loaded = np.load(file, allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        raise ValueError("it is a single array")
+    return loaded
 
 
 class FilePrior:
@@ -65,14 +73,11 @@ class FilePrior:
 
     def _read(self) -> dict[str, NDArray]:
         try:
-            with np.load(self._path, allow_pickle=False) as archive:
-                if not hasattr(archive, "files"):
-                    raise self._error("it is a single array, not an .npz archive of named arrays")
+            # numpy leaves a damaged archive's file open when it is given a path.
+            with self._path.open("rb") as file, _archive(file) as archive:
                 stored = {key: archive[key] for key in archive.files if key in _KEYS}
                 found = ", ".join(archive.files) or "nothing"
         except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-            if isinstance(error, GeometryError):
-                raise
             raise self._error(f"it cannot be read as an .npz archive of plain arrays ({error})") from error
         if not {"depth", "point_map"} & stored.keys():
             raise self._error(f"it has neither 'depth' nor 'point_map', only {found}")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from gvla2_plugins.gsplat_renderer import GsplatRendererConfig
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
+from gvla2_plugins.gsplat_renderer import GsplatRendererConfig
 
 _WHAT = "renderer=gsplat"
 _LARGEST_LOGIT = (
@@ -93,7 +93,7 @@ def arguments(
 
 
 def _load(device: str) -> tuple[Any, Any]:
-    """torch and gsplat's rasterization."""
+    """Torch and gsplat's rasterization."""
     try:
         import torch
     except ImportError as error:

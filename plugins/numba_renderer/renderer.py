@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from gvla2_plugins.numba_renderer import NumbaRendererConfig
 from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.reconstruction.rasteriser import RasterOptions, render
+from gvla2_plugins.numba_renderer import NumbaRendererConfig
 
 
 class NumbaRenderer:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from gvla2_plugins.splat import SplatConfig
-
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.splatting import SplatOptions, carry, optimise
+from gvla2_plugins.splat import SplatConfig
 
 
 class SplatReconstructor:

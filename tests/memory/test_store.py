@@ -137,7 +137,7 @@ def test_a_file_that_cannot_be_used_is_refused_and_left_alone(tmp_path: Path, ho
 
 
 def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(MemoryStoreError, match="is a folder"):
+    with pytest.raises(MemoryStoreError, match="cannot be used: it is a folder"):
         Store.open(f"sqlite:///{tmp_path}")
 
 

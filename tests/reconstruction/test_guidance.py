@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -43,14 +44,18 @@ def open_box(scale: float = 1.0) -> Mesh:
 
 
 def seen(mesh: Mesh, scale: float = 1.0) -> Views:
-    positions = np.array([[0.5, 0.3, 1.2], [-0.9, 0.6, 0.8], [-0.3, -1.0, 0.7], [1.1, -0.5, -0.4], [0.2, 0.2, 1.3]])
+    positions = np.array(
+        [[0.5, 0.3, 1.2], [-0.9, 0.6, 0.8], [-0.3, -1.0, 0.7], [1.1, -0.5, -0.4], [0.2, 0.2, 1.3]]
+    )
     cameras = [
-        Camera.from_fov(0.75, look_along(scale * p, -p), SIZE, SIZE, f"view {i}") for i, p in enumerate(positions)
+        Camera.from_fov(0.75, look_along(scale * p, -p), SIZE, SIZE, f"view {i}")
+        for i, p in enumerate(positions)
     ]
     pictures = RayCaster([Surface(mesh.vertices, mesh.faces, np.array([0.6, 0.4, 0.2]), 0)]).cast(cameras, {})
     return Views(
         tuple(
-            View(c, p.image, p.depth, (p.ids >= 0).astype(np.float32)) for c, p in zip(cameras, pictures, strict=True)
+            View(c, p.image, p.depth, (p.ids >= 0).astype(np.float32))
+            for c, p in zip(cameras, pictures, strict=True)
         )
     )
 
@@ -210,10 +215,11 @@ def test_noise_never_makes_it_worse(noise):
 def test_flying_pixels_at_edges_are_outvoted():
     views, hull, truth = scene()
     depth = depth_of(views)
-    behind = np.where(np.isfinite(depth), depth, 3.0)
-    mixed = 0.5 * (behind + np.roll(behind, 1, axis=2))
-    guided = guide(hull, views, estimate(np.where(np.isfinite(depth), mixed, np.nan)))
-    assert distance(guided.points, truth) < 0.75 * distance(hull, truth)
+    known = np.isfinite(depth)
+    rim = known & ~np.stack([binary_erosion(k, np.ones((3, 3))) for k in known])
+    guided = guide(hull, views, estimate(np.where(rim, 0.5 * (depth + 3.0), depth)))
+    assert guided.report.status == "applied", guided.report.reason
+    assert distance(guided.points, truth) < 0.6 * distance(hull, truth)
 
 
 def test_size_and_pose_of_the_scene_do_not_matter():
@@ -221,7 +227,8 @@ def test_size_and_pose_of_the_scene_do_not_matter():
     motion = rigid(Rotation.from_euler("xyz", [0.7, 0.4, -1.1]).as_matrix(), [3.0, -2.0, 1.0])
     moved = Views(
         tuple(
-            replace(v, camera=replace(v.camera, world_from_camera=motion @ v.camera.world_from_camera)) for v in views
+            replace(v, camera=replace(v.camera, world_from_camera=motion @ v.camera.world_from_camera))
+            for v in views
         )
     )
     there = guide(hull @ motion[:3, :3].T + motion[:3, 3], moved, estimate(depth_of(views)))

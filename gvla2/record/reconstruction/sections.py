@@ -24,6 +24,7 @@ STATES: Mapping[str, State] = {
 """How a stage's status looks among the marks of a run."""
 
 MEANINGS: Mapping[str, tuple[str, str]] = {
+    "drift": ("", "A drift of the whole object is set right first: a prior moves only the sides it sees."),
     "prior": ("A", "A prior’s depth moves points along the cameras’ rays, where masks and views allow it."),
     "appearance": ("A", "One affine of all base colours, so that renders can be compared with the pictures."),
     "soft_hull": ("A", "Points that the masks support little move a little towards the object’s centre."),

@@ -1,0 +1,215 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.transform import look_along
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.rasteriser import render
+from gvla2.reconstruction.splatting import SplatOptions, carry, neighbour_graph, optimise
+from gvla2.reconstruction.splatting_targets import MARGIN, targets
+from gvla2.reconstruction.surfels import surfels
+
+RADIUS = 0.4
+QUICK = SplatOptions(iterations=60, smooth_centres=0.1)
+FIELDS = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
+
+
+def paint(directions: np.ndarray) -> np.ndarray:
+    return 0.5 + 0.35 * np.sin(directions @ np.array([[5.0, 1, 2], [1, -6, 2], [-2, 1, 7]]))
+
+
+def look_from(direction: np.ndarray, size: int = 80) -> Camera:
+    direction = direction / np.linalg.norm(direction)
+    return Camera.from_fov(0.62, look_along(1.6 * direction, -direction), size, size)
+
+
+@pytest.fixture(scope="module")
+def ball() -> tuple[Views, Views]:
+    """A painted ball from five sides, and from eight others."""
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    caster = RayCaster([Surface(mesh.vertices, mesh.faces, paint(middles / RADIUS), 0)], (1.0, 1.0, 1.0))
+
+    def views(directions: np.ndarray) -> Views:
+        cameras = [look_from(d) for d in directions]
+        return Views(
+            tuple(
+                View(camera, seen.image, None, (seen.ids == 0).astype(np.float32))
+                for camera, seen in zip(cameras, caster.cast(cameras, {}), strict=True)
+            )
+        )
+
+    rng = np.random.default_rng(4)
+    five = np.array([[1.0, 0.2, 0.4], [-0.8, 0.9, 0.1], [-0.5, -1, -0.3], [0.3, 0.5, -1], [0.2, -0.7, 1]])
+    return views(five), views(rng.normal(size=(8, 3)))
+
+
+def lumpy(count: int = 1500) -> Gaussians:
+    """The ball as a careless reconstruction: too large, uneven, with blurred colours."""
+    mesh = trimesh.creation.icosphere(subdivisions=4)
+    directions = np.asarray(mesh.vertices)
+    colours = 0.5 + 0.6 * (paint(directions) - 0.5)
+    uneven = directions * (1.04 + 0.03 * np.sin(4 * directions[:, :1])) * RADIUS
+    return surfels(Mesh(uneven, mesh.faces, colours), directions, count)
+
+
+def psnr(gaussians: Gaussians, views: Views) -> float:
+    errors = [np.mean((render(gaussians, view.camera)[0] - view.image / 255.0) ** 2) for view in views]
+    return float(np.mean(-10 * np.log10(errors)))
+
+
+def test_held_out_views_and_the_shape_get_better(ball: tuple[Views, Views]) -> None:
+    inputs, others = ball
+    start = lumpy()
+    fitted, report = optimise(start, inputs, QUICK)
+    assert report.status == "applied"
+    assert report.after["psnr"] > report.before["psnr"] + 2
+    assert report.after["iou"] > report.before["iou"] + 0.02
+    assert psnr(fitted, others) > psnr(start, others) + 1.5
+
+    def off(gaussians: Gaussians) -> float:
+        return float(np.abs(np.linalg.norm(gaussians.centres, axis=1) - RADIUS).mean())
+
+    print(psnr(fitted, others) - psnr(start, others), report, off(fitted), off(start))
+    assert off(fitted) < 0.7 * off(start)
+
+
+def test_smoothness_is_what_keeps_other_views_from_paying(ball: tuple[Views, Views]) -> None:
+    """Colours alone, and noisy: without smoothness the inputs gain more and the others less."""
+    inputs, others = ball
+    base = replace(QUICK, rate_centres=0.0, rate_scales=0.0, rate_rotations=0.0, rate_opacities=0.0)
+    views = Views(inputs.views[:2])
+    loose, loose_report = optimise(lumpy(), views, replace(base, smooth_colours=0.0))
+    tied, tied_report = optimise(lumpy(), views, replace(base, smooth_colours=1.0))
+    assert loose_report.after["psnr"] > tied_report.after["psnr"]
+    assert psnr(tied, others) > psnr(loose, others)
+
+
+def test_the_seed_decides_and_nothing_else(ball: tuple[Views, Views]) -> None:
+    inputs, _ = ball
+    start, few = lumpy(2500), replace(QUICK, iterations=8)
+    one, _ = optimise(start, inputs, few)
+    same, _ = optimise(start, inputs, replace(few, threads=3))
+    other, _ = optimise(start, inputs, replace(few, seed=1))
+    for name in FIELDS:
+        assert np.array_equal(getattr(one, name), getattr(same, name))
+    assert not np.array_equal(one.centres, other.centres)
+
+
+def test_the_input_is_left_as_it_was(ball: tuple[Views, Views]) -> None:
+    start = lumpy(300)
+    rest = np.random.default_rng(0).normal(scale=0.01, size=(300, 9)).astype(np.float32)
+    start = Gaussians(*(getattr(start, name) for name in FIELDS), rest)
+    kept = {name: getattr(start, name).copy() for name in FIELDS}
+    fitted, _ = optimise(start, ball[0], replace(QUICK, iterations=5))
+    for name in FIELDS:
+        assert np.array_equal(getattr(start, name), kept[name])
+        assert not np.array_equal(getattr(fitted, name), kept[name])
+    assert np.array_equal(fitted.sh_rest, rest)
+
+
+def test_nothing_to_fit_is_said(ball: tuple[Views, Views]) -> None:
+    inputs, _ = ball
+    start = lumpy(50)
+    empty = Gaussians(*(getattr(start, name)[:0] for name in FIELDS))
+    blank = Views(tuple(replace(view, mask=None) for view in inputs))
+    dark = Views(tuple(replace(view, mask=np.zeros_like(view.mask)) for view in inputs))
+    for gaussians, views, options, why in (
+        (empty, inputs, QUICK, "no Gaussians"),
+        (start, blank, QUICK, "no mask"),
+        (start, dark, QUICK, "no mask"),
+        (start, inputs, replace(QUICK, iterations=0), "no iterations"),
+    ):
+        same, report = optimise(gaussians, views, options)
+        assert same is gaussians
+        assert report.status == "skipped"
+        assert why in report.reason
+
+
+def test_what_makes_the_inputs_worse_is_undone(ball: tuple[Views, Views]) -> None:
+    wild = SplatOptions(iterations=6, rate_centres=40.0, final_rate=1.0, smooth_centres=0.0)
+    start = lumpy(400)
+    same, report = optimise(start, ball[0], wild)
+    assert report.status == "rejected"
+    assert same is start
+    assert report.after["psnr"] < report.before["psnr"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_very_few_gaussians_are_no_problem(count: int, ball: tuple[Views, Views]) -> None:
+    fitted, report = optimise(lumpy(count), ball[0], replace(QUICK, iterations=10))
+    assert 1 <= len(fitted) <= count
+    assert report.status in ("applied", "rejected")
+
+
+def test_targets_are_cut_to_the_object_and_put_on_white(ball: tuple[Views, Views]) -> None:
+    view = ball[0][0]
+    shifted = np.zeros((80, 80), np.float32)
+    shifted[20:40, 50:60] = 1.0
+    shifted[40, 50:60] = 0.25
+    grey = np.full((80, 80, 3), 51, np.uint8)
+    robot = np.zeros((80, 80), np.bool_)
+    robot[22:24] = True
+    [target] = targets(Views((View(view.camera, grey, None, shifted, robot),)))
+    assert target.mask.shape == (21 + 2 * MARGIN, 10 + 2 * MARGIN)
+    assert np.allclose(target.image[0, 0], 1.0)
+    assert np.allclose(target.image[MARGIN, MARGIN], 0.2)
+    assert np.allclose(target.image[MARGIN + 20, MARGIN], 0.25 * 0.2 + 0.75)
+    assert (target.weight[MARGIN + 2] == 0).all()
+    assert target.weight[MARGIN, MARGIN] == pytest.approx(1 / 200)
+    # The cut camera sees the same points at the same places.
+    point = np.array([[0.1, 0.05, -0.1]])
+    whole, part = view.camera.project(point)[0], target.camera.project(point)[0]
+    assert np.allclose(whole - part, [50 - MARGIN, 20 - MARGIN])
+
+
+def test_a_picture_on_white_is_used_as_it_is(ball: tuple[Views, Views]) -> None:
+    view = ball[0][0]
+    soft = np.clip(view.mask * 0.5, 0, 1)
+    [target] = targets(Views((replace(view, mask=np.maximum(soft, 0.6 * view.mask)),)))
+    top = np.flatnonzero((view.mask > 0).any(axis=1))[0] - MARGIN
+    left = np.flatnonzero((view.mask > 0).any(axis=0))[0] - MARGIN
+    height, width = target.mask.shape
+    assert np.allclose(target.image * 255, view.image[top : top + height, left : left + width], atol=1e-3)
+
+
+def test_a_mesh_is_carried_by_the_gaussians_around_it() -> None:
+    start = lumpy(800)
+    sphere = trimesh.creation.icosphere(subdivisions=2, radius=RADIUS)
+    mesh = Mesh(sphere.vertices, sphere.faces, np.full((len(sphere.vertices), 3), 0.5))
+    moved = start.with_centres(start.centres + np.float32([0.1, 0.2, -0.3]))
+    shifted = carry(mesh, start, moved)
+    assert np.allclose(shifted.vertices - mesh.vertices, [0.1, 0.2, -0.3], atol=1e-6)
+    assert shifted.faces is mesh.faces
+    assert np.array_equal(shifted.colours, mesh.colours)
+    assert np.array_equal(carry(mesh, start, start).vertices, mesh.vertices)
+    # One half moves: the other half stays.
+    half = start.with_centres(start.centres + np.where(start.centres[:, :1] > 0, np.float32(0.05), 0))
+    gap = carry(mesh, start, half).vertices - mesh.vertices
+    assert np.allclose(gap[mesh.vertices[:, 0] < -0.1], 0)
+    assert np.allclose(gap[mesh.vertices[:, 0] > 0.1], 0.05, atol=1e-6)
+
+
+def test_the_graph_costs_nothing_for_a_common_motion_and_all_else_is_positive() -> None:
+    points = np.random.default_rng(0).normal(size=(60, 3)).astype(np.float32)
+    graph, spacing = neighbour_graph(points)
+    assert np.allclose(graph @ np.ones((60, 3), np.float32), 0, atol=1e-6)
+    dense = graph.toarray()
+    assert np.allclose(dense, dense.T)
+    assert np.linalg.eigvalsh(dense).min() > -1e-6
+    assert 0.2 < spacing < 1.5
+
+
+@pytest.mark.parametrize("options", [{"iterations": -1}, {"rate_colours": -0.1}, {"final_rate": 0.0}])
+def test_senseless_options_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(ConfigurationError, match="Splatting"):
+        SplatOptions(**options)
