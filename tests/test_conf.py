@@ -48,7 +48,10 @@ def test_every_file_of_conf_is_a_choice_that_composes():
     groups = [p for p in files if len(p.parts) > 1]
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
     for choice in groups:
-        composed(f"{choice.parent.as_posix()}={choice.name}")
+        command = "bench" if choice.parts[0] in ("data", "experiment") else "run"
+        with initialize_config_module("gvla2.conf", version_base="1.3"):
+            config = compose(command, overrides=[f"{choice.parent.as_posix()}={choice.name}"])
+        assert isinstance(OmegaConf.to_object(config), PRIMARY[command])
 
 
 def test_every_component_is_a_choice(registry: Registry):

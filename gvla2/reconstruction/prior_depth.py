@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, maximum_filter, minimum_filter
+from scipy.ndimage import binary_erosion
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
@@ -20,6 +20,8 @@ _CENTRES_OFF, _AXES_OFF = 0.15, 0.25
 """Largest residual of aligned cameras: a share of the baseline, and radians."""
 _LEAST_COVERAGE = 0.25
 """Least share of the masks' pixels that must have depth."""
+_LEAST_SMOOTH = 0.5
+"""Least share of the known depth that must be free of jumps."""
 _LEAST_COSINE = 0.05
 """Depth seen at a grazing angle is trusted this much at least."""
 _RIM = 0.2
@@ -39,8 +41,8 @@ class PriorDepth:
     """Metric depth of S views along the calibrated cameras' z.
 
     ``depth`` (S, H, W) metres, 0 where unknown; ``weight`` (S, H, W) in [0, 1], 0 where unknown or outside the
-    mask: confidence x mask x cosine of incidence, less on depth edges. ``solid`` (S, H, W) is the depth without silhouette
-    and depth edges, where pixels may fly between two surfaces. ``normals`` (S, H, W, 3) world, unit,
+    mask: confidence x mask x cosine of incidence, less on edges. ``solid`` (S, H, W) is the depth without depth
+    edges and silhouettes, where pixels may fly between two surfaces. ``normals`` (S, H, W, 3) world, unit,
     towards the view's camera, NaN where there is none. ``jump`` is the step in metres between
     neighbouring pixels that counts as an edge; ``coverage`` the share of mask pixels with depth; ``notes`` what
     was done to bring the prior here.
@@ -93,14 +95,21 @@ def calibrate_prior(
     typical = float(np.median(confidence[known]))
     weight, solid = np.zeros_like(depth), np.zeros_like(depth)
     normals = np.full((*depth.shape, 3), np.nan)
+    flat = 0
     for s, view in enumerate(views):
         trust = np.clip(confidence[s] / typical, 0.0, 1.0) * masks[s]
         smooth, normals[s], cosine = _surface(
             view.camera.backproject(depth[s]), depth[s], view.camera.position, edge * size
         )
+        flat += int((smooth & known[s]).sum())
         inner = binary_erosion(known[s], np.ones((3, 3), dtype=np.bool_)) & smooth
         weight[s] = np.where(known[s], trust * cosine * np.where(inner, 1.0, _RIM), 0.0)
         solid[s] = np.where(inner, depth[s], 0.0)
+    if flat < _LEAST_SMOOTH * known.sum():
+        raise UnusablePriorError(
+            "too_rough",
+            f"only {flat / known.sum():.0%} of the prior's depth is free of jumps from pixel to pixel.",
+        )
     return PriorDepth(
         np.where(known, depth, 0.0), weight, solid, normals, edge * size, coverage, tuple(notes)
     )
@@ -166,18 +175,20 @@ def _scale_of(
     if not len(found):
         raise UnusablePriorError("scale_undetermined", "no depth of the prior falls on the object.")
     notes.append("the cameras' centres coincide: scale from the object's own depth")
-    return float(np.median(found))
+    # A hull lies before the surface, never behind it: the ratio is right where the two touch.
+    return float(np.quantile(found, 0.9))
 
 
 def _surface(
     world: FloatArray, depth: FloatArray, origin: FloatArray, jump: float
 ) -> tuple[NDArray[np.bool_], FloatArray, FloatArray]:
     """Where the depth (H, W) has no edge, normals (H, W, 3), and cosines of incidence (H, W), of points (H, W, 3)."""
-    unknown = ~np.isfinite(depth)
-    high = maximum_filter(np.where(unknown, -np.inf, depth), 3)
-    low = minimum_filter(np.where(unknown, np.inf, depth), 3)
+    # A slope has no second difference, however steep; an edge and a flying pixel have.
+    bend = np.zeros_like(depth)
+    bend[:, 1:-1] = np.abs(depth[:, 2:] + depth[:, :-2] - 2 * depth[:, 1:-1])
+    bend[1:-1] = np.fmax(bend[1:-1], np.abs(depth[2:] + depth[:-2] - 2 * depth[1:-1]))
+    smooth = np.isfinite(depth) & ~(bend >= jump)
     with np.errstate(invalid="ignore", divide="ignore"):
-        smooth = high - low < jump
         across, down = np.full_like(world, np.nan), np.full_like(world, np.nan)
         across[:, 1:-1] = world[:, 2:] - world[:, :-2]
         down[1:-1] = world[2:] - world[:-2]

@@ -4,6 +4,10 @@ A handful of views leaves most of what Gaussians can do undetermined: left alone
 views from elsewhere get worse. Two smoothness terms keep them honest, both on the *change* since the start and over
 a graph of neighbours: centres move together (what no view sees follows what one does), and colours shift together.
 There is no densification: the start already covers the surface.
+
+A low-pass widens every silhouette by more than half a pixel, and Gaussians shrink to make up for it. Whoever wants
+the shape (:func:`carry`) therefore fits with hardly any low-pass first, and for the pictures with the renderer's
+own afterwards.
 """
 
 from __future__ import annotations
@@ -39,7 +43,8 @@ class SplatOptions:
 
     ``iterations`` one view each. Rates are Adam's first step sizes: ``rate_centres`` in spacings of the Gaussians, the
     others in their parameters' own units; all fall to ``final_rate`` of themselves. ``weight_alpha`` weighs the
-    silhouette's L1 against the colour's; ``smooth_centres`` and ``smooth_colours`` weigh the smoothness of the change.
+    silhouette's L1 against the colour's; ``smooth_centres`` and ``smooth_colours`` weigh the smoothness of the change;
+    ``low_pass`` is the renderer's, square pixels.
     ``seed`` orders the views; ``threads`` 0 means all cores, and changes no result.
     Raises :class:`ConfigurationError` for values that make no sense.
     """
@@ -52,7 +57,7 @@ class SplatOptions:
     rate_colours: float = 0.02
     final_rate: float = 0.1
     weight_alpha: float = 0.5
-    smooth_centres: float = 0.3
+    smooth_centres: float = 0.1
     smooth_colours: float = 0.3
     low_pass: float = 0.3
     seed: int = 0

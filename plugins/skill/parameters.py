@@ -15,14 +15,14 @@
 | ``speed``, ``contact_speed`` | of the tool in the open, and where it touches, m/s |
 
 They are what is asked for. The motion stops short where it must: the fingertips stay 4 mm above the table whatever
-``grasp_depth`` says. None is tuned to a task; the derivations stand at each function. Memory changes them by
+``grasp_depth`` says, and a press ends before what the button stands on (:func:`limited`). None is tuned to a task; the derivations stand at each function. Memory changes them by
 :func:`gvla2.planning.effects.apply_effects`.
 """
 
 from __future__ import annotations
 
 from gvla2.planning.arm import Hand
-from gvla2.planning.scene import SceneObject
+from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill import SkillConfig
 
 TABLE_GAP = 0.004
@@ -30,6 +30,10 @@ TABLE_GAP = 0.004
 
 PALM_GAP = 0.005
 """The palm stays this far above what the fingers reach around, metres."""
+
+PRESS_GAP = 0.0012
+"""The fingertips' end stays this far above what a button stands on, metres: hardly more than the 1 mm that the checks
+want on straight moves, since a button may travel nearly all of its height."""
 
 
 def defaults(skill: str, theme: SceneObject, hand: Hand, config: SkillConfig) -> dict[str, float]:
@@ -86,8 +90,28 @@ def _push(theme: SceneObject, hand: Hand) -> dict[str, float]:
 
 
 def _press(hand: Hand) -> dict[str, float]:
-    """Buttons travel a centimetre at most: 10 mm below the top presses any of them home.
+    """Buttons travel a centimetre at most: 10 mm below the top presses any of them home, where they are high enough.
 
     Beyond its stop a button does not yield; the arm's compliance takes up the rest.
     """
     return {"standoff": hand.finger_length, "press_depth": 0.010}
+
+
+def limited(theta: dict[str, float], theme: SceneObject, scene: Scene) -> tuple[dict[str, float], list[str]]:
+    """Theta as far as the scene allows it, whoever asked for it, and one sentence a change.
+
+    The fingers are wider than a button: pressed lower than its height they would meet what it stands on, which is
+    the thing that it is a part of, or whatever its own lower side rests on.
+    """
+    if "press_depth" not in theta:
+        return theta, []
+    below = [o.top for o in scene.objects if o.id == theme.parent and o.top < theme.top]
+    height = theme.top - max([theme.bottom, *below])
+    room = max(0.0, height - PRESS_GAP)
+    if theta["press_depth"] <= room:
+        return theta, []
+    note = (
+        f"press_depth: {theta['press_depth']:.4g} -> {room:.4g}, since {theme.label} stands out by "
+        f"{1e3 * height:.1f} mm"
+    )
+    return {**theta, "press_depth": room}, [note]

@@ -13,7 +13,7 @@ from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.candidates import choose
 from gvla2_plugins.skill.grammar import Intent, parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_button
-from gvla2_plugins.skill.parameters import defaults
+from gvla2_plugins.skill.parameters import defaults, limited
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.proposals import Job, Proposal
 from gvla2_plugins.skill.schemas import SCHEMAS
@@ -81,6 +81,7 @@ class SkillPlanner:
         if intent.amount is not None and "lift_height" in theta:
             theta["lift_height"] = intent.amount
         theta, changes = apply_effects(theta, request.advice.effects, intent.skill)
+        theta, limits = limited(theta, theme, request.scene)
         target = None
         if goal is None and intent.direction is not None:
             distance = intent.amount if intent.amount is not None else self.config.push_distance
@@ -89,7 +90,7 @@ class SkillPlanner:
             intent.skill, request.scene, request.arm.hand, request.arm.workspace, theta, theme, goal,
             intent.relation, target,
         )  # fmt: skip
-        plan = Plan(None, intent.skill, roles, theta, notes=(*notes, *changes))
+        plan = Plan(None, intent.skill, roles, theta, notes=(*notes, *changes, *limits))
         found = SCHEMAS[intent.skill](job)
         if isinstance(found, Abstention):
             return replace(plan, abstention=found)

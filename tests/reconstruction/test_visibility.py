@@ -24,11 +24,11 @@ def camera_at(position, size: int = 64) -> Camera:
 def test_a_sphere_shows_the_half_that_faces_the_camera(seed):
     direction = sphere(1, seed)[0]
     points, camera = sphere(20_000), camera_at(4 * direction, 256)
-    seen = visible_points(points, camera, spacing=0.025, tolerance=0.1)
-    # From distance 4 the horizon lies at cosine 1/4.
+    seen = visible_points(points, camera, spacing=0.05, tolerance=0.15)
+    # From distance 4 the horizon lies at cosine 1/4; on the slope before it a splat hides its neighbours.
     cosine = points @ direction
-    assert seen[cosine > 0.35].mean() > 0.99
-    assert seen[cosine < -0.2].mean() < 0.01
+    assert seen[cosine > 0.5].all()
+    assert seen[cosine < 0.1].mean() < 0.002
 
 
 def test_depth_is_that_of_the_nearest_point():

@@ -93,7 +93,9 @@ def story(record: ReconstructionRecord) -> str:
         sentences.append(f"Not taken over: {listing(kept_out, 6)}; the reasons are below.")
     if not applied and not kept_out:
         sentences.append("No stage had anything to do.")
-    if record.changed and record.displacement > 0:
+    if not record.changed:
+        sentences.append("In the end the first reconstruction was kept as it was.")
+    if record.displacement > 0:
         share = 100 * record.displacement / record.size
         sentences.append(f"Points moved by {_percent(share)} of the object’s longest side on average.")
     return " ".join(sentences)
