@@ -23,6 +23,9 @@ MIN_MASK_PIXELS = 30
 DEPTH_BAND = 0.015
 """A pixel belongs to an object when its depth lies within this of the object's box, metres."""
 
+ABOVE_SUPPORT = 0.003
+"""What is lower than this above the object's underside is the table around it, metres."""
+
 
 @dataclass(frozen=True)
 class GeometryParts:
@@ -89,9 +92,10 @@ def masked_views(observation: Observation, thing: SceneObject) -> Views | None:
     for view in observation.views:
         if view.depth is None:
             continue
-        local = transform_points(object_from_world, view.points())  # (H, W, 3)
+        points = view.points()  # (H, W, 3)
+        local = transform_points(object_from_world, points)
         with np.errstate(invalid="ignore"):
-            inside = (np.abs(local) <= half).all(axis=-1)
+            inside = (np.abs(local) <= half).all(axis=-1) & (points[..., 2] > thing.bottom + ABOVE_SUPPORT)
         if view.robot_mask is not None:
             inside &= ~view.robot_mask
         if np.count_nonzero(inside) >= MIN_MASK_PIXELS:
@@ -103,6 +107,10 @@ def fit_box(thing: SceneObject, reconstruction: Reconstruction) -> SceneObject |
     """The object with its box fitted to the reconstruction along its own axes; None when that has no points."""
     points = _points(reconstruction)
     if points is None:
+        return None
+    # No view sees an underside: a hull goes on below it, the object does not.
+    points = points[points[:, 2] >= thing.bottom]
+    if not len(points):
         return None
     local = transform_points(invert_rigid(thing.world_from_object), points)
     # Stray points of a reconstruction must not widen a grasp: the outermost half per cent a side is left out.

@@ -22,6 +22,8 @@ _SAMPLES = 1500
 """Pixels of each view that are compared with every other view."""
 _SEARCH = 0.35
 """The scale is searched this far around 1, as a natural logarithm."""
+ALIKE = 0.7
+"""Cosine between two normals of one surface, at least."""
 _MARGIN = 2
 """Pixels by which a mask is widened before a point counts as outside it."""
 
@@ -60,7 +62,7 @@ class CrossCheck:
         self._projections = [projection(view.camera) for view in views]
         self._masks = [maximum_filter(mask_of(view) > 0.5, 2 * _MARGIN + 1) for view in views]
         self._samples: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
-        self._positions = [view.camera.position for view in views]
+        self._normals = prior.normals
         for s, view in enumerate(views):
             rows, columns = np.nonzero(
                 (prior.solid[s] > 0) & (prior.weight[s] > 0.25 * prior.weight[s].max(initial=0.0))
@@ -82,7 +84,7 @@ class CrossCheck:
                     _compare(
                         points,
                         normals,
-                        self._positions[t],
+                        self._normals[t],
                         self._projections[t],
                         self._depth[t],
                         self._masks[t],
@@ -112,7 +114,7 @@ class CrossCheck:
 def _compare(
     points: FloatArray,
     normals: FloatArray,
-    position: FloatArray,
+    there: FloatArray,
     P: FloatArray,
     depth: FloatArray,
     mask: NDArray[np.bool_],
@@ -136,13 +138,13 @@ def _compare(
             counts[1] += 1.0
         elif depth[row, column] > 0:
             off = (here - scale * depth[row, column]) / tolerance
-            # The far side of a thin wall is another surface, however near.
-            facing = (
-                normals[n, 0] * (position[0] - x)
-                + normals[n, 1] * (position[1] - y)
-                + normals[n, 2] * (position[2] - z)
+            # The far side of a thin wall, or another side of an edge, is another surface, however near.
+            alike = (
+                normals[n, 0] * there[row, column, 0]
+                + normals[n, 1] * there[row, column, 1]
+                + normals[n, 2] * there[row, column, 2]
             )
-            if facing > 0:
+            if alike > ALIKE:
                 counts[0] += 1.0 / (1.0 + off * off)
             if off < -3.0:
                 counts[1] += 1.0

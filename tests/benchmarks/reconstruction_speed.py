@@ -28,8 +28,8 @@ from gvla2.reconstruction.axis import AxisOptions, compensate
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.silhouette import symmetric_iou
-from gvla2.reconstruction.visual_hull import object_centre, soft_hull
 from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.visual_hull import object_centre, soft_hull
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"

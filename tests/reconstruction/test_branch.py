@@ -88,7 +88,7 @@ def test_gaussians_and_mesh_move_together(g0, views):
 
 
 def test_all_switched_off_is_the_identity(g0, views):
-    off = {name: False for name in ("prior", "appearance", "soft_hull", "axis", "fusion")}
+    off = dict.fromkeys(("prior", "appearance", "soft_hull", "axis", "fusion"), False)
     out = refine(g0, views, Depth(), **off).out
     np.testing.assert_array_equal(out.gaussians.centres, g0.gaussians.centres)
     np.testing.assert_array_equal(out.mesh.vertices, g0.mesh.vertices)

@@ -78,8 +78,8 @@ def test_held_out_views_and_the_shape_get_better(ball: tuple[Views, Views]) -> N
 
 
 def test_without_a_low_pass_the_shape_is_found(ball: tuple[Views, Views]) -> None:
-    start = lumpy()
-    sharp, report = optimise(start, ball[0], replace(QUICK, low_pass=0.02))
+    start = lumpy(5000)
+    sharp, report = optimise(start, ball[0], replace(QUICK, low_pass=0.02, iterations=80))
     assert report.status == "applied"
 
     def off(gaussians: Gaussians) -> float:

@@ -112,10 +112,13 @@ def measure(
 
 
 def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Fit:
-    """A reconstruction against the input views."""
+    """A reconstruction against the input views; a mesh casts its silhouettes, as in the branch, else the Gaussians."""
     gaussians = drawable(thing)
     centres = np.asarray(gaussians.centres, dtype=np.float64)
-    drawn = silhouettes(centres, views)
+    if thing.mesh is not None and len(thing.mesh.faces):
+        drawn = silhouettes(thing.mesh.vertices, views, faces=thing.mesh.faces)
+    else:
+        drawn = silhouettes(centres, views)
     rows = []
     for view, silhouette in zip(views, drawn, strict=True):
         image, alpha = renderer.render(gaussians, view.camera)
