@@ -169,12 +169,10 @@ def _cross_checked(
     if len(views) < 2:
         return prior, 0.0
     check = CrossCheck(prior, views, _AGREEMENT * size)
-    found, scale = check.at(), check.best_scale()
-    better = check.at(scale)
-    # A small gain is noise, and metric depth is right more often than not.
-    if better.score > found.score + 0.1 * abs(better.score) + 0.01:
+    scale = check.best_scale()
+    found = check.at(scale)
+    if scale != 1.0:
         prior = prior.scaled(scale, f"depth x {scale:.4f}, the scale in which its views agree")
-        found = better
     if found.conflict_ratio > options.most_conflict:
         raise UnusablePriorError(
             "inconsistent",

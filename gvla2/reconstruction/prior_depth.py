@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
@@ -22,6 +22,8 @@ _LEAST_COVERAGE = 0.25
 """Least share of the masks' pixels that must have depth."""
 _LEAST_SMOOTH = 0.5
 """Least share of the known depth that must be free of jumps."""
+_STEEPEST = 4.0
+"""Tangent of the angle at which a rim pixel may fall away from the surface next to it."""
 _LEAST_COSINE = 0.05
 """Depth seen at a grazing angle is trusted this much at least."""
 _RIM = 0.2
@@ -41,8 +43,8 @@ class PriorDepth:
     """Metric depth of S views along the calibrated cameras' z.
 
     ``depth`` (S, H, W) metres, 0 where unknown; ``weight`` (S, H, W) in [0, 1], 0 where unknown or outside the
-    mask: confidence x mask x cosine of incidence, less on edges. ``solid`` (S, H, W) is the depth without depth
-    edges and silhouettes, where pixels may fly between two surfaces. ``normals`` (S, H, W, 3) world, unit,
+    mask: confidence x mask x cosine of incidence, less on edges. ``solid`` (S, H, W) is the depth without pixels
+    of edges and silhouettes that fly between two surfaces. ``normals`` (S, H, W, 3) world, unit,
     towards the view's camera, NaN where there is none. ``jump`` is the step in metres between
     neighbouring pixels that counts as an edge; ``coverage`` the share of mask pixels with depth; ``notes`` what
     was done to bring the prior here.
@@ -104,7 +106,8 @@ def calibrate_prior(
         flat += int((smooth & known[s]).sum())
         inner = binary_erosion(known[s], np.ones((3, 3), dtype=np.bool_)) & smooth
         weight[s] = np.where(known[s], trust * cosine * np.where(inner, 1.0, _RIM), 0.0)
-        solid[s] = np.where(inner, depth[s], 0.0)
+        steady = inner | (smooth & _goes_on(depth[s], inner, view.camera.K[0, 0]))
+        solid[s] = np.where(steady & known[s], depth[s], 0.0)
     if flat < _LEAST_SMOOTH * known.sum():
         raise UnusablePriorError(
             "too_rough",
@@ -177,6 +180,16 @@ def _scale_of(
     notes.append("the cameras' centres coincide: scale from the object's own depth")
     # A hull lies before the surface, never behind it: the ratio is right where the two touch.
     return float(np.quantile(found, 0.9))
+
+
+def _goes_on(depth: FloatArray, inner: NDArray[np.bool_], focal: float) -> NDArray[np.bool_]:
+    """Where the depth (H, W) goes on from the nearest inner pixel no steeper than a surface would."""
+    if not inner.any():
+        return np.zeros_like(inner)
+    apart, nearest = distance_transform_edt(~inner, return_indices=True)
+    with np.errstate(invalid="ignore"):
+        step = np.abs(depth - depth[tuple(nearest)])
+        return np.asarray(step <= _STEEPEST * apart * depth / focal)
 
 
 def _surface(
