@@ -197,7 +197,7 @@ def _follow(
         cauchy=options.cauchy * size,
         behind=options.behind * size,
         # A splatted point hides what lies behind it on a slope.
-        tolerance=options.tolerance * size + 2.0 * neighbours.spacing,
+        tolerance=options.tolerance * size + 0.7 * neighbours.spacing,
         spacing=neighbours.spacing,
     )
     points = start

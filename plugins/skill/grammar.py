@@ -1,4 +1,4 @@
-"""From a sentence to an intent: what to do, to what, where to, how far."""
+"""From a sentence to an intent: what to do, to what, where to, how far. Clauses are cut, read, and combined."""
 
 from __future__ import annotations
 
@@ -6,33 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gvla2_plugins.skill import lexicon
+from gvla2_plugins.skill.clauses import Clause, clauses, noun_use, phrase_at
+from gvla2_plugins.skill.intents import Intent, Said, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
-from gvla2_plugins.skill.words import is_gerund, noun_class, spell, take_length, tokenise, verbs_of
+from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
 
-STOPS = frozenset(",.;:!?")
+__all__ = ["Intent", "parse"]
+
 DYNAMIC = ("onto", "on to", "into", "in to", "to", "over to", "across to", "up to", "all the way to", "toward",
            "towards", "against")  # fmt: skip
 """Wordings that always tell where something goes, not where it is."""
-
-
-@dataclass(frozen=True)
-class Intent:
-    """What a sentence asks for. ``skill`` is "" when no verb was understood; ``verb`` is how it was worded.
-
-    ``relation`` is that of the goal (on, in, to, beside, ...); ``amount`` metres; ``direction`` a unit vector (x, y)
-    in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed. ``notes`` are
-    guesses made on the way.
-    """
-
-    skill: str = ""
-    verb: str = ""
-    theme: Phrase | None = None
-    goal: Phrase | None = None
-    relation: str = ""
-    amount: float | None = None
-    direction: tuple[float, float] | None = None
-    trouble: str = ""
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,34 +46,6 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.7) -> I
     return replace(_combine(intents), notes=tuple(notes))
 
 
-def _clauses(tokens: Sequence[str]) -> list[list[str]]:
-    """Clauses: parted at stops, at "and", "then", "by pushing" and "to press"; negated ones are left out."""
-    clauses: list[list[str]] = [[]]
-    skipping = False
-    for i, token in enumerate(tokens):
-        following = tokens[i + 1] if i + 1 < len(tokens) else ""
-        if token in STOPS or token in ("and", "then", "but", "while"):
-            clauses.append([])
-            skipping = False
-        elif _phrase_at(tokens, i, lexicon.NEGATIONS):
-            clauses.append([])
-            skipping = True
-        elif (token in ("by", "through") and is_gerund(following)) or (
-            token in ("to", "so") and verbs_of(following) and not _noun_use(tokens, i + 1) and clauses[-1]
-        ):
-            clauses.append([])
-            skipping = False
-        elif not skipping:
-            clauses[-1].append(token)
-    return [c for c in clauses if c]
-
-
-def _phrase_at(tokens: Sequence[str], i: int, phrases: Sequence[str]) -> str:
-    """The longest of ``phrases`` that stands at position ``i``, or ""."""
-    found = [p for p in phrases if list(tokens[i : i + len(p.split())]) == p.split()]
-    return max(found, key=len, default="")
-
-
 def _clause(tokens: list[str]) -> Intent | None:
     """The intent of one clause, None when there is nothing in it."""
     tokens, amount = take_length(tokens)
@@ -107,7 +62,7 @@ def _clause(tokens: list[str]) -> Intent | None:
             chunks[0] = subject
     theme, goal, relation = _roles(match.skill, chunks)
     intent = Intent(match.skill, " ".join(match.words), theme, goal, relation, amount, direction)
-    return _settle(intent)
+    return settle(intent)
 
 
 def _verb(tokens: Sequence[str]) -> _Match | None:
@@ -115,7 +70,7 @@ def _verb(tokens: Sequence[str]) -> _Match | None:
     found: list[_Match] = []
     for i, token in enumerate(tokens):
         bases = verbs_of(token)
-        if not bases or _noun_use(tokens, i):
+        if not bases or noun_use(tokens, i):
             continue
         for skill, phrases in lexicon.VERBS.items():
             for phrase in phrases:
@@ -145,22 +100,6 @@ def _rest_at(tokens: Sequence[str], i: int, rest: Sequence[str]) -> tuple[int, .
     return tuple(at)
 
 
-def _noun_use(tokens: Sequence[str], i: int) -> bool:
-    """Whether a word that can be verb or noun is a noun here: after an article, a colour or an adjective."""
-    if i == 0:
-        return False
-    before = tokens[i - 1]
-    adjectives = {w for words in lexicon.SELECTORS.values() for w in words}
-    if before in ("this", "that", "another", "s", "single"):
-        return bool(noun_class(tokens[i]))
-    return (
-        before in lexicon.DETERMINERS
-        or before in lexicon.COLOUR_WORDS
-        or before in adjectives
-        or before == "'s"
-    )
-
-
 def _verbless(tokens: Sequence[str], amount: float | None) -> Intent | None:
     """A clause without a known verb: a wish ("I want the cube on the tray", "the lamp should be on"), or just words."""
     wish = any(
@@ -185,7 +124,7 @@ def _chunks(tokens: Sequence[str], skill: str) -> tuple[list[_Chunk], tuple[floa
     direction: tuple[float, float] | None = None
     i = 0
     while i < len(tokens):
-        filler = _phrase_at(tokens, i, lexicon.UNTIL)
+        filler = phrase_at(tokens, i, lexicon.UNTIL)
         wording, kind, value = _marker(tokens, i, skill)
         if filler and len(filler) >= len(wording):
             i += len(filler.split())
@@ -208,13 +147,13 @@ def _marker(tokens: Sequence[str], i: int, skill: str) -> tuple[str, str, str]:
     """The longest relation, selector or direction at ``i``: wording, kind, value; all "" when there is none."""
     found: list[tuple[str, str, str]] = []
     for relation, wordings in lexicon.RELATIONS.items():
-        if wording := _phrase_at(tokens, i, wordings):
+        if wording := phrase_at(tokens, i, wordings):
             found.append((wording, "relation", relation))
     for selector, wordings in lexicon.SELECTORS.items():
-        if wording := _phrase_at(tokens, i, wordings):
+        if wording := phrase_at(tokens, i, wordings):
             found.append((wording, "selector", selector))
     moves = skill in ("push", "place")
-    if wording := _phrase_at(tokens, i, tuple(lexicon.DIRECTIONS)):
+    if wording := phrase_at(tokens, i, tuple(lexicon.DIRECTIONS)):
         side = "left" if "left" in wording else "right" if "right" in wording else ""
         if moves:
             found.append((wording, "direction", wording))
@@ -265,92 +204,3 @@ def _goal_index(skill: str, told: Sequence[tuple[_Chunk, Phrase]]) -> int:
     return (dynamic or aims or [-1])[0]
 
 
-def _settle(intent: Intent) -> Intent:
-    """Which skill a wording means, now that it is known what it is done to."""
-    noun = intent.theme.noun if intent.theme is not None else ""
-    if intent.skill == "fetch":
-        return replace(intent, skill="place" if intent.goal is not None or intent.direction else "pick")
-    if intent.skill == "push" and noun == "button" and intent.goal is None and intent.direction is None:
-        return replace(intent, skill="press")
-    if intent.skill == "press" and intent.verb == "push down" and noun not in ("", "button", "lamp"):
-        return replace(intent, skill="push")
-    if intent.skill == "place" and noun == "lamp" and intent.goal is None and intent.direction is None:
-        return replace(intent, skill="press")  # "put the light on"
-    return intent
-
-
-def _combine(intents: Sequence[Intent]) -> Intent:
-    """One intent of a sentence's clauses: "grab the cube and put it on the tray" is one placing."""
-    hand = [i for i in intents if i.skill == "unsupported" and i.theme is not None and i.theme.everywhere]
-    intents = [i for i in intents if i not in hand]  # "close your hand and push ..."
-    acting = [i for i in intents if i.skill]
-    if not acting:
-        return replace(intents[0], skill="") if intents else Intent()
-    if unsupported := [i for i in acting if i.skill == "unsupported"]:
-        return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
-    if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
-        acting = [i for i in acting if i.skill != "push" or (i.theme is not None and not i.theme.pronoun)]
-    skill = _one_skill({i.skill for i in acting})
-    named = [i.theme for i in acting if i.theme is not None and not i.theme.pronoun]
-    theme = (
-        _one_theme(named, skill) if named else next((i.theme for i in acting if i.theme is not None), None)
-    )
-    # A clause without a verb of its own may go on with the goal: "push it, without lifting, to the square".
-    aims = [i for i in intents if i.goal is not None]
-    whole = Intent(
-        skill or acting[0].skill,
-        acting[0].verb,
-        theme,
-        aims[-1].goal if aims else None,
-        aims[-1].relation if aims else "",
-        next((i.amount for i in reversed(intents) if i.amount is not None), None),
-        next((i.direction for i in reversed(intents) if i.direction is not None), None),
-    )
-    extra = [
-        i.theme for i in intents if not i.skill and i.theme is not None and (i.theme.noun or i.theme.colour)
-    ]
-    if not skill:
-        return replace(whole, trouble="it asks for several different actions; ask for one at a time")
-    if (named and theme is None) or extra:
-        return replace(whole, trouble="it names several things to act on; ask for one at a time")
-    return whole
-
-
-def _one_skill(skills: set[str]) -> str:
-    """The one skill that does all of them, or ""."""
-    for group, whole in (
-        ({"pick", "place"}, "place"),
-        ({"place", "push"}, "push"),  # "move it there by pushing"
-        ({"pick", "push"}, "push"),
-    ):
-        if skills == group:
-            return whole
-    return next(iter(skills)) if len(skills) == 1 else ""
-
-
-def _one_theme(named: Sequence[Phrase], skill: str) -> Phrase | None:
-    """The theme that all phrases can mean, the most telling of them; None when they differ."""
-    if skill == "press":
-        buttons = [p for p in named if p.noun == "button"]
-        return max(buttons or named, key=_telling)
-    best = max(named, key=_telling)
-    for other in named:
-        same_noun = other.noun in ("", "object", best.noun)
-        if (
-            not same_noun
-            or other.colour not in ("", best.colour)
-            or (other.unknown and other.unknown != best.unknown)
-        ):
-            return None
-    return best
-
-
-def _telling(phrase: Phrase) -> int:
-    return sum(
-        (
-            bool(phrase.colour),
-            phrase.noun not in ("", "object"),
-            bool(phrase.selectors),
-            bool(phrase.landmark),
-        )
-    )
