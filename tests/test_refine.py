@@ -62,7 +62,9 @@ class Failing:
 
 
 def parts(reconstructor):
-    return GeometryParts(reconstructor, NoPrior(), Residual(0.5), ReferenceRenderer(ReferenceRendererConfig()))
+    return GeometryParts(
+        reconstructor, NoPrior(), Residual(0.5), ReferenceRenderer(ReferenceRendererConfig())
+    )
 
 
 def test_masks_are_the_silhouette(observation):

@@ -196,8 +196,7 @@ def _follow(
         prior,
         cauchy=options.cauchy * size,
         behind=options.behind * size,
-        # A splatted point hides what lies behind it on a slope.
-        tolerance=options.tolerance * size + 0.7 * neighbours.spacing,
+        tolerance=options.tolerance * size,
         spacing=neighbours.spacing,
     )
     points = start

@@ -42,8 +42,17 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.7) -> I
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
-    intents = [i for i in (_clause(c) for c in _clauses(tokens)) if i is not None]
-    return replace(_combine(intents), notes=tuple(notes))
+    said = [s for s in (_read(c) for c in clauses(tokens)) if s is not None]
+    return replace(combine(said), notes=tuple(notes))
+
+
+def _read(clause: Clause) -> Said | None:
+    """What a clause says, None when that is nothing."""
+    intent = _clause(list(clause.tokens))
+    if intent is None:
+        return None
+    means = clause.tokens[0] in ("use", "using") or clause.tokens[:2] in (("by", "using"), ("please", "use"))
+    return Said(intent, clause.joint, means, clause.denied)
 
 
 def _clause(tokens: list[str]) -> Intent | None:
@@ -56,13 +65,34 @@ def _clause(tokens: list[str]) -> Intent | None:
     after = [t for i, t in enumerate(tokens) if i not in consumed and i > match.at[0]]
     before = [t for i, t in enumerate(tokens) if i not in consumed and i < match.at[0]]
     chunks, direction = _chunks(after, match.skill)
+    ahead = _chunks(before, match.skill)[0]
+    chunks += [c for c in ahead[1:] if c.dynamic]  # "to the square push the block"
     if chunks[0].phrase().empty:
-        subject = _chunks(before, match.skill)[0][0]
+        subject = ahead[0]
         if not subject.phrase().empty:  # "the block should be pushed"
             chunks[0] = subject
     theme, goal, relation = _roles(match.skill, chunks)
+    if match.skill == "unsupported" and (theme is None or theme.everywhere) and lexicon.HAND & set(tokens):
+        return None  # "close your hand and push ...", "with the gripper closed"
     intent = Intent(match.skill, " ".join(match.words), theme, goal, relation, amount, direction)
+    nowhere = goal is None and direction is None and match.skill == "place"
+    if nowhere and match.words[0] in lexicon.CARRYING and _aloft(chunks):
+        return replace(intent, skill="pick")
+    if nowhere and match.words[0] == "leave" and theme is not None and theme.everywhere:
+        return Intent("pick", "leave")  # "I'd like the cube to leave the table"
+    if nowhere and theme is not None and theme.noun == "lamp" and "off" in tokens:
+        return replace(intent, skill="unsupported", verb="put off")
     return settle(intent)
+
+
+def _aloft(chunks: Sequence[_Chunk]) -> bool:
+    """Whether something says that the thing is to be in the air: "off the table", "into the air"."""
+    return any(
+        (c.relation == "from" and lexicon.SUPPORTS & set(c.tokens))
+        or (c.relation in ("on", "in", "to") and {"air", "sky"} & set(c.tokens))
+        for c in chunks[1:]
+        if c.phrase().everywhere
+    )
 
 
 def _verb(tokens: Sequence[str]) -> _Match | None:
@@ -102,19 +132,28 @@ def _rest_at(tokens: Sequence[str], i: int, rest: Sequence[str]) -> tuple[int, .
 
 def _verbless(tokens: Sequence[str], amount: float | None) -> Intent | None:
     """A clause without a known verb: a wish ("I want the cube on the tray", "the lamp should be on"), or just words."""
-    wish = any(
-        t in tokens for t in ("want", "like", "need", "should", "must", "belongs", "goes", "shall", "let")
-    )
+    wish = bool(lexicon.WISHING & set(tokens))
     chunks, direction = _chunks(tokens, "place")
     theme, goal, relation = _roles("place", chunks)
-    if theme is not None and theme.noun == "lamp" and tokens[-1] == "on":
-        return Intent("press", "on", theme)
+    last = next((t for t in reversed(tokens) if t not in lexicon.FILLERS), "")
+    if theme is not None and theme.noun == "lamp" and (last == "on" or last in lexicon.SHINING):
+        return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
         return Intent("place", "want", theme, goal, relation, amount, direction)
+    if wish and theme is not None and _aloft(chunks):
+        return Intent("pick", "want", theme, amount=amount)
     words = [t for t in tokens if t.isalpha()]
     known_only = all(t in lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS for t in words)
     if known_only and amount is None and direction is None and goal is None:
         return None
+    if theme is None and goal is not None and lexicon.LOOKING & set(tokens):
+        theme, goal, relation = goal, None, ""  # "go to the cube"
+    elif theme is not None and goal is not None and not any(c.dynamic for c in chunks):
+        theme, goal, relation = (
+            replace(theme, landmark=(relation, goal)),
+            None,
+            "",
+        )  # "there is a cube on the tray"
     return Intent("", " ".join(words), theme, goal, relation, amount, direction)
 
 
@@ -129,7 +168,7 @@ def _chunks(tokens: Sequence[str], skill: str) -> tuple[list[_Chunk], tuple[floa
         if filler and len(filler) >= len(wording):
             i += len(filler.split())
         elif kind == "relation":
-            chunks.append((value, wording in DYNAMIC or wording.startswith("until"), [], []))
+            chunks.append((value, wording in DYNAMIC or wording.startswith(("until", "so", "till")), [], []))
             i += len(wording.split())
         elif kind == "selector":
             chunks[-1][3].append(value)
@@ -202,5 +241,3 @@ def _goal_index(skill: str, told: Sequence[tuple[_Chunk, Phrase]]) -> int:
         aims = [k for k in aims if told[k][0].dynamic]
     dynamic = [k for k in aims if told[k][0].dynamic]
     return (dynamic or aims or [-1])[0]
-
-

@@ -12,9 +12,10 @@ VERBS: dict[str, tuple[str, ...]] = {
         "hoist * up", "hoist", "get hold", "get ahold", "take hold", "lay hold", "seize", "elevate", "snatch * up",
         "snatch", "pluck", "clutch", "grip", "hold * up", "hold", "heave * up", "heave", "scoop * up", "scoop",
         "give * lift",        "boost", "gather * up", "catch", "lever * up", "bring * up", "move * up", "close * around",
+        "wrap * around", "make * rise", "make * float",
     ),
     "fetch": (
-        "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "hand", "give", "acquire",
+        "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "hand", "give", "acquire", "remove",
     ),
     "place": (
         "put * down", "put", "place", "set * down", "set", "lay * down", "lay", "drop * off", "drop", "deposit",
@@ -24,9 +25,13 @@ VERBS: dict[str, tuple[str, ...]] = {
     "push": (
         "push", "slide", "shove", "nudge", "sweep", "scoot", "poke", "shift", "drag", "propel", "skid",
         "give * push", "give * shove", "give * nudge", "thrust", "bulldoze", "budge", "prod", "bump", "press against", "steer", "guide",
+        "drive", "ram", "herd", "usher", "coax", "plough", "plow", "maneuver", "manoeuvre",
+        "shuffle", "jostle", "shepherd", "use * push", "use * nudge", "use * shove",
     ),
     "press": (
-        "press * down", "press", "push * down", "push down on", "push in", "turn * on", "switch * on", "power * up",
+        "press * down", "press", "push * down", "push down on", "push in", "push on", "give * press", "give * tap",
+        "apply pressure", "engage", "operate", "actuate", "get * going", "get * shine", "get * glow",
+        "get * light up", "get * come on", "bring * down on", "turn * on", "switch * on", "power * up",
         "power * on", "light * up", "light", "illuminate", "activate", "hit", "tap", "click", "depress", "toggle",
         "flip * on", "flip", "enable", "trigger", "start", "make * shine", "make * glow",
         "make * light", "make * bright", "flick * on", "flick", "brighten", "touch",
@@ -38,7 +43,7 @@ UNSUPPORTED: frozenset[str] = frozenset(
     """open close unscrew screw twist rotate turn insert pull kick throw toss hurl pack unpack peck pour fill
     empty fold unfold wipe clean wash cut slice chop stab break smash crush eat drink cook stir mix shake wave write
     draw paint measure count sort hang tie untie plug unplug roll spin tilt bend squeeze bite lock unlock dance sing
-    jump run walk sit stand sleep fly explode burn destroy kill buy sell find search look watch read
+    jump run walk sit stand sleep fly explode burn destroy kill buy sell watch read
     dim extinguish release assemble build""".split()
 )
 """Verbs that are understood and that no schema carries out."""
@@ -163,7 +168,8 @@ SELECTORS: dict[str, tuple[str, ...]] = {
 RELATIONS: dict[str, tuple[str, ...]] = {
     "on": ("on top of", "onto the top of", "onto", "on to", "on", "upon", "over the top of", "atop", "above", "over"),
     "in": ("into", "inside of", "inside", "in to", "in", "within"),
-    "to": ("all the way to", "over to", "across to", "up to", "until it reaches", "until it touches",
+    "to": ("all the way to", "over to", "across to", "up to", "until it reaches", "until it touches", "so that it covers", "so it covers", "so that it reaches",
+           "till it covers", "till it touches", "till it reaches",
            "until it covers", "until it hits", "until it gets to", "until it is at", "until it is over",
            "towards", "toward", "to", "at", "against"),
     "beside": ("next to", "beside", "close to", "near to", "near", "alongside", "adjacent to", "by"),
@@ -178,8 +184,8 @@ RELATIONS: dict[str, tuple[str, ...]] = {
 
 UNTIL: tuple[str, ...] = (
     "until it is", "until it sits", "until it rests", "until it lies", "so that it is", "so that it sits",
-    "so that it ends up", "so it is", "so it ends up", "so that it rests", "so that it lies", "so that it covers",
-    "so it sits", "so it lies", "till it is", "till it reaches", "till it sits", "until it lands", "until it rests",
+    "so that it ends up", "so it is", "so it ends up", "so that it rests", "so that it lies",
+    "so it sits", "so it lies", "till it is", "till it sits", "until it lands", "until it rests",
     "to be", "to lie", "to sit", "to rest", "to end up", "ends up", "end up",
 )  # fmt: skip
 """Wordings before a relation that add nothing to it."""
@@ -221,12 +227,49 @@ FILLERS: frozenset[str] = frozenset(
     of for go ahead up down high higher lower along across vertically horizontally safely firmly simply also all way
     s it its way again little bit few lying standing located sitting placed side edge rim own has have some
     help task try away further make sure ok okay hey hi well let let's lets we off table standing being by entire
-    whole very rather completely fully nicely direction distance about around roughly approximately exactly at""".split()
+    whole very rather completely fully nicely direction distance about around roughly approximately exactly at marked painted
+    highlighted outlined designated indicated namely meaning as among find locate spot see notice identify look search
+    reach approach head come begin keep continue use using via want wants""".split()
 )
 """Words that carry nothing for us."""
 
+AUXILIARIES: frozenset[str] = frozenset("start begin keep continue try".split())
+"""Before another verb they say nothing of what to do."""
+
+LOOKING: frozenset[str] = frozenset(
+    "find locate spot see notice identify look search reach approach head come go".split()
+)
+"""What comes before every action: the clause then names what the next ones are about."""
+
+WISHING: frozenset[str] = frozenset(
+    "want like need needs should must belongs goes shall let have has wish".split()
+)
+"""A clause with one of them asks for a state of things."""
+
+SHINING: frozenset[str] = frozenset(
+    "shine shines shining glow glows glowing lit bright burning alight".split()
+)
+"""States of a lamp that is on."""
+
+CARRYING: frozenset[str] = frozenset("move carry put transport relocate position transfer".split())
+"""Verbs of placing that mean lifting where the only place said is the air."""
+
+SUPPORTS: frozenset[str] = frozenset("table tabletop desk surface ground floor bench counter".split())
+"""Words of the table that something may be lifted off."""
+
+HAND: frozenset[str] = frozenset("hand gripper fingers finger jaws".split())
+"""Words of the robot's own hand."""
+
+STAYING: frozenset[str] = frozenset("stay stays staying remain remains".split())
+IGNORING: frozenset[str] = frozenset("ignore ignores disregard skip spare exclude neglect bypass".split())
+LETTING: frozenset[str] = frozenset("leave leaves keep keeps let".split())
+UNTOUCHED: frozenset[str] = frozenset("alone untouched undisturbed unmoved where".split())
+REMAINDER: frozenset[str] = frozenset("others other rest everything else".split())
+"""Words of a clause that says what is to be left as it is."""
+
 NEGATIONS: tuple[str, ...] = (
-    "without", "do not", "don't", "dont", "never", "not", "rather than", "instead of", "avoid",
+    "without", "do not", "don't", "dont", "never", "not", "rather than", "instead of", "avoid", "leaving", "ignoring",
+    "keeping", "except", "other than", "apart from", "rather not",
 )  # fmt: skip
 """From one of these to the end of its clause, what is said is what not to do."""
 

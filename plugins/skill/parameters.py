@@ -15,8 +15,8 @@
 | ``speed``, ``contact_speed`` | of the tool in the open, and where it touches, m/s |
 
 They are what is asked for. The motion stops short where it must: the fingertips stay 4 mm above the table whatever
-``grasp_depth`` says, and a press ends before what the button stands on (:func:`limited`). None is tuned to a task; the derivations stand at each function. Memory changes them by
-:func:`gvla2.planning.effects.apply_effects`.
+``grasp_depth`` says, and a press ends before what the button stands on (:func:`limited`). None is tuned to a task;
+the derivations stand at each function. Memory changes them by :func:`gvla2.planning.effects.apply_effects`.
 """
 
 from __future__ import annotations

@@ -10,13 +10,16 @@ from functools import cache
 from gvla2_plugins.skill import lexicon
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
+_DASH = re.compile(r"\s-+\s|[–—]")
+"""A dash between words is a stop; a hyphen inside a word is a space."""
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
 VOWELS = "aeiou"
 
 
 def tokenise(sentence: str) -> list[str]:
     """Lower-case words, numbers and stops; ``lamp's`` becomes ``lamp`` and ``'s``, ``15cm`` two tokens."""
-    text = sentence.lower().replace("’", "'").replace("-", " ").replace("_", " ")
+    text = sentence.lower().replace("’", "'").replace("_", " ")
+    text = _DASH.sub(" , ", text).replace("-", " ")
     tokens: list[str] = []
     for token in _TOKEN.findall(text):
         if token.endswith("'s") and token not in ("let's", "it's"):
@@ -90,6 +93,8 @@ def vocabulary() -> frozenset[str]:
     ]
     tables += [lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS]
     words |= {word for table in tables for phrase in table for word in phrase.split()}
+    words |= lexicon.WISHING | lexicon.SHINING | lexicon.HAND
+    words |= lexicon.STAYING | lexicon.IGNORING | lexicon.LETTING | lexicon.UNTOUCHED | lexicon.REMAINDER
     words |= {word for pair in lexicon.SHADES for word in pair} | {unit + "s" for unit in lexicon.UNITS}
     return frozenset(words - {"*"})
 

@@ -31,7 +31,8 @@ class PickAndLift:
     """Lift the cube of the named colour.
 
     eased: the cube has left a volume of 0.3 x 0.3 x 0.03 m that stands on the table about its starting place: no
-    part of it is below the volume's top, or its centre is beyond the volume's sides. strict: both fingers hold the cube and some part of it is in the sensor's slab.
+    part of it is below the volume's top, or its centre is beyond the volume's sides. strict: both fingers hold the
+    cube and some part of it is in the sensor's slab.
     """
 
     def __init__(self, config: PickAndLiftConfig) -> None:
@@ -70,7 +71,9 @@ class PickAndLift:
             if len(named) == 1:
                 target = named[0]
             else:
-                aside = "; the sentence names no single cube by its colour, so the seed's own target is judged"
+                aside = (
+                    "; the sentence names no single cube by its colour, so the seed's own target is judged"
+                )
         bodies = tuple(
             Body(
                 f"cube_{i}", (Primitive("box", (size, size, size), COLOURS[colour]),), pose, self._config.mass

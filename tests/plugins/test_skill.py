@@ -172,6 +172,23 @@ def test_press_goes_straight_down_on_the_button_with_closed_fingers(arm, sentenc
     assert BUTTON.top - tip == pytest.approx(made.parameters["press_depth"])
 
 
+@pytest.mark.parametrize(
+    ("height", "depth"), [(0.0092, 0.008), (0.011, 0.0098), (0.014, 0.010), (0.02, 0.010)]
+)
+@pytest.mark.parametrize("effects", [(), (Effect("prior", "press_depth", 0.015, count=1000),)])
+def test_press_stops_above_what_the_button_stands_on(arm, height, depth, effects):
+    button = replace(BUTTON, extents=np.array([0.033, 0.033, height]))
+    button = replace(button, world_from_object=rigid(translation=(0.31, -0.3, BASE.top + height / 2)))
+    made = plan(arm, "press the button", BASE, button, effects=effects)
+    tip = stage(made, "press")[2] - arm.hand.tip_beyond_tcp
+    assert tip >= BASE.top + 0.001
+    assert button.top - tip == pytest.approx(made.parameters["press_depth"])
+    if not effects:
+        assert made.parameters["press_depth"] == pytest.approx(depth)
+    if made.parameters["press_depth"] < 0.010:
+        assert any("stands out by" in note for note in made.notes)
+
+
 def test_place_carries_over_and_lets_go_on_the_goal(arm):
     made = plan(arm, "put the red cube on the tray")
     assert [w.stage for w in made.trajectory] == [

@@ -27,7 +27,65 @@ elevate the red-coloured brick
 pcik up the red blok
 robot, go ahead and pick up the red one
 don't push it, pick up the red cube
-seize the red object""".splitlines()
+seize the red object
+I want the red cube off the table
+get the red cube off the table
+the red cube should come off the table
+I would like the red cube in the air
+I need the red block up in the air
+move the red cube off the table
+carry the red cube up into the air
+remove the red cube from the table
+lift up only the red cube, leave the others
+lift only the red cube and leave the rest where they are
+pick up the red cube, leave the blue one alone
+pick up the red cube but let the others be
+lift the red cube while keeping the others where they are
+lift the red cube leaving the others on the table
+lift the red cube; the others stay where they are
+ignore the other cubes and lift the red one
+disregard the blue block, lift the red block
+red cube: lift it
+red cube: lift
+the red cube, pick it up please
+lift: red cube
+lift the cube: red
+lift the cube, the red one
+pick up the cube - the red one
+pick up a cube, namely the red one
+find the red cube and pick it up
+locate the red cube, then lift it
+reach for the red cube and raise it
+go to the red cube, grab it and lift it
+move to the red cube and pick it up
+look for the red block and lift it
+of all the cubes, lift the red one
+among the cubes, pick the red one up
+out of the three cubes, take the red one
+from the three cubes lift the red one
+there is a red cube on the table; pick it up
+see the red cube? lift it
+do you see the red cube? pick it up
+what I need is the red cube lifted up
+your task is to lift the red cube
+your job: lift the red cube
+if you can, lift the red cube
+have the red cube lifted
+not the blue one, lift the red one
+the one to lift is the red cube
+the cube to pick up is the red one
+would you mind lifting the red cube?
+time to lift the red cube
+make the red cube rise
+take the red cube, and only that, off the table
+as for the red cube, lift it
+only the red cube is to be lifted, nothing else
+start by lifting the red cube
+I want the red cube to be off the table
+I'd like the red cube to leave the table
+the red cube must not stay on the table, lift it
+keep hold of the red cube and raise it
+you should grip the red cube and then hoist it""".splitlines()
 PUSH = """push the red block onto the blue square
 slide the red cube to the blue target
 shove the red block over to the blue patch on the table
@@ -43,7 +101,41 @@ push the red cube, without picking it up, to the blue mark
 shift the red block across to the blue goal
 phush the red block onto the blue sqare
 close your gripper and push the red block onto the blue target
-I'd like you to scoot the red cube to the blue pad""".splitlines()
+I'd like you to scoot the red cube to the blue pad
+drive the red block into the blue area
+shove the red block into the blue marked area
+ram the red block into the blue painted zone
+herd the red cube toward the blue zone
+I want the red block pushed onto the blue square
+red block: push it onto the blue square
+the red block: slide it to the blue square
+find the red block and push it to the blue target
+onto the blue square, push the red block
+to the blue square push the red block
+get the red block onto the blue square by pushing
+use a push to get the red block onto the blue square
+keep pushing the red block until it is on the blue square
+push the red block so that it covers the blue target
+make the red block slide onto the blue square
+get the red block to slide onto the blue square
+the red block has to end up on the blue square; push it
+push the red block, not the others, onto the blue square
+start pushing the red block toward the blue square
+there's a red block: slide it to the blue spot
+push the red block along the table to the blue mark
+without grasping, move the red block to the blue target by shoving it
+go to the red block and push it onto the blue square
+by pushing, bring the red block onto the blue square
+the red block should slide over to the blue square
+would you mind pushing the red block onto the blue square?
+push the red block to the square, the blue one
+push the block onto the blue square: the red block
+coax the red block across to the blue pad
+with the gripper closed, push the red block to the blue square
+push the red block onto the blue target and stop there
+coax the red cube over to the blue spot
+plough the red cube to the blue patch
+steer the red cube into the blue designated region""".splitlines()
 PRESS = """turn on the lamp
 turn the lamp on
 press the button
@@ -62,7 +154,53 @@ could you put the light on, please
 lights on
 tap the button on the lamp
 illuminate the lamp
-press down on the switch""".splitlines()
+press down on the switch
+use the button to turn on the light
+using the button, switch the lamp on
+turn the lamp on with its button
+turn on the lamp via the button
+the lamp: turn it on
+lamp: on
+button: press
+the button, press it
+I want the lamp on
+I'd like the light on
+I want the light switched on
+I need the lamp to shine
+get the lamp to shine
+get the light going
+lamp on please
+find the button and press it
+locate the switch and push it
+reach for the button and press it
+give the button a press
+give the button a push
+there's a button on the lamp; press it
+it's dark, turn on the lamp
+it is too dark in here, switch on the light
+press the button so that the lamp lights up
+press the button until the lamp is on
+with one finger, press the button
+the button needs pressing
+operate the lamp's switch
+the lamp should light up
+make sure the lamp is on
+make the lamp light up
+push on the button
+push the lamp's button down
+get the lamp to come on
+would you mind switching on the lamp?
+have the lamp turned on
+let the lamp shine
+the lamp is off; turn it on
+the lamp must be switched on by its button
+press down the button on top of the lamp base
+let there be light
+the lamp needs to be on
+engage the switch
+make it light up by pressing the button
+to turn the lamp on, press the button
+in order to switch on the lamp push the button""".splitlines()
 
 
 @pytest.mark.parametrize("sentence", PICK)
@@ -132,16 +270,41 @@ def test_phrases_keep_what_singles_one_out():
 @pytest.mark.parametrize(
     "sentence",
     ["open the drawer", "sing a song", "frobnicate the block", "kick the cube", "pack the cube", "the red cube", "",
-     "don't touch anything", "unscrew the lid", "hello there", "¿?", "12 cm"],
+     "don't touch anything", "unscrew the lid", "hello there", "¿?", "12 cm", "leave the red cube alone",
+     "ignore the red cube", "find the red cube", "go to the red cube", "the red cube stays on the table",
+     "I do not want the red cube lifted", "the red cube should not be lifted", "turn off the lamp",
+     "I want the lamp off", "put the lamp off", "the red cube: open it", "knock the cube over", "the lamp: blue"],
 )  # fmt: skip
 def test_what_is_no_skill_of_ours_is_none(sentence):
     assert parse(sentence).skill in ("", "unsupported")
 
 
-@pytest.mark.parametrize("sentence", ["pick up the red cube and the blue cube", "push the cube and press the button",
-                                      "pick up the cube and put the ball on the tray"])  # fmt: skip
+@pytest.mark.parametrize(
+    "sentence",
+    ["pick up the red cube and the blue cube", "push the cube and press the button", "pick up it and the red cube",
+     "pick up the cube and put the ball on the tray", "pick up the cube and the blue one", "pick up the cube, the ball",
+     "red cube. blue cube. lift.", "use the block to push the red cube onto the square",
+     "use the red cube to press the button", "lift the red cube, the blue cube"],
+)  # fmt: skip
 def test_two_wishes_at_once_are_said_to_be_two(sentence):
     assert "one at a time" in parse(sentence).trouble
+
+
+def test_clauses_without_a_verb_say_more_of_what_was_named():
+    intent = parse("push the block to the square: the blue one")
+    assert (intent.theme.colour, intent.goal.noun, intent.goal.colour) == ("", "target", "blue")
+    intent = parse("there is a white tray; put the red cube on it")
+    assert (intent.skill, intent.theme.colour, intent.goal.noun, intent.goal.colour) == (
+        "place",
+        "red",
+        "tray",
+        "white",
+    )
+    assert parse("there is a cube on the tray; lift it").theme.landmark[1].noun == "tray"
+    assert parse("lift the cubes - the left one").theme.selectors == ("left",)
+    assert parse("lift the red cube so that it stays in the air").skill == "pick"
+    assert parse("push the cube off the table").skill == "push"  # which has no goal: nothing is thrown down
+    assert parse("drop the cube off the table").skill == "place"
 
 
 @settings(max_examples=60, deadline=None)
