@@ -14,11 +14,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import DISABLE_VARIABLE, Offering, Plugin, Problem, describe, discover
+from gvla2.discovery import DISABLE_VARIABLE, Offering, Plugin, Problem, describe, discover, unannounced
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
 from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, kind_of
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+REINSTALL = "reinstall it with `pip install -e .`"
 _WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})
 
 
@@ -59,11 +60,14 @@ class Registry:
         """The component; raises :class:`UnknownComponentError`, which names what exists and what is broken."""
         offers = self._offers[kind_of(kind).name]
         if name not in offers:
-            raise UnknownComponentError(kind, name, offers, self.broken_note(kind))
+            raise UnknownComponentError(kind, name, offers, self.broken_note(kind, name))
         return offers[name].component
 
-    def broken_note(self, kind: str) -> str:
-        """What to say of broken and skipped plugins when a component of the kind is missing; "" for nothing."""
+    def broken_note(self, kind: str, name: str = "") -> str:
+        """What to say of broken, skipped and unannounced plugins when a component of the kind is missing.
+
+        ``name`` is the one that was asked for. "" when there is nothing to say.
+        """
         hook = kind_of(kind).hook
         known = {*HOOKS, SEARCH_PATH_HOOK, DISABLE_VARIABLE} - {hook}
         broken = sorted({p.plugin for p in self.problems if p.hook not in known})
@@ -74,6 +78,11 @@ class Registry:
             )
         if os.environ.get(DISABLE_VARIABLE):
             notes.append(f"{DISABLE_VARIABLE} skips: {os.environ[DISABLE_VARIABLE]}.")
+        if stale := unannounced_offer(kind, name):
+            notes.append(
+                f"The plugin '{stale}' of gvla2 offers it, but this installation does not announce it, being older "
+                f"than the source: {REINSTALL}."
+            )
         return " ".join(notes)
 
     def build(self, root: object, kind: str) -> Any:
@@ -161,6 +170,25 @@ def load_plugins() -> Registry:
     """
     plugins, offerings, problems = discover()
     return assemble(plugins, offerings, problems)
+
+
+def unannounced_offer(kind: str, name: str) -> str:
+    """The plugin of gvla2's own package that offers the component, yet has no entry point here; "" for none.
+
+    Entry points are written when gvla2 is installed; an editable installation does not see later ones.
+    """
+    if not name:
+        return ""
+    _, offerings, _ = discover(unannounced())
+    return next(
+        (
+            offering.plugin.name
+            for offering in offerings
+            if offering.hook == kind_of(kind).hook
+            and any(getattr(item, "name", None) == name for item in offering.items)
+        ),
+        "",
+    )
 
 
 def assemble(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -12,6 +14,26 @@ from gvla2.commands import COMMANDS
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a sub-command; returns the exit status (0 well, 1 an error, 2 wrong usage, 130 interrupted)."""
+    try:
+        status = _dispatch(argv)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output left: `gvla2 plugins | head`
+        _silence_stdout()
+        return 141
+    except OSError as error:  # a full disk behind stdout; commands tell of their own files themselves
+        _silence_stdout()
+        print(f"gvla2: cannot write: {error.strerror or error}.", file=sys.stderr)
+        return 1
+    return status
+
+
+def _silence_stdout() -> None:
+    """What is still buffered has nowhere to go; the interpreter would complain about it when it ends."""
+    with contextlib.suppress(OSError, ValueError):  # ValueError: a stdout without a file of its own
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _dispatch(argv: Sequence[str] | None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(usage(), file=sys.stdout if arguments else sys.stderr)
@@ -36,9 +58,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("gvla2: interrupted.", file=sys.stderr)
         return 130
-    except BrokenPipeError:  # the reader of our output left: `gvla2 plugins | head`
-        sys.stderr.close()
-        return 141
     return int(status)
 
 

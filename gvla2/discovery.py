@@ -14,6 +14,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pkgutil import iter_modules
 from types import ModuleType
 from typing import Any
 
@@ -25,6 +27,9 @@ from gvla2.markers import PROJECT
 
 DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
 """Environment variable with names of plugins to skip, separated by commas; ``*`` skips all."""
+
+OWN_PLUGINS = "gvla2_plugins"
+"""The package of gvla2's own plugins, one folder each. They are announced like anybody else's."""
 
 _KNOWN_HOOKS = (*HOOKS, SEARCH_PATH_HOOK)
 
@@ -95,6 +100,17 @@ def discover(found: Iterable[EntryPoint] | None = None) -> tuple[list[Plugin], l
             else:
                 offerings.append(Offering(plugin, hook, items))
     return plugins, offerings, problems
+
+
+def unannounced() -> list[EntryPoint]:
+    """Entry points as they would be for the folders of gvla2's own plugins that the installation does not announce."""
+    spec = find_spec(OWN_PLUGINS)
+    announced = {point.value for point in entry_points(group=PROJECT)}
+    return [
+        EntryPoint(module.name, f"{OWN_PLUGINS}.{module.name}", PROJECT)
+        for module in iter_modules(spec.submodule_search_locations if spec else [])
+        if module.ispkg and f"{OWN_PLUGINS}.{module.name}" not in announced
+    ]
 
 
 def describe(error: BaseException) -> str:

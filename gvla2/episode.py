@@ -192,7 +192,22 @@ def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     except MemoryStoreError as error:
         context = MemoryContext(degraded=str(error))
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
-    return replace(record, recalled=context, notes=record.notes + notes)
+    context, skipped = _with_sound_effects(context)
+    return replace(record, recalled=context, notes=record.notes + notes + skipped)
+
+
+def _with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:
+    """The context with effects that say nothing definite taken off their items, and one note each."""
+    items, notes = [], []
+    for item in context.items:
+        try:
+            if item.effect:
+                Effect.from_json(item.effect)
+        except PlanningError as error:
+            notes.append(f"The effect of the remembered '{item.id}' was passed over: {error}")
+            item = replace(item, effect=None)  # its words may still serve
+        items.append(item)
+    return replace(context, items=tuple(items)), tuple(notes)
 
 
 def _plan(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:

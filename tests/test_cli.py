@@ -91,6 +91,22 @@ def test_a_closed_pipe_is_no_traceback():
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
+@pytest.mark.parametrize("argv", [["--help"], ["--version"], ["plugins", "task"], ["plugins", "--json"]])
+def test_a_full_disk_is_no_traceback(argv: list[str]):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "gvla2.cli", *argv],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("gvla2: cannot write: ")
+    assert len(done.stderr.splitlines()) == 1
+
+
 # -- gvla2 plugins ----------------------------------------------------------------------------------------------
 
 
@@ -172,6 +188,7 @@ def test_plugins_tells_the_broken_and_stays_well(tmp_path, monkeypatch, capsys: 
         ("gvla2 run ", ["planner=", "planner.", "seed=", "depth_noise="], ["run"]),
         ("gvla2 run planner=", ["planner=skill"], []),
         ("gvla2 run planner=skill planner.lift", ["planner.lift_height="], ["planner.speed="]),
+        ("gvla2 run planner=skill planner.", ["planner.lift_height="], ["planner.name="]),
         ("gvla2 run -m task=p", ["task=pick_and_lift", "task=push_block"], ["task=lamp_on"]),
         ("gvla2 run --mult", ["--multirun"], ["--help"]),
         ("gvla2 plugins plan", ["planner"], ["prior"]),

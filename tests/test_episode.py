@@ -1,15 +1,21 @@
 """The loop, with the real simulator, perceiver, planner, memory and verifier; faults are injected by wrappers."""
 
+import json
+import sys
+import types
 from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts
+from gvla2.commands.config_errors import explain
+from gvla2.commands.run import build_parts, run_episodes
 from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
+from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Plan
+from gvla2.planning.effects import Effect
 from gvla2.robot.task import Body, Joint
 
 ORDER = (
@@ -180,6 +186,52 @@ def test_a_crashing_planner_is_recorded_and_raised(parts_of):
     with pytest.raises(ZeroDivisionError):
         run_episode(broken, EpisodeRequest(seed=1), listener)
     assert listener.records["plan"].failure.kind == "crashed"
+
+
+def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_of):
+    parts = parts_of()
+    item = MemoryItem(
+        "r1",
+        "failure_avoidance",
+        "Lift higher.",
+        0.9,
+        0.9,
+        effect={"kind": "bound", "parameter": "lift_height"},
+    )
+    sound = MemoryItem(
+        "r2", "failure_avoidance", "x", 0.9, 0.9, effect=Effect("bound", "lift_height", 0.3).to_json()
+    )
+    recall = Wrapped(parts.memory, recall=lambda task: MemoryContext((item, sound), "Lift higher."))
+    record = run_episode(replace(parts, memory=recall), EpisodeRequest(seed=0), Listener())
+    assert record.verdict.outcome == "verified_success"
+    assert any("'r1' was passed over" in note and "op and value" in note for note in record.notes)
+    assert record.plan.parameters["lift_height"] >= 0.3
+
+
+def test_whose_code_crashed_is_named(registry, compose_run, tmp_path, monkeypatch):
+    from gvla2_plugins.skill.planner import SkillPlanner
+
+    def crash(self, request):
+        return {}["nowhere"]
+
+    crash_in_its_module = types.FunctionType(crash.__code__, vars(sys.modules[SkillPlanner.__module__]))
+    monkeypatch.setattr(SkillPlanner, "plan", crash_in_its_module)
+    with pytest.raises(KeyError) as caught:
+        run_episodes(compose_run(), registry, tmp_path / "out")
+    assert explain(caught.value) == "KeyError: 'nowhere' The planner 'skill' of plugin 'skill' crashed."
+    failure = json.loads((tmp_path / "out" / "result.json").read_text())["failure"]
+    assert failure["message"] == "The planner 'skill' of plugin 'skill' crashed: KeyError: 'nowhere'"
+
+
+def test_several_episodes_leave_a_summary_and_the_configuration(registry, compose_run, tmp_path):
+    out = tmp_path / "out"
+    share = run_episodes(compose_run("episodes=2", "instruction=sing a song"), registry, out)
+    told = json.loads((out / "result.json").read_text())
+    assert (told["episodes"], told["success_share"]) == (2, share)
+    assert [row["seed"] for row in told["rows"]] == [0, 1]
+    assert [row["failure"]["kind"] for row in told["rows"]] == ["unknown_skill"] * 2
+    assert all((out / row["folder"] / "result.json").exists() for row in told["rows"])
+    assert (out / "config.yaml").read_text() == (out / "episode_000" / "config.yaml").read_text()
 
 
 def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):

@@ -20,7 +20,7 @@ import hydra
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.catalog import Registry
+from gvla2.catalog import REINSTALL, Registry
 from gvla2.commands.completion import hydra_application
 from gvla2.commands.config_errors import explain
 from gvla2.commands.primary import PRIMARY
@@ -64,12 +64,16 @@ NEEDED = (
 
 @dataclass(frozen=True)
 class Check:
-    """One finding. A ``fail`` breaks the default run, a ``warn`` something else."""
+    """One finding. A ``fail`` breaks the ``commands`` (their default runs), a ``warn`` something else.
+
+    A failed check without ``commands`` is a cause of other failed checks, which have them.
+    """
 
     name: str
     status: Literal["ok", "warn", "fail"]
     found: str
     advice: str = ""
+    commands: tuple[str, ...] = ()
 
 
 def examine(registry: Registry) -> list[Check]:
@@ -141,8 +145,11 @@ def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str],
             except HydraException as error:
                 if isinstance(error, MissingConfigException):
                     blamed.add((error.missing_cfg_file or "").partition("/")[0])
+                found = explain(error, registry)
                 advice = "Repair or reinstall the plugin that offers it; see the plugins below."
-                checks.append(Check(f"configuration {name}", "fail", explain(error, registry), advice))
+                if REINSTALL in found:
+                    advice = f"The installation is older than the source: {REINSTALL}."
+                checks.append(Check(f"configuration {name}", "fail", found, advice, (name,)))
             else:
                 composed[name] = config
                 chosen = ", ".join(f"{k}={config[k].name}" for k in KINDS if k in config)
@@ -178,18 +185,20 @@ def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
         if library and "cannot open shared object" in fault:
             package = SYSTEM_PACKAGES.get(library.group(1), f"the package that has {library.group(1)}")
             advice = f"Install the system's {library.group(1)}: apt install {package}"
-        yield Check(label, "fail", fault, advice)
+        yield Check(label, "fail", fault, advice, ("run",))
 
 
 def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
     """Whether what the configuration chooses can be built; for the memory this opens its database."""
     if "crash" in answer:
-        yield Check(f"components of {name}", "fail", str(answer["crash"]), "Run it alone: gvla2 run")
+        advice = f"Run it alone: gvla2 {name}"
+        yield Check(f"components of {name}", "fail", str(answer["crash"]), advice, (name,))
         return
     for kind, built in answer.items():
         label = f"{kind} {built['name']}"
         if built["error"]:
-            yield Check(label, "fail", built["error"], f"`gvla2 plugins {kind}` lists what else there is.")
+            advice = f"`gvla2 plugins {kind}` lists what else there is."
+            yield Check(label, "fail", built["error"], advice, (name,))
         else:
             yield Check(label, "ok", f"built in {built['seconds']} s")
 
@@ -207,7 +216,7 @@ def weights(composed: dict[str, DictConfig]) -> Iterator[Check]:
     for name, option, value in named:
         exists = Path(value).expanduser().exists()
         advice = "" if exists else f"Download the file and set {option}=FILE."
-        yield Check(f"weights of {name}", "ok" if exists else "fail", f"{option}={value}", advice)
+        yield Check(f"weights of {name}", "ok" if exists else "fail", f"{option}={value}", advice, (name,))
     if not named:
         yield Check("weights", "ok", "the defaults ask for none")
 
@@ -222,7 +231,7 @@ def output_folders(composed: dict[str, DictConfig]) -> Iterator[Check]:
                 yield Check(f"outputs of {name}", "ok", f"{folder} is writable")
         except OSError as error:
             advice = "Change to another directory, or set hydra.run.dir=FOLDER."
-            yield Check(f"outputs of {name}", "fail", f"{folder}: {error.strerror or error}", advice)
+            yield Check(f"outputs of {name}", "fail", f"{folder}: {error.strerror or error}", advice, (name,))
 
 
 def opencv() -> Check:
@@ -254,5 +263,11 @@ def torch_device(answer: dict[str, str] | None) -> Check:
 
 
 def healthy(checks: Sequence[Check]) -> bool:
-    """Whether nothing that the default run needs is broken."""
+    """Whether nothing that a command needs is broken."""
     return all(check.status != "fail" for check in checks)
+
+
+def broken_commands(checks: Sequence[Check]) -> list[str]:
+    """The commands whose default runs something breaks, in the order of :data:`PRIMARY`."""
+    broken = {command for check in checks if check.status == "fail" for command in check.commands}
+    return [name for name in PRIMARY if name in broken]

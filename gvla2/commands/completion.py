@@ -15,6 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gvla2.commands import COMMANDS
+from gvla2.kinds import KINDS
 
 if TYPE_CHECKING:
     from gvla2.catalog import Registry
@@ -78,7 +79,9 @@ def _overrides(command: str, words: list[str]) -> list[str]:
         completer = DefaultCompletionPlugin(application.config_loader)
         # argparse exits over a flag that is not finished; there is nothing to offer then
         with contextlib.suppress(HydraException, SystemExit), contextlib.redirect_stderr(io.StringIO()):
-            return completer._query(config_name=command, line=" ".join(words))
+            offered = completer._query(config_name=command, line=" ".join(words))
+            # A component's name is not to be set: the choice `planner=skill` fills it in.
+            return [word for word in offered if word not in {f"{kind}.name=" for kind in KINDS}]
     return []
 
 

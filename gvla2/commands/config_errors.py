@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hydra.errors import (
     ConfigCompositionException,
     HydraException,
@@ -41,15 +43,29 @@ def explain(error: BaseException, registry: Registry | None = None) -> str:
             return _wrong_option("The configuration is wrong:", error)
         case _ if isinstance(error.__cause__, OmegaConfBaseException):
             return _wrong_option(str(error), error.__cause__)
-    return describe(error)
+    return " ".join([describe(error), *getattr(error, "__notes__", ())])
+
+
+def unreadable_choice(
+    error: ValueError, overrides: Sequence[str], registry: Registry
+) -> UnknownComponentError | None:
+    """Hydra's refusal of a number where a choice is wanted (``planner=0.5``), named; None for another error."""
+    if not str(error).startswith("Config group override must be"):
+        return None
+    for override in overrides:
+        kind, _, value = override.lstrip("+").partition("=")
+        if kind in KINDS and value not in registry.components(kind):
+            return UnknownComponentError(kind, value, registry.components(kind), registry.broken_note(kind))
+    return None
 
 
 def _missing_choice(error: MissingConfigException, registry: Registry | None) -> str:
     group, _, name = (error.missing_cfg_file or "").rpartition("/")
     if not group:
         return str(error)
-    note = registry.broken_note(group) if registry is not None and group in KINDS else ""
-    return str(UnknownComponentError(group, name.removesuffix(".yaml"), error.options or (), note))
+    name = name.removesuffix(".yaml")
+    note = registry.broken_note(group, name) if registry is not None and group in KINDS else ""
+    return str(UnknownComponentError(group, name, error.options or (), note))
 
 
 def _unreadable(error: OverrideParseException) -> str:

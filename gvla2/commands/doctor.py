@@ -1,4 +1,4 @@
-"""``gvla2 doctor``: is this installation fit for the default run, and if not, what to do."""
+"""``gvla2 doctor``: is this installation fit for each command's default run, and if not, what to do."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gvla2.commands.tables import console, row, table
 USAGE = """\
 Usage: gvla2 doctor [--json]
 
-Checks plugins, configurations, libraries, the components of the default run, the memory's database and the
-output folder. The exit status is 1 when something that the default run needs is broken.
+Checks plugins, configurations, libraries, the components of each command's default run, the memory's database and
+the output folder. The exit status is 1 when something that a command needs is broken; the last line says which.
 """
 
 
@@ -27,7 +27,7 @@ def main(argv: Sequence[str]) -> int:
     if unknown:
         print(f"gvla2: `gvla2 doctor` does not take '{unknown[0]}'.\n{USAGE}", file=sys.stderr)
         return 2
-    from gvla2.commands.checkup import examine, healthy
+    from gvla2.commands.checkup import broken_commands, examine, healthy
 
     checks = examine(load_plugins())
     well = healthy(checks)
@@ -41,8 +41,14 @@ def main(argv: Sequence[str]) -> int:
         if check.advice:
             row(listing, "", "", f"-> {check.advice}")
     out.print(listing)
-    out.print("The default run can go." if well else "Something that the default run needs is broken.")
+    out.print("The default runs can go." if well else _complaint(broken_commands(checks)))
     return 0 if well else 1
+
+
+def _complaint(broken: Sequence[str]) -> str:
+    named = ", ".join(f"`gvla2 {name}`" for name in broken)
+    what = f"Something that {named} needs is broken" if broken else "Something is broken"
+    return f"{what}; the default run can go." if broken and "run" not in broken else f"{what}."
 
 
 def complete(words: Sequence[str]) -> list[str]:

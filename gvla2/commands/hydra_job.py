@@ -21,7 +21,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.catalog import Registry, load_plugins
-from gvla2.commands.config_errors import explain
+from gvla2.commands.config_errors import explain, unreadable_choice
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
@@ -111,6 +111,8 @@ def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
         where = f" '{error.filename}'" if error.filename else ""
         reason = f"Cannot write the output folder{where}: {error.strerror or error}."
         return report(OutputError(f"{reason} Choose another with hydra.run.dir=FOLDER."), registry)
+    except ValueError as error:
+        return report(unreadable_choice(error, argv, registry) or error, registry)
     except Exception as error:
         return report(error, registry)
     return 0

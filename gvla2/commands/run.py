@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import logging
+import traceback
+from collections.abc import Callable
 from contextlib import ExitStack, closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -52,6 +55,12 @@ class _Listener:
         self.recorder.stage(record, stage)
         self.progress.stage(record, stage)
 
+    def name_culprit(self, who: str) -> None:
+        """Say in the latest record whose code crashed."""
+        if self.latest is not None and self.latest.failure is not None:
+            failure = self.latest.failure
+            self.latest = replace(self.latest, failure=replace(failure, message=f"{who}: {failure.message}"))
+
     def frame(self, image: NDArray[np.uint8]) -> None:
         self.recorder.frame(image)
 
@@ -68,20 +77,28 @@ def job(config: RunConfig, registry: Registry) -> float:
 
 
 def run_episodes(config: RunConfig, registry: Registry, folder: Path) -> float:
-    """As :func:`job`, into ``folder``: the episode itself for one, ``episode_NNN`` and an overview for several."""
+    """As :func:`job`, into ``folder``: the episode itself for one; for several ``episode_NNN``, an overview, the
+    aggregate ``result.json`` (brought up to date after each) and the composed configuration.
+    """
     from gvla2.episode import ABANDONED
+    from gvla2.record.files import write_text
+    from gvla2.record.overview import write_summary
     from gvla2.record.recorder import RunRecorder, write_index
 
     composed = OmegaConf.to_yaml(OmegaConf.structured(config))
+    if config.episodes > 1:
+        write_text(folder / "config.yaml", composed)
     records: list[EpisodeRecord] = []
     with ExitStack() as stack:
         parts = _build(config, registry, stack)
+        blame = partial(crashed_component, parts, registry)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             recorder = RunRecorder(target, composed, command="run")
-            record = _run_one(parts, config, config.seed + number, recorder)
+            record = _run_one(parts, config, config.seed + number, recorder, blame)
             records.append(record)
             if config.episodes > 1:
+                write_summary(folder, records)
                 write_index(folder, records)
             if record.failure is not None and record.failure.kind in ABANDONED:
                 raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage}; see {target})")
@@ -111,7 +128,32 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
     )
 
 
-def _run_one(parts: Parts, config: RunConfig, seed: int, recorder: RunRecorder) -> EpisodeRecord:
+def crashed_component(parts: Parts, registry: Registry, error: BaseException) -> str:
+    """Whose code raised an unforeseen error: "The planner 'mine' of plugin 'mine' crashed"; "" when it was nobody's.
+
+    The innermost frame of the traceback that lies in the module or package of a component decides.
+    """
+    built = {kind: getattr(parts, kind) for kind in CHOICES if hasattr(parts, kind)}
+    built |= {kind: getattr(parts.geometry, kind) for kind in CHOICES if hasattr(parts.geometry, kind)}
+    homes = {kind: type(made).__module__ for kind, made in built.items() if made is not None}
+    for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
+        module = str(frame.f_globals.get("__name__", ""))
+        for kind, home in homes.items():
+            package = home.rpartition(".")[0]
+            inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
+            if module == home or inside:
+                name = parts.choices[kind]
+                return f"The {kind} '{name}' of plugin '{registry.offers(kind)[name].plugin.name}' crashed"
+    return ""
+
+
+def _run_one(
+    parts: Parts,
+    config: RunConfig,
+    seed: int,
+    recorder: RunRecorder,
+    blame: Callable[[BaseException], str],
+) -> EpisodeRecord:
     from gvla2.episode import EpisodeRequest, run_episode
     from gvla2.record.progress import Progress
     from gvla2.robot.depth_noise import DepthNoise
@@ -126,6 +168,11 @@ def _run_one(parts: Parts, config: RunConfig, seed: int, recorder: RunRecorder) 
         listener = _Listener(recorder, progress)
         try:
             record = run_episode(parts, request, listener)
+        except Exception as error:
+            if not isinstance(error, Gvla2Error) and (who := blame(error)):
+                error.add_note(f"{who}.")
+                listener.name_culprit(who)
+            raise
         finally:
             # Also after an interrupt or a crash: the folder is complete up to there.
             if listener.latest is not None:

@@ -28,7 +28,7 @@ def merge_effects(first: Mapping[str, Any] | None, second: Mapping[str, Any] | N
     """Two effects on the same parameter as one, as JSON.
 
     Priors pool mean, deviation and count (parallel variance); of two bounds the tighter one holds; a prohibition
-    stays. An effect whose numbers are not finite gives way to the other.
+    stays. An effect whose numbers are absent or not finite gives way to the other.
     """
     if second is None or not _sound(second):
         return dict(first) if first else None
@@ -59,8 +59,10 @@ def _pool(first: Mapping[str, Any], second: Mapping[str, Any]) -> dict[str, Any]
 
 def _sound(effect: Mapping[str, Any]) -> bool:
     try:
-        numbers = [float(effect.get(name, 0.0)) for name in ("value", "sd", "count")]
-    except (TypeError, ValueError):
+        numbers = [float(effect.get(name, 0.0)) for name in ("sd", "count")]
+        if effect.get("kind") in ("bound", "prior"):
+            numbers.append(float(effect["value"]))
+    except (KeyError, TypeError, ValueError):
         return False
     return all(map(math.isfinite, numbers))
 

@@ -94,8 +94,25 @@ def _has_tables(path: Path, busy_seconds: float) -> bool:
         raise MemoryStoreError(f"The memory {path} is read-only. Make it writable, or choose another file.")
     if path.stat().st_size == 0:
         return False
-    # Looking must not change a file that is then refused.
-    address = f"file:{quote(str(path))}?mode=ro"
+    # Looking must not change a file that is then refused, nor leave a write-ahead log beside it, as reading does
+    # unless the file is said to be immutable. It is not if others have it open; they leave a log beside it, too.
+    if not _in_use(path):
+        try:
+            _look(path, "immutable=1", busy_seconds)
+        except (sqlite3.Error, MemoryStoreError):
+            if not _in_use(path):
+                raise
+    return _look(path, "mode=ro", busy_seconds)
+
+
+def _in_use(path: Path) -> bool:
+    """Whether a log lies beside the file: somebody has it open, or crashed and left something to recover."""
+    return any(path.with_name(path.name + suffix).exists() for suffix in ("-wal", "-shm", "-journal"))
+
+
+def _look(path: Path, mode: str, busy_seconds: float) -> bool:
+    """Whether the file holds the memory's tables, False for no tables at all; raises for a file to be refused."""
+    address = f"file:{quote(str(path))}?{mode}"
     with closing(sqlite3.connect(address, uri=True, timeout=busy_seconds)) as connection:
         names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
         if not names:

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import Any, Literal
 
 from gvla2.errors import PlanningError
+
+REQUIRED: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "bound": ("parameter", "op", "value"),
+        "prior": ("parameter", "value", "count"),
+        "forbid": ("parameter",),
+    }
+)
+"""What an effect of each kind must say for itself when it is read from JSON."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +47,25 @@ class Effect:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], source: str = "") -> Effect:
-        """From a JSON object; raises :class:`PlanningError` when it is not an effect."""
+        """From a JSON object; raises :class:`PlanningError` when it is not an effect, or lacks what its kind needs.
+
+        A ``bound`` needs ``op`` and ``value``, a ``prior`` ``value`` and ``count``; the defaults above would make up
+        a lesson that nobody learnt. Numbers must be finite.
+        """
         try:
             effect = cls(**{**data, "source": source or data.get("source", "")})
         except TypeError as error:
             raise PlanningError(f"Not a parameter effect: {dict(data)!r} ({error}).") from error
         if effect.kind not in ("bound", "prior", "forbid") or effect.op not in (">=", "<="):
             raise PlanningError(f"Not a parameter effect: {dict(data)!r}.")
+        absent = [name for name in REQUIRED[effect.kind] if name not in data]
+        if absent:
+            raise PlanningError(
+                f"Not a parameter effect: {dict(data)!r} lacks {' and '.join(absent)}, which a {effect.kind} needs."
+            )
+        numbers = (effect.value, effect.sd, effect.count)
+        if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
+            raise PlanningError(f"Not a parameter effect: {dict(data)!r} has a number that is none.")
         return effect
 
 

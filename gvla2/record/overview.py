@@ -12,7 +12,7 @@ from PIL import Image
 
 from gvla2.record import wording
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.files import write_text
+from gvla2.record.files import write_json, write_text
 from gvla2.record.page import render
 
 
@@ -69,6 +69,34 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
     ]
     html = render("overview.html.jinja", rows=rows, counts=counts, command=command)
     return write_text(folder / "index.html", html)
+
+
+def write_summary(folder: Path, episodes: Sequence[EpisodeRecord], command: str = "run") -> Path:
+    """Write ``result.json`` over the episodes of a run: counts, and one row an episode in their order.
+
+    ``success_share`` (and ``success_share_strict``) count an episode that nobody judged as not succeeded. ``seconds``
+    are the sum of an episode's stages. Returns its path; raises :class:`~gvla2.errors.OutputError` when the folder
+    cannot be written to.
+    """
+    rows = []
+    for index, record in enumerate(episodes):
+        told = record.result(command)
+        same = ("task", "seed", "instruction", "success", "success_strict", "verdict", "failure")
+        row = {key: told[key] for key in same}
+        row["seconds"] = round(sum(record.timings.values()), 3)
+        rows.append({**row, "folder": episode_folder(folder, index).name})
+    eased, strict = (sum(bool(row[key]) for row in rows) for key in ("success", "success_strict"))
+    summary = {
+        "command": command,
+        "task": rows[0]["task"] if rows else None,
+        "episodes": len(rows),
+        "succeeded": eased,
+        "succeeded_strict": strict,
+        "success_share": eased / len(rows) if rows else None,
+        "success_share_strict": strict / len(rows) if rows else None,
+        "rows": rows,
+    }
+    return write_json(folder / "result.json", summary)
 
 
 def _share(part: int, whole: int) -> str:

@@ -1,6 +1,5 @@
 """The database among processes: creation, concurrency, crashes, and files that must be left alone."""
 
-import multiprocessing
 import os
 import signal
 import sqlite3
@@ -38,14 +37,21 @@ def write(url: str, name: str, count: int) -> None:
             print(" ".join(learned.added + learned.merged), flush=True)
 
 
+PROGRAM = (
+    "import runpy, sys; runpy.run_path(sys.argv[1])['write'](sys.argv[2], sys.argv[3], int(sys.argv[4]))"
+)
+"""Runs ``write`` in another process by this file's path: tests are no package that could be imported there."""
+
+
+def writer_of(url: str, name: str, count: int, stdout: int) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, __file__, url, name, str(count)], stdout=stdout, text=True
+    )
+
+
 def test_two_processes_create_and_fill_a_new_bank_at_once(url: str) -> None:
-    context = multiprocessing.get_context("spawn")
-    writers = [context.Process(target=write, args=(url, name, 50)) for name in "ab"]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join(60)
-    assert [w.exitcode for w in writers] == [0, 0]
+    writers = [writer_of(url, name, 50, subprocess.DEVNULL) for name in "ab"]
+    assert [w.wait(60) for w in writers] == [0, 0]
     with Store.open(url) as store:
         records = store.records("default")
     shared = [r for r in records if r.content == "said by all"]
@@ -57,14 +63,9 @@ def test_two_processes_create_and_fill_a_new_bank_at_once(url: str) -> None:
 
 
 def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
-    program = "import runpy, sys; runpy.run_path(sys.argv[1])['write'](sys.argv[2], sys.argv[3], 100000)"
     acknowledged: set[str] = set()
     for round_ in range(2):
-        process = subprocess.Popen(
-            [sys.executable, "-c", program, __file__, url, f"round{round_}"],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        process = writer_of(url, f"round{round_}", 100000, subprocess.PIPE)
         assert process.stdout is not None
         for line in process.stdout:
             acknowledged |= set(line.split())
@@ -130,10 +131,12 @@ def test_a_file_that_cannot_be_used_is_refused_and_left_alone(tmp_path: Path, ho
     path = tmp_path / "memory.db"
     spoil(path, how)
     before, mode = path.read_bytes(), path.stat().st_mode
+    beside = sorted(tmp_path.iterdir())
     with pytest.raises(MemoryStoreError, match=said) as caught:
         Store.open(f"sqlite:///{path}", busy_seconds=0.2)
     assert str(path) in str(caught.value)
     assert (path.read_bytes(), path.stat().st_mode) == (before, mode)
+    assert sorted(tmp_path.iterdir()) == beside
 
 
 def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:

@@ -40,6 +40,14 @@ def test_effects_survive_json_and_bad_ones_are_refused():
         {"kind": "bound"},
         {"kind": "wish", "parameter": "x"},
         {"kind": "bound", "parameter": "x", "op": "<"},
+        {"kind": "bound", "parameter": "x"},
+        {"kind": "bound", "parameter": "x", "op": ">="},
+        {"kind": "bound", "parameter": "x", "value": 0.2},
+        {"kind": "bound", "parameter": "x", "op": ">=", "value": float("nan")},
+        {"kind": "bound", "parameter": "x", "op": ">=", "value": "much"},
+        {"kind": "prior", "parameter": "x", "value": 0.2},
+        {"kind": "prior", "parameter": "x", "count": 2},
     ):
         with pytest.raises(PlanningError, match="Not a parameter effect"):
             Effect.from_json(bad)
+    assert Effect.from_json({"kind": "forbid", "parameter": "approach:top"}).kind == "forbid"

@@ -1,3 +1,4 @@
+import json
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -5,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.record.contents import EpisodeRecord
-from gvla2.record.overview import episode_folder
+from gvla2.record.overview import episode_folder, write_summary
 from gvla2.record.recorder import RunRecorder, write_index
 
 
@@ -38,6 +39,23 @@ def test_the_overview_links_every_episode(
     assert all(s.startswith("data:image/jpeg") for s in page.sources)
     assert "Declined, nothing moved" in html
     assert "1 of 3" in html
+
+
+def test_the_summary_counts_and_has_a_row_for_every_episode(
+    tmp_path: Path, episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord
+) -> None:
+    records = [episode(), abstained, episode(judgement=None)]
+    told = json.loads(write_summary(tmp_path, records).read_text(encoding="utf-8"))
+    assert (told["command"], told["episodes"], len(told["rows"])) == ("run", 3, 3)
+    assert told["succeeded"] == sum(bool(r.judgement and r.judgement.eased) for r in records) == 1
+    assert told["success_share"] == pytest.approx(1 / 3)
+    for row, record, folder in zip(told["rows"], records, ("000", "001", "002"), strict=True):
+        assert (row["seed"], row["instruction"]) == (record.seed, record.instruction)
+        assert row["folder"] == f"episode_{folder}"
+        assert row["seconds"] == pytest.approx(sum(record.timings.values()), abs=1e-3)
+    assert told["rows"][2]["success"] is None
+    assert told["rows"][1]["failure"]["kind"]
+    assert json.loads(write_summary(tmp_path, []).read_text())["success_share"] is None
 
 
 @pytest.mark.parametrize("count", [0, 1])
