@@ -6,6 +6,7 @@ import subprocess
 import sys
 import types
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -91,10 +92,10 @@ def test_a_closed_pipe_is_no_traceback():
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no device that is always full")
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
 @pytest.mark.parametrize("argv", [["--help"], ["--version"], ["plugins", "task"], ["plugins", "--json"]])
 def test_a_full_disk_is_no_traceback(argv: list[str]):
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "gvla2.cli", *argv],
             stdout=full,

@@ -196,10 +196,19 @@ def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_o
         "Lift higher.",
         0.9,
         0.9,
+        {},
+        True,
         effect={"kind": "bound", "parameter": "lift_height"},
     )
     sound = MemoryItem(
-        "r2", "failure_avoidance", "x", 0.9, 0.9, effect=Effect("bound", "lift_height", 0.3).to_json()
+        "r2",
+        "failure_avoidance",
+        "x",
+        0.9,
+        0.9,
+        {},
+        True,
+        effect=Effect("bound", "lift_height", 0.3).to_json(),
     )
     recall = Wrapped(parts.memory, recall=lambda task: MemoryContext((item, sound), "Lift higher."))
     record = run_episode(replace(parts, memory=recall), EpisodeRequest(seed=0), Listener())

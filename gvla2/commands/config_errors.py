@@ -53,9 +53,11 @@ def unreadable_choice(
     if not str(error).startswith("Config group override must be"):
         return None
     for override in overrides:
-        kind, _, value = override.lstrip("+").partition("=")
-        if kind in KINDS and value not in registry.components(kind):
-            return UnknownComponentError(kind, value, registry.components(kind), registry.broken_note(kind))
+        kind, _, values = override.lstrip("+").partition("=")
+        offered = registry.components(kind) if kind in KINDS else {}
+        for value in values.split(","):  # a sweep has several
+            if kind in KINDS and value not in offered:
+                return UnknownComponentError(kind, value, offered, registry.broken_note(kind))
     return None
 
 
