@@ -1,10 +1,10 @@
 """The conformance checks pass what is good, the reference plugins among it, and catch what is bad."""
 
-from collections.abc import re
+import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import Callable
 import numpy as np
 import pytest
 from omegaconf import OmegaConf
