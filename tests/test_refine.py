@@ -9,6 +9,9 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.view_folders import read_views
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.recorder import RunRecorder
 from gvla2.refine import (
     ABOVE_SUPPORT,
     GeometryParts,
@@ -125,3 +128,15 @@ def test_an_object_that_no_view_shows_is_left_alone(observation):
 
 def test_an_empty_reconstruction_is_refused():
     assert fit_box(scene_of(SIZE).objects[0], Reconstruction(None, None)) is None
+
+
+def test_a_run_keeps_the_views_of_the_named_object(observation, tmp_path):
+    record = EpisodeRecord(
+        "one", "lift the red box", "", 0, choices={}, observation=observation, scene=scene_of(SIZE)
+    )
+    RunRecorder(tmp_path, "seed: 0\n").stage(record, "perceive")
+    kept, expected = read_views(tmp_path), masked_views(observation, scene_of(SIZE).objects[0])
+    assert [view.name for view in kept] == [view.name for view in expected]
+    for ours, theirs in zip(kept, expected, strict=True):
+        np.testing.assert_array_equal(ours.mask, theirs.mask)
+        np.testing.assert_array_equal(ours.depth, theirs.depth)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
+from gvla2.reconstruction.view_archive import write_views
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png
@@ -30,6 +31,7 @@ from gvla2.record.pictures import (
 from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
 from gvla2.record.topdown import side_map, top_map
+from gvla2.refine import masked_views, objects_of_interest
 
 __all__ = ["RunRecorder", "write_index"]
 
@@ -42,6 +44,7 @@ _LINKED = (
     ("perception.png", "objects in all cameras"),
     ("depth.png", "depth of all cameras"),
     ("plan.png", "the planned path"),
+    ("views.npz", "the views of the named object"),
     ("before.png", "before"),
     ("after.png", "after"),
     ("episode.gif", "the motion"),
@@ -109,6 +112,7 @@ class RunRecorder:
         if seen is not None and scene is not None:
             what = "The picture of the objects"
             self._once("objects", (seen, scene), what, lambda: self._show_objects(seen, scene))
+            self._once("views", seen, "The views", lambda: self._keep_views(seen, scene, record.instruction))
         if seen is not None and plan is not None:
             self._once(
                 "plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record)
@@ -134,6 +138,13 @@ class RunRecorder:
         self._pictures.cameras = with_objects(cameras, observation, scene)
         found = [(camera.name, camera.objects) for camera in self._pictures.cameras]
         self._save("perception.png", contact_sheet_of(found))
+
+    def _keep_views(self, observation: Observation, scene: Scene, instruction: str) -> None:
+        """The views with the named object's silhouette as their mask, for ``gvla2 reconstruct views=FOLDER``."""
+        things = objects_of_interest(scene, instruction)
+        views = masked_views(observation, things[0]) if things else None
+        if views is not None:
+            write_views(self.folder, views)
 
     def _show_plan(self, record: EpisodeRecord) -> None:
         if record.observation is None or record.plan is None or record.plan.trajectory is None:
