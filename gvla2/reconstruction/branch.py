@@ -33,6 +33,7 @@ from gvla2.reconstruction.contracts import (
 )
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.guidance import guide
+from gvla2.reconstruction.rim import Shell, inset
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.visual_hull import soft_hull
@@ -46,7 +47,8 @@ class BranchOptions:
     """Which stages run, and how; each switch is one column of the ablation.
 
     ``mode``: ``paper`` follows the published formulas to the letter, ``default`` takes the better ones: an axis
-    compensation on silhouette contours, applied after source A instead of beside it, and gates on every stage.
+    compensation on silhouette contours, applied after source A instead of beside it, gates on every stage, and at last the Gaussians as
+    far inside their surface as the masks say (a part of ``appearance``).
     ``compat="official"`` reproduces the released code's sampling of masks. ``tau``, ``eta``, ``lambda_max``: the soft
     hull's (released constants).
     """
@@ -111,6 +113,8 @@ def refine_geometry(
     out = _fused(a.state, b.state, views, fusion, options)
     if options.mode == "default":
         out = _settled(out, g0, b.state, views, options)
+        if options.appearance and out.state is not g0:
+            out = out.after(*inset(out.state, views, renderer))
     return BranchResult(g0, a.state, b.state, out.state, (*a.stages, *b.stages, *out.stages))
 
 
@@ -131,10 +135,23 @@ def _guided(source: _Source, views: Views, prior: GeometryPrior) -> _Source:
     estimate = prior.predict(views)
     if estimate is None:
         return source.after(source.state, StageReport("prior", "skipped", "There is no geometry prior."))
-    guided = guide(_points(source.state), views, estimate)
+    thing, shell = source.state, _shell(source.state)
+    guided = guide(_points(thing) if shell is None else shell.feet, views, estimate)
     if guided.report.status not in ("applied", "partial"):
-        return source.after(source.state, guided.report)
-    return source.after(_moved(source.state, guided.move), guided.report)
+        return source.after(thing, guided.report)
+    moved = _moved(thing, guided.move)
+    if shell is not None and moved.gaussians is not None:
+        # Centres lie inside the surface that they paint; it's the surface that the prior sees.
+        centres = guided.points + shell.heights[:, None] * shell.normals
+        moved = replace(moved, gaussians=moved.gaussians.with_centres(centres))
+    return source.after(moved, guided.report)
+
+
+def _shell(thing: Reconstruction) -> Shell | None:
+    """The Gaussians over their mesh; None where there is one of the two alone."""
+    if thing.gaussians is None or thing.mesh is None or not len(thing.gaussians) or not len(thing.mesh.faces):
+        return None
+    return Shell.of(_double(thing.gaussians.centres), thing.mesh)
 
 
 def _shrunk(source: _Source, views: Views, options: BranchOptions) -> _Source:

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
+from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.rim import inset
 
 if TYPE_CHECKING:
     from gvla2_plugins.hull import HullConfig
@@ -28,4 +30,8 @@ class HullReconstructor:
 
     def reconstruct(self, views: Views) -> Reconstruction:
         """Mesh and Gaussians of the object in the masks; a :class:`gvla2.errors.GeometryError` when none shows it."""
-        return carve(views, self._config.resolution).to_reconstruction(self._config.gaussians)
+        carved = carve(views, self._config.resolution).to_reconstruction(self._config.gaussians)
+        masked = Views(tuple(view for view in views if view.mask is not None))
+        return inset(carved, masked, rasteriser)[
+            0
+        ]  # what they paint ends where the masks do, not their centres

@@ -8,6 +8,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.rim import fill_masks
 from gvla2.reconstruction.splatting import SplatOptions, carry, optimise
 from gvla2_plugins.splat import SplatConfig
 
@@ -51,7 +52,8 @@ class SplatReconstructor:
         shaped, first = optimise(hull.gaussians, views, sharp)
         mesh = hull.mesh
         if mesh is not None and self._config.carry_mesh:
-            mesh = carry(mesh, hull.gaussians, shaped)
+            # The Gaussians moved inside what they paint, and the mesh with them: it belongs on the surface.
+            mesh = fill_masks(carry(mesh, hull.gaussians, shaped), views)
         fitted, second = optimise(shaped, views, self._options)
         told = [] if hull.status == "ok" else [hull.status]
         told += [f"{r.status}: {r.reason}" for r in (first, second) if r.status == "rejected"]

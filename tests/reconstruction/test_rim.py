@@ -1,0 +1,84 @@
+"""Gaussians lie inside what they paint, and by how much the masks tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gvla2.geometry.mesh import Mesh
+from gvla2.reconstruction import rasteriser
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.rim import Shell, alpha_iou, fill_masks, inset, outward_normals, pixel_sizes
+from gvla2.reconstruction.silhouette import symmetric_iou
+
+
+@pytest.fixture(scope="module")
+def views(masked_views, jug):
+    return masked_views(jug, size=96)
+
+
+@pytest.fixture(scope="module")
+def carved(views):
+    return carve(views, resolution=48).to_reconstruction(4_000)
+
+
+def test_what_is_painted_ends_where_the_masks_do(carved, views):
+    placed, report = inset(carved, views, rasteriser)
+    assert report.status == "applied"
+    before, after = report.before["alpha_iou"], report.after["alpha_iou"]
+    assert after > before + 0.01
+    assert after == pytest.approx(alpha_iou(placed.gaussians, views, rasteriser))
+    way = np.linalg.norm(placed.gaussians.centres - carved.gaussians.centres, axis=1)
+    assert way.max() <= 2.01 * pixel_sizes(np.asarray(carved.gaussians.centres, float), views).max()
+
+
+def test_nothing_but_the_centres_changes(carved, views):
+    placed, _ = inset(carved, views, rasteriser)
+    np.testing.assert_array_equal(placed.mesh.vertices, carved.mesh.vertices)
+    for name in ("log_scales", "rotations", "opacity_logits", "sh_dc"):
+        np.testing.assert_array_equal(getattr(placed.gaussians, name), getattr(carved.gaussians, name))
+
+
+def test_a_second_time_there_is_nothing_to_do(carved, views):
+    placed, _ = inset(carved, views, rasteriser)
+    again, report = inset(placed, views, rasteriser)
+    moved = np.abs(again.gaussians.centres - placed.gaussians.centres).max()
+    assert report.status == "skipped" or moved < 0.006
+
+
+def test_without_a_mesh_inside_and_outside_are_unknown(carved, views):
+    bare = replace(carved, mesh=None)
+    same, report = inset(bare, views, rasteriser)
+    assert same is bare
+    assert report.status == "skipped"
+
+
+@pytest.mark.parametrize("pixels", [-0.8, 0.8])
+def test_a_mesh_of_wrong_thickness_meets_its_masks_again(carved, views, pixels):
+    mesh = carved.mesh
+    step = pixels * pixel_sizes(mesh.vertices, views)[:, None]
+    wrong = mesh.with_vertices(mesh.vertices + step * outward_normals(mesh))
+    mended = fill_masks(wrong, views)
+    iou = [symmetric_iou(m.vertices, views, faces=m.faces) for m in (wrong, mended, mesh)]
+    assert iou[1] > iou[0] + 0.5 * (iou[2] - iou[0])
+
+
+def test_normals_point_outwards_whatever_the_winding(carved):
+    mesh = carved.mesh
+    turned = Mesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colours)
+    np.testing.assert_allclose(outward_normals(turned), outward_normals(mesh), atol=1e-9)
+    top = mesh.vertices[:, 2].argmax()
+    assert outward_normals(mesh)[top, 2] > 0.5
+
+
+@given(st.floats(-0.02, 0.02))
+@settings(max_examples=15, deadline=None)
+def test_feet_and_heights_give_the_centres_back(carved, height):
+    mesh = carved.mesh
+    centres = mesh.vertices + height * outward_normals(mesh)
+    shell = Shell.of(centres, mesh)
+    np.testing.assert_allclose(shell.feet + shell.heights[:, None] * shell.normals, centres, atol=1e-12)
