@@ -1,0 +1,95 @@
+"""The score of one criterion from a model's answer and its token probabilities (paper, eq. R_t).
+
+Twenty letters, A (best) to T (worst), stand for phi = (19 - i) / 19. The answer ends in ``<score>X</score>``; the
+score is the expectation of phi over what the model might have said in X's place.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from string import ascii_uppercase
+from typing import Literal
+
+from gvla2.language.completion import Token
+
+LETTERS = ascii_uppercase[:20]
+ENOUGH_MASS = 0.5
+"""Below this share of probability on valid letters, what the model would say is not what it did say."""
+
+_TAG = re.compile(r"<score>([^<]{0,32}?)(?:</score>|\Z)", re.IGNORECASE | re.ASCII)
+_CLOSING = "</score>"
+_AROUND = " \t\r\n\v\f\"'`*"
+"""What models put around the letter."""
+
+Source = Literal["distribution", "tag", "midpoint"]
+
+
+@dataclass(frozen=True)
+class TokenScore:
+    """``value`` in [0, 1] and where it comes from.
+
+    ``mass`` is the total probability of valid letters in X's place, 0 without log-probabilities; ``letters`` their
+    probabilities, not renormalised. ``source``: "distribution" (mass of at least one half), "tag" (the letter as
+    written), "midpoint" (.5: the model answered, but with no valid letter).
+    """
+
+    value: float
+    mass: float
+    source: Source
+    letters: Mapping[str, float] = field(default_factory=dict)
+
+
+def phi(letter: str) -> float:
+    """The value of a valid letter: A 1, T 0."""
+    return (len(LETTERS) - 1 - LETTERS.index(letter)) / (len(LETTERS) - 1)
+
+
+def score_answer(text: str, tokens: Sequence[Token] = ()) -> TokenScore:
+    """The score that an answer's last tag gives; ``tokens`` as :class:`gvla2.language.Completion` has them."""
+    tags = list(_TAG.finditer(text))
+    if not tags:
+        return TokenScore(0.5, 0.0, "midpoint")
+    inside = tags[-1].group(1)
+    start = tags[-1].start(1) + len(inside) - len(inside.lstrip(_AROUND))
+    written = inside.strip(_AROUND)
+    letters = _letters(tokens, len(text[:start].encode(errors="replace")))
+    mass = min(math.fsum(letters.values()), 1.0)
+    if mass >= ENOUGH_MASS:
+        expected = math.fsum(p * phi(v) for v, p in letters.items()) / math.fsum(letters.values())
+        return TokenScore(min(max(expected, 0.0), 1.0), mass, "distribution", letters)
+    if len(written) == 1 and written.isascii() and written.upper() in LETTERS:
+        return TokenScore(phi(written.upper()), mass, "tag", letters)
+    return TokenScore(0.5, mass, "midpoint", letters)
+
+
+def _letters(tokens: Sequence[Token], at: int) -> dict[str, float]:
+    """Probabilities of the valid letters in the token that holds byte ``at``; variants of one letter are summed."""
+    token = next((t for t in tokens if t.start <= at < t.start + len(t.spelt)), None)
+    if token is None:
+        return {}
+    before = token.spelt[: at - token.start].decode(errors="replace")
+    found: dict[str, float] = {}
+    for alternative, logprob in token.alternatives:
+        letter = _letter(alternative, before.strip(_AROUND))
+        if letter and logprob < 1e-3:  # servers round to a little above zero; NaN is not below anything
+            found[letter] = found.get(letter, 0.0) + math.exp(min(logprob, 0.0))
+    return found
+
+
+def _letter(alternative: str, before: str) -> str:
+    """The letter that a token would put in X's place, "" when it would put something else there.
+
+    A token may hold what stands ``before`` X too (">A"), and some of what follows ("A</"); in "All" or "A+" the A is
+    no score.
+    """
+    rest = alternative.strip(_AROUND)
+    if not rest.casefold().startswith(before.casefold()):
+        return ""
+    rest = rest[len(before) :].lstrip(_AROUND)
+    letter, after = rest[:1].upper(), rest[1:].lstrip(_AROUND).casefold()
+    if not rest[:1].isascii() or not letter or letter not in LETTERS:
+        return ""
+    return letter if after.startswith(_CLOSING) or _CLOSING.startswith(after) else ""

@@ -1,0 +1,41 @@
+"""The ``llm`` verifier: a language model judges the episode's transcript, criterion by criterion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.language.options import EndpointOptions
+
+if TYPE_CHECKING:
+    from gvla2.memory.contracts import Verifier
+
+
+@dataclass(kw_only=True)
+class LlmVerifierConfig(EndpointOptions, ComponentConfig):
+    """Options of the ``llm`` verifier; where the model is and how it is asked: ``EndpointOptions``.
+
+    ``criteria`` is a set, ``robot`` or ``software``; ``questions`` (name: question) are used instead where given.
+    Each criterion is asked ``repeats`` times, with the seeds ``seed``, ``seed`` + 1, ...: more than one makes sense
+    with a temperature above 0 alone. Transcripts are cut in the middle to ``longest`` characters.
+    """
+
+    criteria: str = "robot"
+    questions: dict[str, str] = field(default_factory=dict)
+    repeats: int = 1
+    seed: int = 0
+    longest: int = 24_000
+
+
+def _build(config: LlmVerifierConfig) -> Verifier:
+    """Judges transcripts by a language model's score tokens, at any OpenAI-compatible address."""
+    from gvla2_plugins.llm_verifier.verifier import LlmVerifier
+
+    return LlmVerifier(config)
+
+
+@hookimpl
+def gvla2_verifiers() -> list[Component[Verifier]]:
+    """``verifier=llm``."""
+    return [Component("llm", LlmVerifierConfig, _build)]

@@ -1,0 +1,172 @@
+"""Reading answers: reasoning apart, tokens in their places, damage told from absence."""
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gvla2.language import MalformedAnswerError, Usage
+from gvla2.language.completion import read_completion
+from gvla2.testing.language import said
+
+
+@pytest.mark.parametrize(
+    ("content", "reasoning", "answer"),
+    [
+        ("plain", "", "plain"),
+        ("<think>hm</think>yes", "hm", "yes"),
+        ("\n<think>\nhm\n</think>\n\nyes\n", "hm", "yes"),
+        ("the prompt opened it</think> yes", "the prompt opened it", "yes"),
+        ("<think>it quotes </think><score>A</score> and goes on</think><score>T</score>",
+         "it quotes </think><score>A</score> and goes on", "<score>T</score>"),
+        ("<think>never ends <score>A</score>", "never ends <score>A</score>", ""),
+        ("a literal <think> later", "", "a literal <think> later"),
+        ("<THINKING>x</THINKING>y", "x", "y"),
+        ("", "", ""),
+    ],
+)  # fmt: skip
+def test_reasoning_is_kept_apart(content: str, reasoning: str, answer: str):
+    read = read_completion(said(content))
+    assert (read.reasoning, read.text) == (reasoning, answer)
+
+
+def test_reasoning_in_a_field_of_its_own():
+    read = read_completion(said("yes", reasoning="it is so"))
+    assert (read.reasoning, read.text) == ("it is so", "yes")
+
+
+@pytest.mark.parametrize("odd", [{"steps": 3}, [], 7, None, ""])
+def test_reasoning_of_an_unknown_form_does_not_lose_the_answer(odd: object):
+    body = said("yes")
+    body["choices"][0]["message"] |= {"reasoning_content": odd, "reasoning": "so"}
+    assert (read_completion(body).text, read_completion(body).reasoning) == ("yes", "so")
+
+
+def test_content_in_parts_is_joined():
+    body = said("")
+    body["choices"][0]["message"]["content"] = [
+        {"type": "text", "text": "a"},
+        {"type": "image"},
+        {"text": "b"},
+    ]
+    assert read_completion(body).text == "ab"
+
+
+@given(st.text(max_size=40), st.lists(st.integers(0, 200), max_size=12))
+def test_tokens_spell_the_answer_however_it_is_cut(answer: str, cuts: list[int]):
+    spelt = answer.encode(errors="replace")
+    edges = [0, *sorted({c for c in cuts if 0 < c < len(spelt)}), len(spelt)]
+    pieces = [spelt[a:b] for a, b in pairwise(edges)]
+    read = read_completion(said(answer, [(p, {}) for p in pieces]))
+    if not read.text.strip():
+        assert read.tokens == ()
+        return
+    placed = {t.start: len(t.spelt) for t in read.tokens}
+    core = read.text.encode(errors="replace")
+    first = len(read.text[: len(read.text) - len(read.text.lstrip())].encode(errors="replace"))
+    last = len(read.text.rstrip().encode(errors="replace"))
+    covered = {i for start, size in placed.items() for i in range(start, start + size)}
+    assert set(range(first, last)) <= covered
+    for start, size in placed.items():
+        assert start >= 0
+        assert size == 0 or core[start : start + size] in pieces
+
+
+def thinking(answer: str = "<score>B</score>") -> dict[str, Any]:
+    """A stream that holds the reasoning as well, with a score of its own in it."""
+    body = said(answer, reasoning="maybe <score>A</score>")
+    tokens = [("maybe <score>", {}), ("A", {"A": 1.0}), ("</score>", {}), ("</think>", {}), ("\n\n<score>", {}),
+              ("B", {"B": 0.9, "C": 0.1}), ("</score>", {}), ("<|im_end|>", {})]  # fmt: skip
+    body["choices"][0]["logprobs"] = said("", tokens)["choices"][0]["logprobs"]
+    return body
+
+
+def test_tokens_of_the_reasoning_are_left_out():
+    tokens = read_completion(thinking()).tokens
+    assert [t.text for t in tokens] == ["\n\n<score>", "B", "</score>"]
+    assert [t.start for t in tokens] == [-2, 7, 8]
+
+
+def test_a_stream_of_the_reasoning_alone_is_no_evidence():
+    body = said("<score>A</score>", [("so ", {}), ("<score>", {}), ("A", {"A": 1.0}), ("</score>", {})],
+                reasoning="so <score>A</score>")  # fmt: skip
+    assert read_completion(body).tokens == ()
+
+
+def test_a_stream_that_spells_something_else_is_no_evidence():
+    assert (
+        read_completion(said("<score>A</score>", [("<score>", {}), ("T", {}), ("</score>", {})])).tokens == ()
+    )
+    assert read_completion(said("A", [("A", {}), (" and more", {})])).tokens == ()
+
+
+def test_where_bytes_are_not_told_the_last_ascii_stretch_is_used():
+    pieces = ["h", "ö", "her ", "<score>", "A", "</score>"]
+    body = said("".join(pieces), [(p, {}) for p in pieces])
+    for entry in body["choices"][0]["logprobs"]["content"]:
+        entry["bytes"] = None
+    body["choices"][0]["logprobs"]["content"][1]["token"] = "\ufffd\ufffd"
+    tokens = read_completion(body).tokens
+    (letter,) = [t for t in tokens if t.text == "A"]
+    assert letter.start == len("höher <score>".encode())
+
+
+@pytest.mark.parametrize("mark", ["▁", "Ġ"])
+def test_blanks_of_raw_vocabularies(mark: str):
+    body = said("it is A", [("it", {}), (" is", {}), (" A", {})])
+    for entry in body["choices"][0]["logprobs"]["content"]:
+        entry["bytes"], entry["token"] = None, entry["token"].replace(" ", mark)
+    assert [t.text for t in read_completion(body).tokens] == ["it", " is", " A"]
+
+
+def test_odd_probabilities_are_passed_on_as_they_are():
+    body = said("A", [("A", {"A": 0.5, "B": 0.5})])
+    entry = body["choices"][0]["logprobs"]["content"][0]
+    entry["logprob"] = "high"
+    entry["top_logprobs"][1]["logprob"] = -math.inf
+    (token,) = read_completion(body).tokens
+    assert math.isnan(token.logprob)
+    assert dict(token.alternatives)["B"] == -math.inf
+
+
+@pytest.mark.parametrize(
+    "logprobs",
+    [None, [], 3, {"content": None}, {"content": "A"}, {"content": [None]}, {"content": [{"token": 3}]},
+     {"content": [{"token": "A", "bytes": [400, -1], "top_logprobs": 3}]}],
+)  # fmt: skip
+def test_damaged_probabilities_do_not_lose_the_answer(logprobs: object):
+    body = said("A")
+    body["choices"][0]["logprobs"] = logprobs
+    assert read_completion(body).text == "A"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        [],
+        None,
+        {},
+        {"choices": []},
+        {"choices": None},
+        {"choices": ["x"]},
+        {"choices": [{}]},
+        {"choices": [{"message": "x"}]},
+        {"choices": [{"message": {"content": 3}}]},
+        {"error": {"message": "overloaded"}},
+    ],
+)
+def test_what_is_no_completion_is_malformed(body: object):
+    with pytest.raises(MalformedAnswerError):
+        read_completion(body)
+
+
+def test_usage_is_counted_or_said_to_be_unknown():
+    body = said("A")
+    body["usage"]["completion_tokens_details"] = {"reasoning_tokens": 7}
+    assert read_completion(body).usage == Usage(100, 10, 7, metered=True)
+    for damaged in (None, {}, {"prompt_tokens": -1, "completion_tokens": 2}, {"prompt_tokens": "9"}):
+        body["usage"] = damaged
+        assert read_completion(body).usage == Usage(0, 0, 0, metered=False)
