@@ -17,16 +17,23 @@ from gvla2.markers import hookspec
 
 if TYPE_CHECKING:
     from gvla2.component import Component
-    from gvla2.memory.contracts import Embedder, Memory, Retriever, Verifier
+    from gvla2.memory.contracts import Embedder, Inducer, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
     from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor, Renderer
     from gvla2.robot.backend import RobotBackend
+    from gvla2.robot.camera import Camera
     from gvla2.robot.task import Task
 
 
 @hookspec
 def gvla2_robots() -> Iterable[Component[RobotBackend]]:
     """Return robot backends, simulated or real: cameras, motion, execution (Hydra group ``robot``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_cameras() -> Iterable[Component[Camera]]:
+    """Return depth cameras for robots without eyes of their own: live or replayed (Hydra group ``camera``)."""
     raise AssertionError("specification only")
 
 
@@ -81,6 +88,12 @@ def gvla2_retrievers() -> Iterable[Component[Retriever]]:
 @hookspec
 def gvla2_embedders() -> Iterable[Component[Embedder]]:
     """Return embedders: texts to unit vectors (Hydra group ``embedder``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_inducers() -> Iterable[Component[Inducer]]:
+    """Return inducers: an episode and its verdict to candidate lessons (Hydra group ``inducer``)."""
     raise AssertionError("specification only")
 
 

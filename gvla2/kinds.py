@@ -51,6 +51,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         kind.name: kind
         for kind in (
             Kind("robot", "gvla2_robots", "gvla2.robot.backend:RobotBackend"),
+            Kind("camera", "gvla2_cameras", "gvla2.robot.camera:Camera"),
             Kind("task", "gvla2_tasks", "gvla2.robot.task:Task"),
             Kind("perceiver", "gvla2_perceivers", "gvla2.planning.contracts:Perceiver"),
             Kind("reconstructor", "gvla2_reconstructors", "gvla2.reconstruction.contracts:Reconstructor"),
@@ -60,6 +61,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("memory", "gvla2_memories", "gvla2.memory.contracts:Memory"),
             Kind("retriever", "gvla2_retrievers", "gvla2.memory.contracts:Retriever"),
             Kind("embedder", "gvla2_embedders", "gvla2.memory.contracts:Embedder"),
+            Kind("inducer", "gvla2_inducers", "gvla2.memory.contracts:Inducer"),
             Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
             Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
         )

@@ -48,9 +48,10 @@ def test_every_file_of_conf_is_a_choice_that_composes():
     groups = [p for p in files if len(p.parts) > 1]
     assert {p.parts[0] for p in files if len(p.parts) == 1} == set(PRIMARY)
     for choice in groups:
-        command = "bench" if choice.parts[0] in ("data", "experiment") else "run"
+        of_bench = choice.parts[0] in ("data", "experiment") and not choice.name.startswith("memory_")
+        command, plus = ("bench", "") if of_bench else ("run", "+" if choice.parts[0] == "experiment" else "")
         with initialize_config_module("gvla2.conf", version_base="1.3"):
-            config = compose(command, overrides=[f"{choice.parent.as_posix()}={choice.name}"])
+            config = compose(command, overrides=[f"{plus}{choice.parent.as_posix()}={choice.name}"])
         assert isinstance(OmegaConf.to_object(config), PRIMARY[command])
 
 
@@ -70,6 +71,27 @@ def test_no_configuration_names_code():
     for file in CONF.rglob("*.yaml"):
         assert "_target_" not in file.read_text(), file
     assert "_target_" not in OmegaConf.to_yaml(OmegaConf.structured(composed()))
+
+
+def test_the_arms_of_the_memory_ablation():
+    """Each arm is what its name says, and has a bank of its own."""
+    arms = sorted(file.stem for file in (CONF / "experiment").glob("memory_*.yaml"))
+    chosen = {arm.removeprefix("memory_"): composed(f"+experiment={arm}").memory for arm in arms}
+    governed = chosen.pop("governed")
+    assert governed.name == "governed"
+    banks = [options.bank for options in (governed, *chosen.values()) if options.name != "none"]
+    assert len(set(banks)) == len(banks) == 10
+    switched = {
+        "no_admission": ("admission", False),
+        "no_replay": ("replay", False),
+        "no_governance": ("governance", False),
+        "no_failures": ("failures", False),
+        "semantic_retrieval": ("retrieval", "semantic"),
+    }
+    for arm, (option, value) in switched.items():
+        assert vars(chosen[arm]) == vars(governed) | {option: value, "bank": chosen[arm].bank}
+    for arm in set(chosen) - set(switched):
+        assert chosen[arm].name == arm
 
 
 def test_depth_noise_presets():

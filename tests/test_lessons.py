@@ -12,6 +12,8 @@ from gvla2.diagnosis import approach_of, diagnose
 from gvla2.lessons import memory_episode, memory_task, transcript
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext, Verdict
+from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.retrieval import HybridRetriever
 from gvla2.planning.contracts import Abstention, Advice, Candidate, Plan
 from gvla2.planning.effects import Effect, apply_effects
 from gvla2.planning.findings import CheckReport, Finding
@@ -19,9 +21,7 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.report import ExecutionReport, WaypointReport
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
 from gvla2_plugins.hybrid import HybridConfig
-from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 TABLE = 0.75
 SUCCESS = Verdict.from_criteria({"task_completion": 1.0, "collision_safety": 1.0})

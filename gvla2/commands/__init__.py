@@ -9,7 +9,9 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "reconstruct": "an object's refined geometry from a folder of calibrated views",
         "bench": "measure a suite on a data set: ablation rows, baselines, drift, seeds",
         "report": "make tables of measured results: terminal, Markdown, LaTeX, HTML",
+        "memory": "look into a memory's bank: list, search, history, import, export, govern, forget",
         "data": "say which data sets and weights are here, and how to get the others",
+        "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
         "plugins": "list robots, planners, memories and all else that can be chosen, with options",
         "doctor": "check this installation and say what to do about what is missing",
     }

@@ -60,6 +60,12 @@ def complete(line: str) -> list[str]:
     command, last = words[0], words[-1]
     from gvla2.commands.primary import PRIMARY
 
+    if command == "memory":  # verbs first, then overrides
+        from gvla2.commands import memory
+
+        own = [word for word in memory.complete(words[1:]) if word.startswith(last)]
+        given = [word for word in words[2:-1] if "=" in word]
+        return own if len(words) < 3 or last.startswith("-") else _overrides(command, [*given, last])
     if command in PRIMARY:
         if last.startswith("-"):
             return [flag for flag in _HYDRA_FLAGS if flag.startswith(last)]

@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.calibrate_config import CalibrateConfig
 from gvla2.commands.data_config import DataCommandConfig
+from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.commands.reconstruct_config import ReconstructConfig
 from gvla2.commands.report_config import ReportConfig
 from gvla2.commands.run_config import RunConfig
@@ -17,7 +19,9 @@ PRIMARY: Mapping[str, type] = MappingProxyType(
         "reconstruct": ReconstructConfig,
         "bench": BenchConfig,
         "report": ReportConfig,
+        "memory": MemoryCommandConfig,
         "data": DataCommandConfig,
+        "calibrate": CalibrateConfig,
     }
 )
 CONFIG_MODULE = "gvla2.conf"

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 CHOICES = (
-    "robot", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
-    "memory", "retriever", "embedder", "planner", "verifier",
+    "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
+    "memory", "retriever", "embedder", "inducer", "planner", "verifier",
 )  # fmt: skip
 """The Hydra groups of a run; what was chosen for each is part of its result."""
 

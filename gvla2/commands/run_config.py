@@ -47,6 +47,7 @@ class RunConfig:
     episodes: int = 1
     quiet: bool = False
     robot: ComponentConfig = field(default_factory=ComponentConfig)
+    camera: ComponentConfig = field(default_factory=ComponentConfig)
     task: ComponentConfig = field(default_factory=ComponentConfig)
     perceiver: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
@@ -56,6 +57,7 @@ class RunConfig:
     memory: ComponentConfig = field(default_factory=ComponentConfig)
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    inducer: ComponentConfig = field(default_factory=ComponentConfig)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     verifier: ComponentConfig = field(default_factory=ComponentConfig)
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)

@@ -1,32 +1,20 @@
-"""What may enter the bank, and in which state: by verdict, and by what the text looks like."""
+"""What may enter the bank, and in which state: by verdict, by what the text looks like, and by who sends how much.
+
+Decisions on plain data.
+"""
 
 from __future__ import annotations
 
-import re
-import unicodedata
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
+from gvla2.memory.instructions import reads_like_instructions
+from gvla2.memory.words import topic_words
 
-_INSTRUCTION_LIKE = re.compile(
-    r"""
-    \b(ignore|disregard|forget|override|bypass)\b .{0,40}
-        \b(instruction|prompt|rule|message|constraint|polic|check|limit)
-    | \b(ignorier|vergiss|missachte)\w*\b .{0,40} \b(anweisung|regel|befehl)
-    | \b(ignore[zr]?|oublie[zr]?)\b .{0,40} \b(instructions|consignes|règles)
-    | \b(ignora|olvida|dimentica)\b .{0,40} \b(instrucciones|reglas|istruzioni|regole)
-    | \b(игнорируй|забудь)\w*\b .{0,40} \b(инструкци|правил)
-    | (忽略|无视|忘记|無視|忘れ) .{0,12} (指令|指示|提示|规则|規則|命令)
-    | (指示|命令|ルール|指令) .{0,6} (無視|忘れ)
-    | \byou\s+are\s+now\s+(an?|the|my|no\s+longer|free|in)\b
-    | \bact\s+as\s+(an?|the|my)\s+(\w+\s+)?(assistant|model|ai|admin\w*|root|user|developer)\b
-    | \bnew\s+(system\s+)?(instructions?|prompt)\b | \bsystem\s+(prompt|message)\b
-    | (^|\n)\s*(system|assistant|user|developer)\s*: | <\|?\s*/?\s*(im_start|im_end|system|memory)\b
-    | \b(reveal|print|send|leak)\b .{0,40} \b(password|secret|api\s*key|token|credential)
-    | \brm\s+-rf\b | \bsudo\s | \b(curl|wget)\s+\S+://
-    """,
-    re.IGNORECASE | re.VERBOSE | re.DOTALL,
-)
+QUARANTINED = "quarantined: "
+"""How the note of a record begins that no verdict can make active."""
+ECHO = 0.9
 
 
 @dataclass(frozen=True)
@@ -37,13 +25,15 @@ class Decision:
     note: str = ""
 
 
-def admit(lesson: Lesson, verdict: Verdict, *, admission: bool = True, failures: bool = True) -> Decision:
+def admit(
+    lesson: Lesson, verdict: Verdict, *, query: str = "", admission: bool = True, failures: bool = True
+) -> Decision:
     """Decide on one lesson.
 
     Verified lessons become active. What was uncertain, or could not be judged, is provisional at most, and so is
-    text that reads like instructions to a machine. A failed episode teaches constraints, never recipes.
-    ``admission`` False is the ablation that lets everything but quarantined text in as active; ``failures`` False
-    the one that learns nothing from failures.
+    text that reads like instructions to a machine, or that only repeats the ``query`` it would then be found by. A
+    failed episode teaches constraints, never recipes. ``admission`` False is the ablation that lets everything but
+    quarantined text in as active; ``failures`` False the one that learns nothing from failures.
     """
     if not lesson.content.strip():
         return Decision(None, "A lesson without words was left out.")
@@ -55,15 +45,65 @@ def admit(lesson: Lesson, verdict: Verdict, *, admission: bool = True, failures:
             None, "A recipe from a failed episode was left out: failures teach constraints alone."
         )
     if reads_like_instructions(lesson.content):
-        return Decision("provisional", "quarantined: the text reads like instructions")
+        return Decision("provisional", f"{QUARANTINED}the text reads like instructions")
+    if lesson.effect is None and query and _repeats(lesson.content, query):
+        return Decision("provisional", f"{QUARANTINED}the text only repeats the task")
     if not admission or failed or verdict.outcome == "verified_success":
         return Decision("active")
     why = "could not be judged" if verdict.outcome == "unavailable" else "is uncertain"
     return Decision("provisional", f"the outcome {why}")
 
 
-def reads_like_instructions(text: str) -> bool:
-    """Whether a text talks to a machine rather than about a task; errs on the careful side."""
-    plain = unicodedata.normalize("NFKC", text)
-    visible = "".join(c for c in plain if c in "\n\t" or unicodedata.category(c)[0] != "C")
-    return _INSTRUCTION_LIKE.search(visible) is not None
+def _repeats(content: str, query: str) -> bool:
+    said, asked = set(topic_words(content)), set(topic_words(query))
+    return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
+
+
+@dataclass(frozen=True)
+class SourceCount:
+    """What a source has active in the bank by now: records of late, and how many of those are like the candidate."""
+
+    recent: int = 0
+    alike: int = 0
+
+
+def within_cap(count: SourceCount, per_source: int, per_source_copies: int) -> Decision:
+    """Whether a source may have one more active record; provisional otherwise, with the reason."""
+    if count.alike >= per_source_copies:
+        return Decision(
+            "provisional", f"its source has {count.alike} records like it already, as many as one may have"
+        )
+    if count.recent >= per_source:
+        return Decision(
+            "provisional", f"its source brought {count.recent} records of late, as many as one may"
+        )
+    return Decision("active")
+
+
+@dataclass(frozen=True)
+class Streak:
+    """How often in a row a verifier has given the same success: its ``criteria``, and the ``length``."""
+
+    criteria: Mapping[str, float]
+    length: int = 0
+
+
+def streak_of(verdict: Verdict, before: Streak | None) -> Streak:
+    """The verifier's streak with this verdict; anything but an equal success starts it anew."""
+    criteria = {name: round(float(value), 6) for name, value in sorted(verdict.criteria.items())}
+    criteria["R"] = round(float(verdict.quality), 6)
+    if verdict.outcome != "verified_success":
+        return Streak(criteria, 0)
+    same = before is not None and before.length > 0 and dict(before.criteria) == criteria
+    return Streak(criteria, (before.length if before and same else 0) + 1)
+
+
+def tempered(verdict: Verdict, streak: Streak, *, longest: int, confidence: float) -> tuple[Verdict, str]:
+    """The verdict with its confidence capped where the verifier always says the same yes, and a note on it."""
+    if streak.length <= longest or verdict.confidence <= confidence:
+        return verdict, ""
+    note = (
+        f"The verifier '{verdict.verifier or 'unnamed'}' has given {streak.length} equal successes in a row: its "
+        f"confidence counts {confidence:.2f} at most."
+    )
+    return replace(verdict, confidence=confidence), note

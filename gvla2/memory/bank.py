@@ -1,61 +1,55 @@
 """The governed KnowledgeBank: verified experience in, a few reliable records out.
 
-This first version reads the bank's active records anew for each recall, and consolidates by exact identity of what
-is said. What it promises is in :mod:`gvla2.memory.contracts`.
+    bank = KnowledgeBank.open("sqlite:///memory.db")
+    bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdict, task="lift the cup")
+    print(bank.recall("lift the red cup").text)
+
+What it promises is in :mod:`gvla2.memory.contracts`; what it decides, and how, in the modules
+:mod:`~gvla2.memory.admission`, :mod:`~gvla2.memory.consolidation`, :mod:`~gvla2.memory.governance` and
+:mod:`~gvla2.memory.replay`.
 """
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
+from typing import Any
 
-import numpy as np
-from sqlmodel import Session, col, select
-
-from gvla2.memory.admission import admit
-from gvla2.memory.consolidation import MAX_QUERY, Candidate, Changes, Consolidation
+from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
-    Candidates,
     Embedder,
+    Inducer,
     Learned,
     Lesson,
     LifecycleState,
     MemoryContext,
     MemoryEpisode,
-    MemoryItem,
     MemoryTask,
     Retriever,
     Verdict,
+    Verifier,
 )
-from gvla2.memory.records import Record, clean, dedup_key, dump, finite
-from gvla2.memory.rendering import render
-from gvla2.memory.store import Store, next_rev
+from gvla2.memory.governing import Governed
+from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.index import SERVED, Index
+from gvla2.memory.induction import RulesInducer
+from gvla2.memory.operations import Operations
+from gvla2.memory.recalling import Hit, recall, search
+from gvla2.memory.records import Record
+from gvla2.memory.replay import Replayed
+from gvla2.memory.retrieval import HybridRetriever
+from gvla2.memory.semantic import SemanticRetriever
+from gvla2.memory.store import Event, Link, Problem, Store
 
-SECONDS_PER_DAY = 86400.0
-MAX_CONTENT = 2000
-
-
-@dataclass(frozen=True)
-class BankOptions:
-    """How a bank governs: what it admits, shows and spends.
-
-    ``admission`` and ``failures`` are the switches of :func:`gvla2.memory.admission.admit`; ``show_provisional`` lets
-    planners see unverified records; ``frozen`` stops learning while recall goes on; ``max_chars`` bounds the text of
-    a context; ``max_per_episode`` how many lessons one episode may bring.
-    """
-
-    admission: bool = True
-    failures: bool = True
-    show_provisional: bool = False
-    frozen: bool = False
-    max_chars: int = 2400
-    max_per_episode: int = 16
+__all__ = ["BankOptions", "Governed", "Hit", "KnowledgeBank", "Replayed"]
+CHUNK = 256
+"""Lessons that one transaction of :meth:`KnowledgeBank.admit_many` takes."""
 
 
 class KnowledgeBank:
-    """A named bank in a store; ``clock`` gives seconds since the epoch.
+    """A named bank in a store, for any number of processes and threads; ``clock`` gives seconds since the epoch.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
     it as a memory turns that into a degraded answer.
@@ -64,68 +58,186 @@ class KnowledgeBank:
     def __init__(
         self,
         store: Store,
-        retriever: Retriever,
-        embedder: Embedder,
+        retriever: Retriever | None = None,
+        embedder: Embedder | None = None,
         options: BankOptions | None = None,
         *,
         bank: str = "default",
+        inducer: Inducer | None = None,
+        verifier: Verifier | None = None,
         clock: Callable[[], float] = time.time,
     ) -> None:
         self.bank = bank
         self.options = options or BankOptions()
-        self._store, self._retriever, self._embedder, self._clock = store, retriever, embedder, clock
+        self._store, self._clock, self._verifier = store, clock, verifier
+        self._embedder = embedder or HashEmbedder()
+        self._retriever: Retriever = retriever or HybridRetriever()
+        if self.options.retrieval == "semantic":
+            self._retriever = SemanticRetriever()
+        self._index = Index(store, bank, self._embedder)
+        self._operations = Operations(
+            store, self._index, self._embedder, inducer or RulesInducer(), self.options, clock
+        )
+        self._lock = threading.RLock()
 
     @classmethod
     def open(
         cls,
         url: str,
         *,
-        retriever: Retriever,
-        embedder: Embedder,
         bank: str = "default",
+        retriever: Retriever | None = None,
+        embedder: Embedder | None = None,
+        inducer: Inducer | None = None,
+        verifier: Verifier | None = None,
         options: BankOptions | None = None,
         busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
     ) -> KnowledgeBank:
-        """The bank in the database at ``sqlite:///path``, created where there is none.
+        """The bank in the database at ``sqlite:///path`` or ``postgresql://…``, created where there is none.
 
-        Waits for other processes at most ``busy_seconds`` at a time.
+        By default it ranks by words, vectors, quality and geometry, embeds by character n-grams, and induces lessons
+        by rules. ``verifier`` is who judges stored episodes again. Waits for other processes at most
+        ``busy_seconds`` at a time.
         """
         store = Store.open(url, busy_seconds=busy_seconds)
-        return cls(store, retriever, embedder, options, bank=bank, clock=clock)
+        return cls(
+            store, retriever, embedder, options, bank=bank, inducer=inducer, verifier=verifier, clock=clock
+        )
 
-    def recall(self, task: MemoryTask) -> MemoryContext:
+    # The main job -------------------------------------------------------------------------------------------------
+
+    def recall(self, task: MemoryTask | str) -> MemoryContext:
         """The most reliable records for the task, or none with the reason."""
-        states: list[LifecycleState] = ["active", "summary"]
-        if self.options.show_provisional:
-            states.append("provisional")
-        records = [record for record in self._store.records(self.bank, states) if _readable(record)]
-        if not records:
-            return MemoryContext(abstained=f"The bank '{self.bank}' holds no verified knowledge yet.")
-        asked = MemoryTask(clean(task.query, MAX_QUERY), finite(task.signature), task.skill)
-        vector = self._embedder.embed([asked.query])[0]
-        ranked, reason = self._retriever.rank(asked, self._candidates(records, len(vector)), vector)
-        if not ranked:
-            return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
-        items = tuple(_item(records[rank.row], rank.score, rank.terms) for rank in ranked)
-        return MemoryContext(items, render(items, self.options.max_chars))
+        with self._lock:
+            self._index.refresh()
+            candidates = self._index.candidates(self._shown(), now=self._clock())
+            return recall(
+                _task(task), self._index, candidates, self._retriever, self._embedder, self.options, self.bank
+            )
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
-        """Store what the episode teaches and credit what was recalled for it, in one transaction."""
+        """Store what the episode teaches and credit what was recalled for it, in one transaction.
+
+        Then, where a verifier was given and replay is on, one doubtful episode of earlier is verified again.
+        """
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=("The bank is frozen: nothing was learnt.",))
-        changes = Changes()
-        candidates = self._weigh(episode, verdict, changes)
-        consolidation = Consolidation(self.bank, self._embedder.model, self._clock(), episode, verdict)
-        with self._store.writing() as session:
-            self._credit(session, episode.recalled, verdict)
-            for candidate in candidates:
-                consolidation.apply(session, candidate, changes)
-        return changes.learned()
+        with self._lock:
+            learned = self._operations.learn(episode, verdict)
+            if self._verifier is not None and self.options.replay and self.options.replay_per_episode:
+                self._operations.replay(
+                    self._verifier, limit=self.options.replay_per_episode, but=episode.source
+                )
+            return learned
+
+    # By hand ------------------------------------------------------------------------------------------------------
+
+    def admit(
+        self,
+        lessons: Lesson | Sequence[Lesson],
+        verdict: Verdict,
+        *,
+        task: MemoryTask | str = "",
+        source: str = "",
+    ) -> Learned:
+        """Bring in lessons without an episode; durable when it returns."""
+        if isinstance(lessons, Lesson):
+            lessons = (lessons,)
+        return self.admit_many([(lesson, verdict, task, source) for lesson in lessons])
+
+    def admit_many(self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]]) -> Learned:
+        """Bring in many lessons, each with its verdict, task and source ("" for none).
+
+        Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
+        """
+        if self.options.frozen:
+            count = sum(1 for _ in items)
+            return Learned(discarded=count, notes=("The bank is frozen: nothing was learnt.",))
+        parts: list[Learned] = []
+        chunk: list[tuple[Lesson, Verdict, MemoryTask, str]] = []
+        with self._lock:
+            for lesson, verdict, task, source in items:
+                chunk.append((lesson, verdict, _task(task), source))
+                if len(chunk) == CHUNK:
+                    parts.append(self._operations.admit(chunk))
+                    chunk = []
+            if chunk:
+                parts.append(self._operations.admit(chunk))
+        return _joined(parts)
+
+    def govern(self) -> Governed:
+        """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted."""
+        if not self.options.governance or self.options.frozen:
+            return Governed()
+        with self._lock:
+            return self._operations.govern()
+
+    def replay(self, verifier: Verifier | None = None, *, limit: int | None = None) -> Replayed:
+        """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
+
+        At most ``limit`` episodes, the least sure first. A verifier that is unavailable changes nothing.
+        """
+        judge = verifier or self._verifier
+        if judge is None:
+            return Replayed(notes=["Nobody was given to verify anything again."])
+        if not self.options.replay or self.options.frozen:
+            return Replayed(notes=["Replay is switched off."])
+        with self._lock:
+            return self._operations.replay(judge, limit=limit)
+
+    def forget(self, id: str, *, why: str = "") -> bool:
+        """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
+        with self._lock:
+            self._index.discard_snapshot()
+            with self._store.writing(self.bank, actor="forget", now=self._clock()) as transaction:
+                found = transaction.forget(id, why=why)
+            self._index.refresh()
+            return found
+
+    # Looking ------------------------------------------------------------------------------------------------------
 
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
-        """The bank's rows in these states (all by default), by id."""
+        """The bank's records in these states (all by default), by id."""
         return self._store.records(self.bank, states)
+
+    def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
+        """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
+        with self._lock:
+            self._index.refresh()
+            states = (*SERVED, "provisional") if provisional else SERVED
+            candidates = self._index.candidates(states, now=self._clock())
+            return search(_task(text), self._index, candidates, self._retriever, self._embedder, k)
+
+    def history(self, id: str) -> list[Event]:
+        """All decisions about a record, oldest first."""
+        return self._store.history(self.bank, id)
+
+    def as_of(self, time: float) -> list[Record]:
+        """The records as they were at ``time``, seconds since the epoch."""
+        return self._store.as_of(self.bank, time)
+
+    def conflicts(self) -> list[Link]:
+        """Which records contradict each other."""
+        return [link for link in self._store.links(self.bank) if link.kind == "conflict"]
+
+    def links(self, id: str | None = None) -> list[Link]:
+        """All links, or those of one record."""
+        return self._store.links(self.bank, id)
+
+    def verify(self) -> list[Problem]:
+        """What is wrong with the bank, [] for nothing."""
+        return self._store.verify(self.bank)
+
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank."""
+        return self._store.stats(self.bank)
+
+    def compact(self, *, archived_before: float | None = None) -> int:
+        """Give space back; with ``archived_before``, forget archived records not updated since, and count them."""
+        if archived_before is None:
+            return self._store.compact()
+        return self._store.compact(self.bank, archived_before=archived_before, now=self._clock())
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
@@ -139,92 +251,19 @@ class KnowledgeBank:
     ) -> None:
         self.close()
 
-    def _candidates(self, records: Sequence[Record], dimension: int) -> Candidates:
-        now, model = self._clock(), self._embedder.model
-        return Candidates(
-            ids=[r.id for r in records],
-            contents=[r.content for r in records],
-            queries=[r.query for r in records],
-            embeddings=np.stack([r.vector(model, dimension) for r in records]),
-            confidence=np.array([r.confidence for r in records], dtype=np.float64),
-            outcomes=[r.verified_as for r in records],
-            types=[r.record_type for r in records],
-            ages=np.array([(now - r.updated) / SECONDS_PER_DAY for r in records], dtype=np.float64),
-            usage=np.array([r.usage for r in records], dtype=np.int64),
-            conflicts=np.array([r.conflicts() for r in records], dtype=np.int64),
-            signatures=[r.signature_json() for r in records],
-            skills=[r.skill for r in records],
-        )
-
-    def _weigh(self, episode: MemoryEpisode, verdict: Verdict, changes: Changes) -> list[Candidate]:
-        """What may be stored, decided and embedded outside the transaction: embedding may take its time."""
-        admitted: dict[str, tuple[Lesson, LifecycleState, str]] = {}
-        for lesson in episode.lessons:
-            bounded = Lesson(lesson.type, clean(lesson.content, MAX_CONTENT), lesson.effect)
-            decision = admit(
-                bounded, verdict, admission=self.options.admission, failures=self.options.failures
-            )
-            key = dedup_key(bounded.type, bounded.content, episode.task.skill, bounded.effect)
-            note = "" if _storable(bounded.effect) else "A lesson whose effect is no sound JSON was left out."
-            if decision.state is None:
-                note = decision.note
-            elif not note and key not in admitted and len(admitted) >= self.options.max_per_episode:
-                note = f"One episode may bring {self.options.max_per_episode} lessons: the rest was left out."
-            if decision.state is None or note:
-                changes.notes += [] if note in changes.notes else [note]
-            else:
-                admitted.setdefault(key, (bounded, decision.state, decision.note))
-        changes.discarded += len(episode.lessons) - len(admitted)
-        query = clean(episode.task.query, MAX_QUERY)
-        vectors = self._embedder.embed([f"{query} {lesson.content}" for lesson, _, _ in admitted.values()])
-        return [
-            Candidate(lesson, state, key, vector, note)
-            for (key, (lesson, state, note)), vector in zip(admitted.items(), vectors, strict=True)
-        ]
-
-    def _credit(self, session: Session, context: MemoryContext, verdict: Verdict) -> None:
-        """Count what was recalled now that the outcome is known; only a success refreshes and rewards it."""
-        ids = [item.id for item in context.items]
-        if verdict.outcome not in ("verified_success", "verified_fail") or not ids:
-            return
-        rev = next_rev(session, self.bank)
-        for record in session.exec(select(Record).where(Record.bank == self.bank, col(Record.id).in_(ids))):
-            record.recalled += 1
-            if verdict.outcome == "verified_success":
-                record.usage += 1
-                record.updated = self._clock()
-            record.version += 1
-            record.rev = rev
-            session.add(record)
-        session.flush()
+    def _shown(self) -> tuple[str, ...]:
+        return (*SERVED, "provisional") if self.options.show_provisional else SERVED
 
 
-def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryItem:
-    return MemoryItem(
-        id=record.id,
-        type=record.record_type,
-        content=record.content,
-        confidence=record.confidence,
-        score=score,
-        terms=dict(terms),
-        # What was never verified binds nobody, even where the bank is told to show it.
-        binding=record.type == "failure_avoidance" and record.state != "provisional",
-        effect=record.effect_json(),
+def _task(task: MemoryTask | str) -> MemoryTask:
+    return MemoryTask(task) if isinstance(task, str) else task
+
+
+def _joined(parts: Sequence[Learned]) -> Learned:
+    return Learned(
+        added=tuple(id for part in parts for id in part.added),
+        merged=tuple(id for part in parts for id in part.merged),
+        provisional=tuple(id for part in parts for id in part.provisional),
+        discarded=sum(part.discarded for part in parts),
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
     )
-
-
-def _readable(record: Record) -> bool:
-    """Whether a row can be served; a damaged one is passed over, the others are not held up by it."""
-    try:
-        record.effect_json(), record.signature_json(), record.conflicts()
-        return bool(np.isfinite([record.confidence, record.quality, record.updated]).all())
-    except (ValueError, TypeError, AttributeError):
-        return False
-
-
-def _storable(effect: Mapping[str, object] | None) -> bool:
-    try:
-        dump(dict(effect or {})).encode()
-    except (TypeError, ValueError):
-        return False
-    return True

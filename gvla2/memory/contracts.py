@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ from numpy.typing import NDArray
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
 Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
+
+TYPES: tuple[RecordType, ...] = get_args(RecordType)
+"""The types in a fixed order: columns of numbers hold places in it."""
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+"""The outcomes in a fixed order: columns of numbers hold places in it."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +73,9 @@ class Verdict:
 
     >= .70 is ``verified_success``, <= .35 ``verified_fail``, else ``uncertain``. A verifier that could not judge
     is ``unavailable`` (quality and confidence are then meaningless), never a midpoint.
+
+    ``usage`` is what judging cost by name (prompt_tokens, completion_tokens, calls), empty for rules. ``mass`` is how
+    much probability a model gave to valid score tokens, by criterion, in [0, 1]; empty where no model judged.
     """
 
     outcome: Outcome
@@ -76,6 +84,8 @@ class Verdict:
     criteria: Mapping[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     verifier: str = ""
+    usage: Mapping[str, int] = field(default_factory=dict)
+    mass: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def from_criteria(
@@ -108,7 +118,8 @@ class MemoryEpisode:
     """What memory learns from: the task, what was recalled for it, the candidate lessons, and where they come from.
 
     ``transcript`` is the episode in words (plan and execution). ``source`` identifies the run (its episode id);
-    ``provenance`` holds plugin names and versions.
+    ``provenance`` holds plugin names and versions; ``facts`` are named JSON observations (an exit status), kept so
+    that the episode can be verified again.
     """
 
     task: MemoryTask
@@ -117,6 +128,7 @@ class MemoryEpisode:
     recalled: MemoryContext = MemoryContext()
     source: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -163,27 +175,102 @@ class Embedder(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Candidates:
-    """What a retriever ranks: N records as parallel columns.
+class Candidates(Protocol):
+    """The N records that a retriever ranks, as parallel columns; row i is the same record in each of them.
 
-    ``contents`` and ``queries`` texts; ``embeddings`` (N, D) of "query content"; ``confidence`` (N,) in [0, 1];
-    ``outcomes`` of their verification; ``types``; ``ages`` (N,) days since the last update; ``usage`` (N,)
-    counts; ``conflicts`` (N,) counts; ``signatures`` scene geometry; ``skills`` ("" for any).
+    Columns are read-only and hold until the index behind them changes: use them within one call of ``rank``, keep
+    none. What costs time to look up for every record (texts, signatures) comes by row, on demand.
+    :func:`gvla2.testing.candidates` builds small ones for the tests of a retriever.
     """
 
-    ids: Sequence[str]
-    contents: Sequence[str]
-    queries: Sequence[str]
-    embeddings: NDArray[np.float32]
-    confidence: NDArray[np.float64]
-    outcomes: Sequence[Outcome]
-    types: Sequence[RecordType]
-    ages: NDArray[np.float64]
-    usage: NDArray[np.int64]
-    conflicts: NDArray[np.int64]
-    signatures: Sequence[Mapping[str, float]]
-    skills: Sequence[str]
+    @property
+    def ids(self) -> Sequence[str]:
+        """N ids, each once."""
+        ...
+
+    @property
+    def confidence(self) -> NDArray[np.float64]:
+        """(N,) kappa in [0, 1]."""
+        ...
+
+    @property
+    def ages(self) -> NDArray[np.float64]:
+        """(N,) days since the last update; never negative."""
+        ...
+
+    @property
+    def usage(self) -> NDArray[np.int64]:
+        """(N,) credited uses."""
+        ...
+
+    @property
+    def conflicts(self) -> NDArray[np.int64]:
+        """(N,) how many records contradict each."""
+        ...
+
+    @property
+    def outcomes(self) -> NDArray[np.int8]:
+        """(N,) places in ``OUTCOMES``: how each record was verified."""
+        ...
+
+    @property
+    def types(self) -> NDArray[np.int8]:
+        """(N,) places in ``TYPES``."""
+        ...
+
+    @property
+    def wordings(self) -> NDArray[np.int64]:
+        """(N,) numbers that are equal where contents have the same words, whatever their order and punctuation."""
+        ...
+
+    def of_skill(self, skill: str) -> NDArray[np.bool_]:
+        """(N,) the records of this skill or of none; all of them for ""."""
+        ...
+
+    def lexical(self, query: str) -> NDArray[np.float64]:
+        """(N,) BM25 of the query's topic words divided by its largest value, in [0, 1]."""
+        ...
+
+    def coverage(self, query: str) -> NDArray[np.float64]:
+        """(N,) share of the query's distinct topic words that each record has, in [0, 1]."""
+        ...
+
+    def cosine(
+        self, vector: NDArray[np.float32], rows: NDArray[np.int64] | None = None
+    ) -> NDArray[np.float64]:
+        """Cosine of the records with a unit (D,) vector, 0 where a record has none of this model.
+
+        (N,) of all records to within :meth:`slack`, which is quick; (K,) and exact for the (K,) ``rows`` given.
+        """
+        ...
+
+    def slack(self, vector: NDArray[np.float32]) -> float:
+        """How far :meth:`cosine` of all records may be from the exact one, for this vector."""
+        ...
+
+    def vectors(self, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        """(K, D) embeddings of these rows; zero where a record has none."""
+        ...
+
+    def numbers(self, name: str, rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """(N,), or (K,) of ``rows``: a number of the scene signatures, nan where a record has none by this name."""
+        ...
+
+    def content(self, row: int) -> str:
+        """What the record says."""
+        ...
+
+    def query(self, row: int) -> str:
+        """The instructions that it came from, one a line."""
+        ...
+
+    def effect(self, row: int) -> Mapping[str, Any] | None:
+        """The typed effect of the record, if it has one."""
+        ...
+
+    def signature(self, row: int) -> Mapping[str, float]:
+        """The geometry of the scene that the record came from."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -201,7 +288,10 @@ class Retriever(Protocol):
     def rank(
         self, task: MemoryTask, candidates: Candidates, query_embedding: NDArray[np.float32]
     ) -> tuple[Sequence[Ranked], str]:
-        """The reliable rows, best first, and "" or the reason for abstaining (then there are no rows)."""
+        """The reliable rows, best first, and "" or the reason for abstaining (then there are no rows).
+
+        ``query_embedding`` (D,) is the task's query by the model of the candidates' vectors.
+        """
         ...
 
 
@@ -219,4 +309,12 @@ class Verifier(Protocol):
 
     def verify(self, evidence: Evidence) -> Verdict:
         """A verdict; ``unavailable`` when this verifier cannot judge such evidence or failed itself."""
+        ...
+
+
+class Inducer(Protocol):
+    """Draws candidate lessons from an episode, before admission."""
+
+    def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
+        """The lessons in the light of the verdict; those that the episode brings itself are its ``lessons``."""
         ...

@@ -1,4 +1,4 @@
-"""The stored form of a memory record: m = (i, q, c, y, s, z, kappa, R, u, d, L, v) of the paper, and more."""
+"""A lesson as the store keeps it: m = (i, q, c, y, s, z, kappa, R, u, d, L, v) of the paper, and more."""
 
 from __future__ import annotations
 
@@ -7,74 +7,52 @@ import json
 import math
 import unicodedata
 from collections.abc import Mapping
-from typing import Any, ClassVar, cast
-
-import numpy as np
-from numpy.typing import NDArray
-from sqlalchemy import LargeBinary, Text, UniqueConstraint
-from sqlalchemy.orm import registry
-from sqlmodel import Field, SQLModel
+from dataclasses import dataclass, fields
+from typing import Any, cast
 
 from gvla2.memory.contracts import LifecycleState, Outcome, RecordType
 
-SCHEMA_VERSION = 1
-"""Version of the tables below, kept in ``memory_meta``; a database of a later one is refused."""
-
-tables = registry()
+FORGOTTEN = "forgotten"
+"""The state of a tombstone: the record was forgotten, its id and the number of its changes are all that is left."""
 
 
-class MemoryTables(SQLModel, registry=tables):
-    """Keeps these tables apart from any other SQLModel table of the same process."""
-
-
-class Meta(MemoryTables, table=True):
-    """Facts about the database itself, such as its schema version."""
-
-    __tablename__: ClassVar[Any] = "memory_meta"
-
-    key: str = Field(primary_key=True)
-    value: str
-
-
-class Record(MemoryTables, table=True):
-    """One lesson in a bank.
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One lesson in a bank. Links and the embedding are kept apart, see :class:`Link` and :class:`Change`.
 
     ``query`` are the instructions it came from, one a line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose
-    outcome was verified either way. Times are seconds since the epoch. ``version`` counts the changes of this row,
-    ``rev`` numbers all changes of its bank. JSON columns are text, so that one damaged row cannot spoil a query.
-    ``embedding`` is float32, little-endian, made by ``embedding_model``.
+    outcome was verified either way. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
+    ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect``
+    one or "". The store alone sets ``version``, which counts the changes of this record (0: not stored yet), and
+    ``rev``, the number of the bank's transaction that last changed it or a link of it.
     """
 
-    __tablename__: ClassVar[Any] = "memory"
-    __table_args__ = (UniqueConstraint("bank", "dedup_key"),)
-
-    id: str = Field(primary_key=True)
-    bank: str = Field(index=True)
-    query: str = Field(sa_type=Text)
-    content: str = Field(sa_type=Text)
+    id: str
+    bank: str
+    query: str
+    content: str
     type: str
-    state: str = Field(index=True)
+    state: str
     outcome: str
     confidence: float
     quality: float
+    dedup_key: str
+    created: float
+    updated: float
+    used: float = 0.0
     count: int = 1
     usage: int = 0
     recalled: int = 0
-    dedup_key: str
-    links: str = "[]"
     verifier: str = "{}"
     signature: str = "{}"
     skill: str = ""
     effect: str = ""
     provenance: str = "{}"
     note: str = ""
-    embedding: bytes = Field(default=b"", sa_type=LargeBinary)
-    embedding_model: str = ""
-    created: float
-    updated: float
-    version: int = 1
-    rev: int
+    # The store's own; the last two columns of the table, too.
+    version: int = 0
+    rev: int = 0
 
     @property
     def record_type(self) -> RecordType:
@@ -92,38 +70,92 @@ class Record(MemoryTables, table=True):
         return cast(Outcome, self.outcome)
 
     def effect_json(self) -> dict[str, Any] | None:
-        """The typed effect, or None; raises ``ValueError`` where the column is damaged."""
-        return _json_object(self.effect) if self.effect else None
+        """The typed effect, or None."""
+        return load_object(self.effect) if self.effect else None
 
     def signature_json(self) -> dict[str, float]:
-        """The scene's signature; raises ``ValueError`` where the column is damaged."""
-        return {k: float(v) for k, v in _json_object(self.signature).items()}
+        """The scene's signature."""
+        return {k: float(v) for k, v in load_object(self.signature).items()}
 
-    def conflicts(self) -> int:
-        """How many records contradict this one; raises ``ValueError`` where the column is damaged."""
-        links = json.loads(self.links)
-        if not isinstance(links, list):
-            raise ValueError("links are not a list")
-        return sum(isinstance(link, dict) and link.get("kind") == "conflict" for link in links)
+    def provenance_json(self) -> dict[str, Any]:
+        """Where the record comes from: ``made_by`` and ``sources``, the ids of its episodes."""
+        return load_object(self.provenance)
 
-    def vector(self, model: str, dimension: int) -> NDArray[np.float32]:
-        """(dimension,) unit row; zero where it was made by another model or is damaged."""
-        stored = np.frombuffer(self.embedding[: len(self.embedding) // 4 * 4], dtype="<f4")
-        if self.embedding_model != model or stored.shape != (dimension,) or not np.isfinite(stored).all():
-            return np.zeros(dimension, dtype=np.float32)
-        return stored.astype(np.float32)
+    def verifier_json(self) -> dict[str, Any]:
+        """What the verifier said last."""
+        return load_object(self.verifier)
+
+    def sources(self) -> tuple[str, ...]:
+        """Ids of the episodes that the record comes from."""
+        listed = self.provenance_json().get("sources", [])
+        return tuple(str(source) for source in listed) if isinstance(listed, list) else ()
 
 
-def _json_object(text: str) -> dict[str, Any]:
-    data = json.loads(text)
+COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(Record))
+"""The columns of a record, in the order of :class:`Record` and of its table."""
+
+_JSON_COLUMNS = tuple(COLUMNS.index(name) for name in ("verifier", "signature", "effect", "provenance"))
+_NUMBERS = tuple(COLUMNS.index(name) for name in ("confidence", "quality", "created", "updated", "used"))
+_COUNTS = tuple(COLUMNS.index(name) for name in ("count", "usage", "recalled"))
+_SIGNATURE = COLUMNS.index("signature")
+TYPES = tuple({"str": str, "float": float, "int": int}[str(field.type)] for field in fields(Record))
+_CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is no JSON number")
+
+
+_DECODER = json.JSONDecoder(parse_constant=_no_constant)
+
+
+def dump(data: Any) -> str:
+    """JSON with sorted keys: the same data give the same text. Raises ``ValueError`` for NaN and infinity."""
+    return _CODEC.encode(data)
+
+
+def load(text: str) -> Any:
+    """JSON without NaN and infinity; raises ``ValueError`` for anything else."""
+    return _DECODER.decode(text)
+
+
+def load_object(text: str) -> dict[str, Any]:
+    """A JSON object; raises ``ValueError`` for anything else."""
+    data = _DECODER.decode(text)
     if not isinstance(data, dict):
         raise ValueError("not a JSON object")
     return data
 
 
-def dump(data: Any) -> str:
-    """JSON with sorted keys: the same data give the same text. Raises ``ValueError`` for NaN and infinity."""
-    return json.dumps(data, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+def damage_of(row: tuple[Any, ...]) -> str:
+    """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" for nothing."""
+    if tuple(map(type, row)) != TYPES:
+        wrong = [
+            name for name, value, kind in zip(COLUMNS, row, TYPES, strict=True) if type(value) is not kind
+        ]
+        return f"{', '.join(wrong)} of a wrong type"
+    for i in _NUMBERS:
+        if not math.isfinite(row[i]):
+            return f"{COLUMNS[i]} is no finite number"
+    for i in _COUNTS:
+        if not 0 <= row[i] < 2**63:
+            return f"{COLUMNS[i]} is no count"
+    for i in _JSON_COLUMNS:
+        text = row[i]
+        if text == "{}" or (not text and COLUMNS[i] == "effect"):
+            continue
+        try:
+            data = load_object(text)
+            if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
+                return "signature holds what is no number"
+        except (ValueError, TypeError, RecursionError) as error:
+            return f"{COLUMNS[i]} is no sound JSON ({error})"
+    return ""
+
+
+def as_json(record: Record) -> dict[str, Any]:
+    """The record's columns by name."""
+    return {name: getattr(record, name) for name in COLUMNS}
 
 
 def clean(text: str, limit: int) -> str:

@@ -18,8 +18,23 @@ CLOSING = "</memory>"
 HINTS = "Hints (optional):"
 CONSTRAINTS = "Constraints (binding):"
 
-_LOOKALIKES = str.maketrans({"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"})
 _ITEM_LIMIT = 600
+
+
+class _Visible(dict[int, str | None]):
+    """What a character is shown as: spaces as one space, invisible ones not at all, markup as its lookalikes."""
+
+    def __missing__(self, code: int) -> str | None:
+        letter = chr(code)
+        shown = " " if letter.isspace() else None if unicodedata.category(letter)[0] == "C" else letter
+        if len(self) < 20_000:
+            self[code] = shown
+        return shown
+
+
+_VISIBLE = _Visible(
+    {ord(k): v for k, v in {"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"}.items()}
+)
 
 
 def render(items: Sequence[MemoryItem], max_chars: int = 2400) -> str:
@@ -50,14 +65,14 @@ def _sections(items: Sequence[MemoryItem], lines: Sequence[str]) -> list[str]:
 def _line(item: MemoryItem, limit: int) -> str:
     """One item in at most ``limit`` characters, "" when that is too few to say anything."""
     head = f"[{neutralised(item.id, 64)} | confidence {item.confidence:.2f}] "
-    tail = _effect_words(item.effect)
+    tail = effect_words(item.effect)
     room = limit - len(head) - len(tail)
     if room < 16:
         return ""
     return head + neutralised(item.content, room) + tail
 
 
-def _effect_words(effect: Mapping[str, Any] | None) -> str:
+def effect_words(effect: Mapping[str, Any] | None) -> str:
     """The numbers of a typed effect, in words; "" for one that is damaged."""
     if not effect:
         return ""
@@ -87,8 +102,5 @@ def neutralised(text: str, limit: int) -> str:
     """
     # Normalising may lengthen a text, so cut before (to bound the work) and after (to bound the result).
     plain = unicodedata.normalize("NFKC", text[: 4 * limit])
-    visible = "".join(
-        " " if c.isspace() else c for c in plain if c.isspace() or unicodedata.category(c)[0] != "C"
-    )
-    line = " ".join(visible.translate(_LOOKALIKES).split())
+    line = " ".join(plain.translate(_VISIBLE).split())
     return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"

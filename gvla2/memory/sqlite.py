@@ -1,185 +1,235 @@
-"""SQLite files that many processes share: how one is opened, created once, and refused.
-
-Nothing here ever replaces, moves or deletes a file: what cannot be used is left as it is, and named.
-"""
+"""The memory in a SQLite file that many processes share: its connections and transactions."""
 
 from __future__ import annotations
 
+import os
+import random
 import sqlite3
-import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
-from sqlalchemy import Connection, Engine, create_engine, event
-from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError, SQLAlchemyError
-from sqlalchemy.pool import QueuePool
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.database import Row
+from gvla2.memory.sqlite_file import database_path, explained, prepare, refuse_to_replace
 
-from gvla2.errors import ConfigurationError, MemoryStoreError
-from gvla2.memory.records import SCHEMA_VERSION, tables
+__all__ = ["SqliteConnection", "SqliteDatabase", "database_path"]
 
-if sys.platform != "win32":
-    import fcntl
-
-WRITES = "gvla2_writes"
-"""Execution option of connections that will write: they take the write lock when they begin."""
+ROWS_AT_ONCE = 2000
+_EMPTY_LOG = "PRAGMA wal_checkpoint(TRUNCATE)"
+_SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG, "PRAGMA secure_delete=OFF")
 
 
-def database_path(url: str) -> Path:
-    """The file of ``sqlite:///path``; raises :class:`ConfigurationError` for anything else."""
-    try:
-        parsed = make_url(url)
-    except ArgumentError as error:
-        raise ConfigurationError(f"Not a database address: {url!r}. Give sqlite:///path/to/file.") from error
-    if parsed.get_backend_name() != "sqlite":
-        raise ConfigurationError(
-            f"The memory cannot use '{parsed.get_backend_name()}': give an address such as sqlite:///path/to/file."
-        )
-    if not parsed.database or parsed.database == ":memory:" or parsed.query:
-        raise ConfigurationError(f"{url!r} names no file: give an address such as sqlite:///path/to/file.")
-    return Path(parsed.database).expanduser().absolute()
-
-
-def make_engine(path: Path, busy_seconds: float) -> Engine:
-    """An engine that keeps one connection open between transactions (it holds no lock then), and more for threads."""
-    engine = create_engine(
-        URL.create("sqlite", database=str(path)),
-        poolclass=QueuePool,
-        pool_size=1,
-        max_overflow=15,
-        connect_args={"timeout": busy_seconds, "check_same_thread": False},
+def connect(path: Path, busy_seconds: float) -> sqlite3.Connection:
+    """A connection on which only explicit BEGINs open transactions, and a commit is on the disk."""
+    connection = sqlite3.connect(
+        path, timeout=busy_seconds, isolation_level=None, check_same_thread=False, cached_statements=256
     )
-
-    @event.listens_for(engine, "connect")
-    def configure(connection: Any, _record: Any) -> None:
-        connection.isolation_level = None  # the "begin" below is the only one
-        connection.execute("PRAGMA synchronous=FULL")
-
-    @event.listens_for(engine, "begin")
-    def begin(connection: Connection) -> None:
-        writes = connection.get_execution_options().get(WRITES, False)
-        # A transaction that reads first and writes later fails under contention; a writer says so at once.
-        connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
-
-    return engine
+    connection.execute("PRAGMA synchronous=FULL")
+    return connection
 
 
-def prepare(path: Path, busy_seconds: float) -> None:
-    """Make sure that ``path`` holds the memory's tables, creating them once among all processes.
+class SqliteConnection:
+    """A :class:`gvla2.memory.database.Connection`."""
 
-    Raises :class:`MemoryStoreError` for a file that is locked, corrupt, not writable, of a later schema, or the
-    database of something else.
-    """
-    with explained(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if _has_tables(path, busy_seconds):
-            return
-        with _creation_lock(path, busy_seconds):
-            if not _has_tables(path, busy_seconds):
-                _create(path, busy_seconds)
+    def __init__(self, raw: sqlite3.Connection) -> None:
+        self.raw = raw
 
-
-def _has_tables(path: Path, busy_seconds: float) -> bool:
-    """Whether the memory is there and usable; False for a file that is absent or empty."""
-    if not path.exists():
-        return False
-    if path.is_dir():
-        raise MemoryStoreError(f"The memory {path} cannot be used: it is a folder. Give the path of a file.")
-    # An administrator who takes all write bits away means it, for root as well.
-    if not path.stat().st_mode & 0o222:
-        raise MemoryStoreError(f"The memory {path} is read-only. Make it writable, or choose another file.")
-    if path.stat().st_size == 0:
-        return False
-    # Looking must not change a file that is then refused, nor leave a write-ahead log beside it, as reading does
-    # unless the file is said to be immutable. It is not if others have it open; they leave a log beside it, too.
-    if not _in_use(path):
+    def rows(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
+        """All rows of a query."""
         try:
-            _look(path, "immutable=1", busy_seconds)
-        except (sqlite3.Error, MemoryStoreError):
-            if not _in_use(path):
+            return self.raw.execute(sql, values).fetchall()
+        except sqlite3.OperationalError as error:
+            if "decode to UTF-8" not in str(error):
                 raise
-    return _look(path, "mode=ro", busy_seconds)
+        # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
+        self.raw.text_factory = _text_or_bytes
+        try:
+            return self.raw.execute(sql, values).fetchall()
+        finally:
+            self.raw.text_factory = str
+
+    def row(self, sql: str, values: Sequence[Any] = ()) -> Row | None:
+        """The first row of a query, None where there is none."""
+        rows = self.rows(sql, values)
+        return rows[0] if rows else None
+
+    def stream(self, sql: str, values: Sequence[Any] = ()) -> Iterator[Row]:
+        """The rows of a query, a few at a time."""
+        cursor = self.raw.cursor()
+        cursor.row_factory = None
+        self.raw.text_factory = _text_or_bytes
+        try:
+            cursor.execute(sql, values)
+            while rows := cursor.fetchmany(ROWS_AT_ONCE):
+                yield from rows
+        finally:
+            self.raw.text_factory = str
+            cursor.close()
+
+    def run(self, sql: str, values: Sequence[Any] = ()) -> int:
+        """Run a statement; how many rows it touched."""
+        return self.raw.execute(sql, values).rowcount
+
+    def run_many(self, sql: str, values: Iterable[Sequence[Any]]) -> None:
+        """Run a statement once for each row of values."""
+        self.raw.executemany(sql, values)
 
 
-def _in_use(path: Path) -> bool:
-    """Whether a log lies beside the file: somebody has it open, or crashed and left something to recover."""
-    return any(path.with_name(path.name + suffix).exists() for suffix in ("-wal", "-shm", "-journal"))
+def _begin(raw: sqlite3.Connection) -> None:
+    raw.execute("BEGIN")
 
 
-def _look(path: Path, mode: str, busy_seconds: float) -> bool:
-    """Whether the file holds the memory's tables, False for no tables at all; raises for a file to be refused."""
-    address = f"file:{quote(str(path))}?{mode}"
-    with closing(sqlite3.connect(address, uri=True, timeout=busy_seconds)) as connection:
-        names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not names:
-            return False
-        if "memory_meta" not in names:
-            raise MemoryStoreError(f"{path} is the database of something else: choose another file.")
-        found = connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone()
-        version = int(found[0]) if found and str(found[0]).isdigit() else -1
-        if version > SCHEMA_VERSION:
-            raise MemoryStoreError(
-                f"The memory {path} has schema {version}, this gvla2 knows up to {SCHEMA_VERSION}: update gvla2, "
-                "or choose another file."
-            )
-        if version < 1 or "memory" not in names:
-            raise MemoryStoreError(f"The memory {path} is damaged: its schema is not stated.")
-        health = connection.execute("PRAGMA quick_check(1)").fetchone()
-        if health is None or health[0] != "ok":
-            raise MemoryStoreError(f"The memory {path} is corrupt: {health[0] if health else 'unreadable'}.")
-    return True
-
-
-def _create(path: Path, busy_seconds: float) -> None:
-    with closing(sqlite3.connect(path, timeout=busy_seconds)) as connection:
-        connection.execute("PRAGMA journal_mode=WAL")
-    engine = make_engine(path, busy_seconds)
+def _text_or_bytes(stored: bytes) -> str | bytes:
     try:
-        with engine.execution_options(**{WRITES: True}).begin() as connection:
-            tables.metadata.create_all(connection)
-            connection.exec_driver_sql("INSERT INTO memory_meta VALUES ('schema', ?)", (str(SCHEMA_VERSION),))
-    finally:
-        engine.dispose()
+        return stored.decode()
+    except UnicodeDecodeError:
+        return stored
 
 
-@contextmanager
-def _creation_lock(path: Path, busy_seconds: float) -> Iterator[None]:
-    """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
-    if sys.platform == "win32":
-        yield  # SQLite's own locks are all there is
-        return
-    lock = path.with_name(f".{path.name}.lock")
-    with lock.open("a") as handle:
-        deadline = time.monotonic() + busy_seconds
-        while True:
+class SqliteDatabase:
+    """A :class:`gvla2.memory.database.Database` in one file, opened or created at ``path``.
+
+    Idle connections are kept and hold no lock; each thread works on one of its own, and a forked process on new
+    ones. Waits for other processes at most ``busy_seconds`` at a time.
+    """
+
+    def __init__(self, path: Path, busy_seconds: float) -> None:
+        prepare(path, busy_seconds)
+        self._path, self._busy_seconds = path, busy_seconds
+        self._idle: list[SqliteConnection] = []
+        self._inherited: list[SqliteConnection] = []
+        self._pid = os.getpid()
+        self._closed = False
+
+    @property
+    def name(self) -> str:
+        """The file's path."""
+        return str(self._path)
+
+    def _take(self) -> SqliteConnection:
+        if self._closed:
+            raise MemoryStoreError(f"The memory {self._path} was closed.")
+        if self._pid != os.getpid():
+            # After a fork, the parent's connections must be neither used nor closed here.
+            self._inherited, self._idle, self._pid = self._idle, [], os.getpid()
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return SqliteConnection(connect(self._path, self._busy_seconds))
+
+    def _give(self, connection: SqliteConnection) -> None:
+        if self._closed or connection.raw.in_transaction:
+            connection.raw.close()
+        else:
+            self._idle.append(connection)
+
+    @contextmanager
+    def reading(self) -> Iterator[SqliteConnection]:
+        """A consistent view, held until the end of the block."""
+        with self._transaction(_begin) as connection:
+            yield connection
+
+    @contextmanager
+    def writing(self, bank: str) -> Iterator[SqliteConnection]:
+        """A transaction that holds the write lock from its start; an exception undoes all of it."""
+        with self._transaction(self._begin_to_write) as connection:
+            yield connection
+
+    @contextmanager
+    def _transaction(self, begin: Callable[[sqlite3.Connection], object]) -> Iterator[SqliteConnection]:
+        with explained(self._path):
+            connection = self._take()
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError as error:
-                if time.monotonic() > deadline:
-                    raise MemoryStoreError(
-                        f"The memory {path} is being created by another process."
-                    ) from error
-                time.sleep(0.01)
-        yield  # closing the file lets go of the lock
+                begin(connection.raw)
+                try:
+                    yield connection
+                    connection.raw.execute("COMMIT")
+                except BaseException:
+                    if connection.raw.in_transaction:
+                        connection.raw.execute("ROLLBACK")
+                    raise
+            finally:
+                self._give(connection)
 
+    def _begin_to_write(self, raw: sqlite3.Connection) -> None:
+        """Take the write lock: a transaction that reads first and writes later would fail under contention.
 
-@contextmanager
-def explained(path: Path) -> Iterator[None]:
-    """Turn what SQLite and the file system say into a :class:`MemoryStoreError` that names the file."""
-    try:
-        yield
-    except (sqlite3.Error, SQLAlchemyError, OSError) as error:
-        said = str(getattr(error, "orig", None) or error)
-        hint = ""
-        if "locked" in said or "busy" in said:
-            hint = " Another process holds it: wait for it, or choose another file."
-        elif "readonly" in said or isinstance(error, PermissionError) or "unable to open" in said:
-            hint = " It, or its folder, is not writable: choose another file."
-        elif "not a database" in said or "malformed" in said:
-            hint = " It is corrupt and was left as it is: restore it from a copy, or choose another file."
-        raise MemoryStoreError(f"The memory {path} cannot be used: {said}.{hint}") from error
+        SQLite's own way of waiting sleeps ever longer, so that whoever comes last goes first. Here the pauses get
+        shorter the longer one has waited: nobody starves.
+        """
+        began = time.monotonic()
+        raw.execute("PRAGMA busy_timeout=0")
+        try:
+            while True:
+                try:
+                    raw.execute("BEGIN IMMEDIATE")
+                    return
+                except sqlite3.OperationalError as error:
+                    waited = time.monotonic() - began
+                    if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or waited > self._busy_seconds:
+                        raise
+                time.sleep(random.uniform(0.5, 1.5) * max(0.0002, 0.004 * (1 - waited / 0.3)))
+        finally:
+            raw.execute(f"PRAGMA busy_timeout={int(1000 * self._busy_seconds)}")
+
+    def one(self, sql: str, values: Sequence[Any]) -> Row | None:
+        """The first row of a query by itself, as cheaply as can be."""
+        with explained(self._path):
+            connection = self._take()
+            try:
+                return connection.row(sql, values)
+            finally:
+                self._give(connection)
+
+    def scrub(self) -> None:
+        """Write the file anew without what was deleted, and empty the write-ahead log."""
+        with explained(self._path):
+            connection = self._take()
+            try:
+                for step in _SCRUB:
+                    answer = connection.raw.execute(step).fetchone()
+                    if step == _EMPTY_LOG and answer and answer[0]:
+                        raise MemoryStoreError(
+                            f"The memory {self._path} is being read by another process, so that what was forgotten "
+                            "may still have bytes in its log: compact it later."
+                        )
+            finally:
+                self._give(connection)
+
+    def forget_in_copies(self, bank: str, ids: Sequence[str]) -> None:
+        """Take these records out of the copies that a migration left beside the file."""
+        from gvla2.memory.migrations import forget_in_copies  # it stands on this module
+
+        forget_in_copies(self._path, bank, ids, self._busy_seconds)
+
+    def snapshot(self, path: Path) -> None:
+        """Write a consistent, compact copy beside ``path``, then put it in its place."""
+        with explained(path):
+            refuse_to_replace(path, self._busy_seconds)
+            aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+            aside.unlink(missing_ok=True)
+            try:
+                with closing(connect(self._path, self._busy_seconds)) as connection:
+                    connection.execute("VACUUM INTO ?", (str(aside),))
+                with closing(sqlite3.connect(aside)) as copy:
+                    copy.execute("PRAGMA journal_mode=WAL")
+                with aside.open("rb+") as handle:
+                    os.fsync(handle.fileno())
+                aside.replace(path)
+            finally:
+                aside.unlink(missing_ok=True)
+
+    def size(self) -> int:
+        """Bytes of the file and its log."""
+        files = [self._path, self._path.with_name(self._path.name + "-wal")]
+        return sum(file.stat().st_size for file in files if file.exists())
+
+    def close(self) -> None:
+        """Close idle connections; safe to call twice."""
+        self._closed = True
+        if self._pid == os.getpid():
+            while self._idle:
+                self._idle.pop().raw.close()

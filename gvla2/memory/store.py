@@ -1,72 +1,193 @@
-"""The bank's rows in SQL: transactions that are whole or nothing, safe among processes."""
+"""The banks of a database: transactions that are whole or nothing, safe among processes, and their whole history."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
+from typing import Any
 
-from sqlalchemy import Engine, func
-from sqlmodel import Session, col, select
+import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.contracts import LifecycleState
-from gvla2.memory.records import Record
-from gvla2.memory.sqlite import WRITES, database_path, explained, make_engine, prepare
+from gvla2.memory.audit import Problem, audit
+from gvla2.memory.compaction import compact
+from gvla2.memory.database import Database
+from gvla2.memory.episodes import StoredEpisode
+from gvla2.memory.events import Event, Link
+from gvla2.memory.forgetting import finish_forgetting
+from gvla2.memory.opening import open_database
+from gvla2.memory.putting import Put, StaleRecordError, write_vectors
+from gvla2.memory.rebuilding import Rebuilt, rebuild
+from gvla2.memory.records import Record, clean
+from gvla2.memory.transaction import Transaction
+from gvla2.memory.view import Change, View
+
+__all__ = [
+    "Change",
+    "Event",
+    "Link",
+    "Problem",
+    "Put",
+    "Rebuilt",
+    "Record",
+    "StaleRecordError",
+    "Store",
+    "StoredEpisode",
+    "Transaction",
+    "View",
+]
 
 
 class Store:
-    """An open database of records. Any number of processes may have the same one open.
+    """An open database of banks. Any number of processes and threads may have the same one open.
 
-    Every method raises :class:`MemoryStoreError` when the database cannot be used.
+    Every method raises :class:`~gvla2.errors.MemoryStoreError` when the database cannot be used. Damaged rows are
+    passed over when reading and named by :meth:`verify`; they hold up nothing else.
     """
 
-    def __init__(self, engine: Engine, url: str) -> None:
-        self._engine: Engine | None = engine
-        self._path = database_path(url)
-        self.url = url
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     @classmethod
     def open(cls, url: str, *, busy_seconds: float = 5.0) -> Store:
-        """Open, or create, the database at ``sqlite:///path``, waiting for others at most ``busy_seconds``."""
-        path = database_path(url)
-        prepare(path, busy_seconds)
-        return cls(make_engine(path, busy_seconds), url)
+        """Open, create or migrate the database at ``sqlite:///path`` or ``postgresql://user@host/name``.
+
+        Waits for others at most ``busy_seconds`` at a time. Raises :class:`~gvla2.errors.ConfigurationError` for
+        any other address.
+        """
+        return cls(open_database(url, busy_seconds))
+
+    @property
+    def name(self) -> str:
+        """The file or address, as messages say it."""
+        return self._database.name
 
     @contextmanager
-    def reading(self) -> Iterator[Session]:
-        """A consistent view of the database; rows may be kept after it ends."""
-        with self._session(writes=False) as session:
-            yield session
+    def reading(self) -> Iterator[View]:
+        """All banks as they are at one instant, for reads that must agree with one another."""
+        with self._database.reading() as connection:
+            yield View(connection)
 
     @contextmanager
-    def writing(self) -> Iterator[Session]:
-        """A transaction that holds the write lock from its start; any exception, Ctrl-C too, undoes all of it."""
-        with self._session(writes=True) as session:
-            yield session
+    def writing(self, bank: str, *, actor: str, now: float) -> Iterator[Transaction]:
+        """A transaction that keeps other writers of ``bank`` out from its start; any exception undoes all of it.
 
-    @contextmanager
-    def _session(self, *, writes: bool) -> Iterator[Session]:
-        if self._engine is None:
-            raise MemoryStoreError(f"The memory {self._path} was closed.")
-        bind = self._engine.execution_options(**{WRITES: writes})
-        with explained(self._path), Session(bind, expire_on_commit=False) as session, session.begin():
-            session.connection()  # takes the lock now, not at the first statement
-            yield session
+        ``actor`` is who decides (a command, an operation of the bank), ``now`` seconds since the epoch. All its
+        changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
+        """
+        if not bank or bank != clean(bank, 200):
+            raise MemoryStoreError(f"{bank!r} cannot be the name of a bank: up to 200 plain characters can.")
+        with self._database.writing(bank) as connection:
+            transaction = Transaction(connection, bank, actor, now)
+            yield transaction
+            transaction.finish()
+        if transaction.forgotten:
+            finish_forgetting(self._database, bank, transaction.forgotten)
 
-    def records(self, bank: str, states: Sequence[LifecycleState] | None = None) -> list[Record]:
-        """The bank's records in these states (all by default), by id."""
-        query = select(Record).where(Record.bank == bank).order_by(Record.id)
-        if states is not None:
-            query = query.where(col(Record.state).in_(states))
-        with self.reading() as session:
-            return list(session.exec(query))
+    # Reading: each call is one instant ----------------------------------------------------------------------------
+
+    def rev(self, bank: str) -> int:
+        """The number of the bank's last transaction, 0 for none; cheap enough to ask before each query."""
+        row = self._database.one("SELECT rev FROM memory_bank WHERE bank = ?", (bank,))
+        return int(row[0]) if row else 0
+
+    def changes(self, bank: str, since: int) -> list[Change]:
+        """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
+        with self.reading() as view:
+            return view.changes(bank, since)
+
+    def records(
+        self, bank: str, states: Sequence[str] | None = None, ids: Sequence[str] | None = None
+    ) -> list[Record]:
+        """The records in these states, with these ids (all by default; never forgotten ones), by id."""
+        with self.reading() as view:
+            return view.records(bank, states, ids)
+
+    def links(self, bank: str, id: str | None = None) -> list[Link]:
+        """The links of the bank, or those that name one record on either end."""
+        with self.reading() as view:
+            return view.links(bank, id)
+
+    def history(self, bank: str, id: str) -> list[Event]:
+        """The events about one record (or one episode's source), oldest first."""
+        with self.reading() as view:
+            return view.history(bank, id)
+
+    def events(self, bank: str, since: int = 0, limit: int | None = None) -> list[Event]:
+        """The events with seq > ``since``, oldest first, at most ``limit``."""
+        with self.reading() as view:
+            return view.events(bank, since, limit)
+
+    def episodes(self, bank: str, sources: Sequence[str] | None = None) -> list[StoredEpisode]:
+        """The stored episodes, of these sources or all, by time and source."""
+        with self.reading() as view:
+            return view.episodes(bank, sources)
+
+    def banks(self) -> list[str]:
+        """Names of the banks that anything was ever written to."""
+        with self.reading() as view:
+            return view.banks()
+
+    def as_of(self, bank: str, time: float) -> list[Record]:
+        """The records as they were at ``time`` (seconds since the epoch), by id, without what was forgotten since."""
+        with self.reading() as view:
+            return list(rebuild(view.stream_events(bank, time)).records)
+
+    def rebuild(self, bank: str) -> Rebuilt:
+        """Records and links from the events alone; canonical JSON equal to the rows' byte for byte."""
+        with self.reading() as view:
+            return rebuild(view.stream_events(bank))
+
+    def verify(self, bank: str) -> list[Problem]:
+        """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing."""
+        with self.reading() as view:
+            return audit(view, bank)
+
+    def stats(self, bank: str) -> dict[str, Any]:
+        """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain, bytes."""
+        with self.reading() as view:
+            return {**view.counts(bank), "bytes": self._database.size()}
+
+    # Upkeep -------------------------------------------------------------------------------------------------------
+
+    def save_vectors(
+        self, bank: str, model: str, vectors: Sequence[tuple[Record, NDArray[np.floating[Any]]]]
+    ) -> int:
+        """Keep embeddings that an index made anew; how many were kept: those whose record has not changed since.
+
+        Vectors are derived data: this is no event, and no change of any record.
+        """
+        with self._database.writing(bank) as connection:
+            return write_vectors(connection, bank, model, vectors)
+
+    def compact(
+        self,
+        bank: str | None = None,
+        *,
+        archived_before: float | None = None,
+        now: float | None = None,
+        actor: str = "compact",
+    ) -> int:
+        """Give space back, and overwrite what was forgotten where that is pending.
+
+        With a ``bank`` and ``archived_before`` (seconds since the epoch), archived records not updated since then
+        are forgotten first; how many is returned.
+        """
+        return compact(self, self._database, bank, archived_before, now, actor)
+
+    def snapshot(self, path: Path | str) -> None:
+        """Write a consistent copy, a SQLite file that :meth:`open` takes, in one step.
+
+        Replaces an earlier copy, and nothing else. What is forgotten later stays in copies: they are their owner's.
+        """
+        self._database.snapshot(Path(path))
 
     def close(self) -> None:
         """Release the database; safe to call twice."""
-        if self._engine is not None:
-            self._engine.dispose()
-            self._engine = None
+        self._database.close()
 
     def __enter__(self) -> Store:
         return self
@@ -75,14 +196,3 @@ class Store:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def find(session: Session, bank: str, dedup_key: str) -> Record | None:
-    """The record of a bank that says the same, if there is one."""
-    return session.exec(select(Record).where(Record.bank == bank, Record.dedup_key == dedup_key)).first()
-
-
-def next_rev(session: Session, bank: str) -> int:
-    """The number of the bank's next change; call it inside ``writing`` alone."""
-    latest = session.exec(select(func.max(Record.rev)).where(Record.bank == bank)).one()
-    return (latest or 0) + 1

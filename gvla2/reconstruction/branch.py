@@ -47,8 +47,8 @@ class BranchOptions:
     """Which stages run, and how; each switch is one column of the ablation.
 
     ``mode``: ``paper`` follows the published formulas to the letter, ``default`` takes the better ones: an axis
-    compensation on silhouette contours, applied after source A instead of beside it, gates on every stage, and at last the Gaussians as
-    far inside their surface as the masks say (a part of ``appearance``).
+    compensation on silhouette contours, applied after source A instead of beside it, gates on every stage, and at
+    last the Gaussians as far inside their surface as the masks say (a part of ``appearance``).
     ``compat="official"`` reproduces the released code's sampling of masks. ``tau``, ``eta``, ``lambda_max``: the soft
     hull's (released constants).
     """

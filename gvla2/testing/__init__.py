@@ -9,7 +9,8 @@ inputs: two cubes on a table seen by ray casting, their scene, and a gantry for 
 
 from gvla2.testing.component import CHECKS, check_component
 from gvla2.testing.conformance import ConformanceError
-from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
+from gvla2.testing.inducer import check_inducer
+from gvla2.testing.memory import candidates, check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
 from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
 from gvla2.testing.robot import check_robot, check_task
@@ -17,9 +18,11 @@ from gvla2.testing.robot import check_robot, check_task
 __all__ = [
     "CHECKS",
     "ConformanceError",
+    "candidates",
     "check_component",
     "check_embedder",
     "check_fusion",
+    "check_inducer",
     "check_memory",
     "check_perceiver",
     "check_planner",

@@ -13,7 +13,9 @@ from gvla2.catalog import assemble, structured
 from gvla2.component import Component
 from gvla2.discovery import Offering, Plugin
 from gvla2.kinds import KINDS, kind_of
+from gvla2.testing.camera import check_camera
 from gvla2.testing.conformance import allowed, require, require_members, require_type
+from gvla2.testing.inducer import check_inducer
 from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
 from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
@@ -21,6 +23,7 @@ from gvla2.testing.robot import check_robot, check_task
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
     "robot": check_robot,
+    "camera": check_camera,
     "task": check_task,
     "perceiver": check_perceiver,
     "reconstructor": check_reconstructor,
@@ -30,6 +33,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "memory": check_memory,
     "retriever": check_retriever,
     "embedder": check_embedder,
+    "inducer": check_inducer,
     "planner": check_planner,
     "verifier": check_verifier,
 }

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gvla2.memory.candidates import RowCandidates, Served
 from gvla2.memory.contracts import (
-    Candidates,
     Embedder,
     Evidence,
     Learned,
@@ -21,6 +24,10 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
+from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.records import Record, dump
+from gvla2.memory.rows import Entry, Rows
+from gvla2.memory.words import text_of
 from gvla2.planning.effects import Effect
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
@@ -94,27 +101,74 @@ def _check_context(context: object) -> None:
         json.dumps(item.effect)
 
 
-def candidates(embedder: Embedder | None = None) -> tuple[Candidates, np.ndarray]:
-    """Five records, of which two are about the built-in task, and the embedding of its query."""
-    contents = [
-        "grasp the cube deep and lift it 0.25 m",
-        "lift the red cube slowly",
-        "push the block with closed fingers",
-        "press the lamp's button",
-        "the fingers slipped off the cube: grasp deeper",
-    ]
-    if embedder is not None:
-        table = embedder.embed([*contents, inputs.INSTRUCTION])
-    else:
-        table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
-        table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
-        table /= np.linalg.norm(table, axis=1, keepdims=True)
-    table = table.copy()
-    table.setflags(write=False)
+def candidates(
+    contents: Sequence[str],
+    *,
+    queries: Sequence[str] | None = None,
+    vectors: NDArray[np.float32] | None = None,
+    embedder: Embedder | None = None,
+    now: float = 0.0,
+    **columns: Sequence[Any],
+) -> RowCandidates:
+    """Records in RAM, as a bank would offer them: for the tests of a retriever.
+
+    ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the hash embedder by default).
+    ``columns`` may hold ``confidence``, ``outcomes``, ``types``, ``ages`` (days), ``usage``, ``conflicts``, ``skills``,
+    ``signatures`` and ``effects``, each a sequence of N; what is left out is a fresh, sure, verified hint. Ids are
+    r0, r1, ...
+    """
+    texts = [text_of(q, c) for q, c in zip(queries or [""] * len(contents), contents, strict=True)]
+    if vectors is None:
+        vectors = (embedder or HashEmbedder()).embed(texts)
+
+    def column(name: str, default: Any) -> Sequence[Any]:
+        return columns[name] if name in columns else [default] * len(contents)
+
+    rows = Rows(vectors.shape[1])
+    rows.put(
+        [
+            Entry(
+                Record(
+                    id=f"r{i}",
+                    bank="testing",
+                    query=(queries or [""] * len(contents))[i],
+                    content=content,
+                    type=column("types", "procedural_hint")[i],
+                    state="active",
+                    outcome=column("outcomes", "verified_success")[i],
+                    confidence=float(column("confidence", 0.9)[i]),
+                    quality=0.9,
+                    dedup_key=f"r{i}",
+                    created=now,
+                    updated=now - 86400.0 * float(column("ages", 0.0)[i]),
+                    usage=int(column("usage", 0)[i]),
+                    skill=column("skills", "")[i],
+                    signature=dump(dict(column("signatures", {})[i])),
+                    effect=dump(effect) if (effect := column("effects", None)[i]) else "",
+                ),
+                np.asarray(vectors[i], np.float32),
+                int(column("conflicts", 0)[i]),
+            )
+            for i, content in enumerate(contents)
+        ]
+    )
+    return RowCandidates(Served(rows, ("active",)), now)
+
+
+def _five_records() -> tuple[RowCandidates, NDArray[np.float32]]:
+    """Five records, of which two are about the built-in task, and a vector near to those two."""
+    table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
+    table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
+    table /= np.linalg.norm(table, axis=1, keepdims=True)
     hint: RecordType = "procedural_hint"
-    return Candidates(
-        ids=[f"r{i}" for i in range(5)],
-        contents=contents,
+    return candidates(
+        [
+            "grasp the cube deep and lift it 0.25 m",
+            "lift the red cube slowly",
+            "push the block with closed fingers",
+            "press the lamp's button",
+            "the fingers slipped off the cube: grasp deeper",
+        ],
         queries=[
             "lift the cube",
             "lift the red cube",
@@ -122,37 +176,38 @@ def candidates(embedder: Embedder | None = None) -> tuple[Candidates, np.ndarray
             "switch on the lamp",
             "lift the cube",
         ],
-        embeddings=table[:5],
-        confidence=np.array([0.9, 0.95, 0.8, 0.3, 0.7]),
+        vectors=table[:5],
+        confidence=[0.9, 0.95, 0.8, 0.3, 0.7],
         outcomes=["verified_success", "verified_success", "verified_success", "uncertain", "verified_fail"],
         types=[hint, hint, hint, hint, "failure_avoidance"],
-        ages=np.array([0.0, 1.0, 2.0, 300.0, 5.0]),
-        usage=np.array([3, 5, 0, 0, 1]),
-        conflicts=np.array([0, 0, 1, 4, 0]),
+        ages=[0.0, 1.0, 2.0, 300.0, 5.0],
+        usage=[3, 5, 0, 0, 1],
+        conflicts=[0, 0, 1, 4, 0],
         signatures=[{"theme.width": 0.05}, {"theme.width": 0.052}, {}, {}, {"theme.width": 0.047}],
         skills=["pick", "pick", "push", "press", "pick"],
     ), table[5]
 
 
 def check_retriever(retriever: Retriever) -> None:
-    """Five records, a query near two of them; then none, and a query that matches nothing."""
+    """Five records, a query near two of them; then none, an empty query, a huge one, and one in other scripts."""
     require_members(retriever, "retriever")
-    some, query = candidates()
-    none = Candidates(
-        [], [], [], some.embeddings[:0], some.confidence[:0], [], [], some.ages[:0], some.usage[:0],
-        some.conflicts[:0], [], [],
-    )  # fmt: skip
+    some, query = _five_records()
+    none = candidates([], vectors=np.zeros((0, 16), np.float32))
     task = MemoryTask(inputs.INSTRUCTION, {"theme.width": 0.05}, "pick")
     for what, (records, words, vector) in {
         "five records": (some, task, query),
         "no record": (none, task, query),
         "an empty query": (some, MemoryTask(""), np.zeros_like(query)),
+        "a query of half a megabyte": (some, MemoryTask("lift\x00 the cube " * 32_000), query),
+        "a query in other scripts": (some, MemoryTask("举起方块 \u202e ارفع \ud800"), query),
     }.items():
         with allowed(f"rank() of {what}"):
             rows, reason = retriever.rank(words, records, vector)
+            again, _ = retriever.rank(words, records, vector)
         require_type(reason, str, f"rank()'s reason for {what}")
         require(not (reason and rows), f"rank() of {what}: a retriever that abstains returns no rows.")
         found = [r.row for r in rows]
+        require(found == [r.row for r in again], f"rank() of {what}: asked twice, it answers differently.")
         require(len(set(found)) == len(found), f"rank() of {what}: a row comes twice: {found}.")
         require(all(0 <= r < len(records.ids) for r in found), f"rank() of {what}: no such row: {found}.")
         scores = [r.score for r in rows]
@@ -166,7 +221,7 @@ def check_retriever(retriever: Retriever) -> None:
 
 
 def check_embedder(embedder: Embedder) -> None:
-    """Unit rows, a zero row for an empty text, the same vector whatever else is in the batch."""
+    """Unit rows, a zero row for an empty text, the same vector whatever else is in the batch, any text taken."""
     require_members(embedder, "embedder")
     require(isinstance(embedder.model, str) and embedder.model, "model must be a name that is not empty.")
     texts = ["lift the red cube", "", "die rote Dose anheben", "lift the red cube"]
@@ -182,6 +237,14 @@ def check_embedder(embedder: Embedder) -> None:
     require(lengths[1] == 0, f"An empty text gives a zero row, got length {lengths[1]:.4f}.")
     require(np.allclose(table[0], table[3], atol=1e-5), "Equal texts must get equal vectors.")
     require(np.allclose(table[0], alone[0], atol=1e-5), "A vector must not depend on the rest of the batch.")
+    odd = ["a\x00b \u202e\x1b[0m", "\ud800 lone", "word " * 50_000, "\n\t ", "拿起红色方块", "ارفع المكعب"]
+    with allowed("embed() of odd texts"):
+        rows = require_array(embedder.embed(odd), (len(odd), table.shape[1]), "embed() of odd texts")
+    lengths = np.linalg.norm(rows, axis=1)
+    require(
+        bool(np.all((abs(lengths - 1) < 1e-3) | (lengths == 0))),
+        f"Whatever the text, rows are of length 1 or zero, got {lengths.round(4)}.",
+    )
 
 
 def check_verifier(verifier: Verifier) -> None:

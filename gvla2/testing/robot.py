@@ -34,6 +34,7 @@ class _AtRest:
     def __init__(self, layout: Layout) -> None:
         self._poses = {body.name: body.world_from_body for body in layout.bodies}
         self._travel = {joint.name: joint.rest for joint in layout.joints}
+        self._travel |= {thread.name: 0.0 for thread in layout.threads}
 
     def pose(self, body: str) -> FloatArray:
         return self._poses[body]
@@ -48,6 +49,15 @@ class _AtRest:
         if body not in self._poses:
             raise KeyError(body)
         return False
+
+    def touching(self, body: str) -> frozenset[str]:
+        return frozenset({"table"} if body in self._poses else ())
+
+    def resting(self, body: str) -> bool:
+        return body in self._poses
+
+    def loose(self, thread: str) -> bool:
+        return thread not in self._travel
 
 
 def check_task(task: Task, site: TaskSite = SITE) -> None:

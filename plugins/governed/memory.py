@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from pathlib import Path
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from gvla2.errors import Gvla2Error
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import (
     Embedder,
+    Inducer,
     Learned,
     MemoryContext,
     MemoryEpisode,
     MemoryTask,
     Retriever,
     Verdict,
+    Verifier,
 )
-from gvla2.memory.sqlite import database_path
+from gvla2.memory.location import settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig
-
-
-def default_url(environment: Mapping[str, str]) -> str:
-    """Where the bank is kept unless told otherwise."""
-    if environment.get("GVLA2_HOME"):
-        folder = Path(environment["GVLA2_HOME"])
-    elif environment.get("XDG_DATA_HOME"):
-        folder = Path(environment["XDG_DATA_HOME"]) / "gvla2"
-    else:
-        folder = Path("~/.local/share/gvla2")
-    return f"sqlite:///{folder.expanduser() / 'memory.db'}"
 
 
 class GovernedMemory:
@@ -43,10 +33,19 @@ class GovernedMemory:
     call.
     """
 
-    def __init__(self, config: GovernedConfig, retriever: Retriever, embedder: Embedder) -> None:
+    def __init__(
+        self,
+        config: GovernedConfig,
+        retriever: Retriever,
+        embedder: Embedder,
+        verifier: Verifier | None = None,
+        inducer: Inducer | None = None,
+    ) -> None:
         # Absolute from the start: a run may change its working directory later.
-        self.url = f"sqlite:///{database_path(config.url or default_url(os.environ))}"
+        self.url = settled(config.url, os.environ)
+        self._options = options_of(config)
         self._config, self._retriever, self._embedder = config, retriever, embedder
+        self._verifier, self._inducer = verifier, inducer
         self._opened: KnowledgeBank | None = None
 
     def recall(self, task: MemoryTask) -> MemoryContext:
@@ -71,20 +70,24 @@ class GovernedMemory:
 
     def _bank(self) -> KnowledgeBank:
         if self._opened is None:
-            config = self._config
             self._opened = KnowledgeBank.open(
                 self.url,
+                bank=self._config.bank,
                 retriever=self._retriever,
                 embedder=self._embedder,
-                bank=config.bank,
-                options=BankOptions(
-                    admission=config.admission,
-                    failures=config.failures,
-                    show_provisional=config.show_provisional,
-                    frozen=config.frozen,
-                    max_chars=config.max_chars,
-                    max_per_episode=config.max_per_episode,
-                ),
-                busy_seconds=config.busy_seconds,
+                inducer=self._inducer,
+                verifier=self._verifier,
+                options=self._options,
+                busy_seconds=self._config.busy_seconds,
             )
         return self._opened
+
+
+def options_of(config: GovernedConfig) -> BankOptions:
+    """The bank's options; raises :class:`~gvla2.errors.ConfigurationError` for values that cannot be."""
+    if config.retrieval not in ("full", "semantic"):
+        raise ConfigurationError(f"memory.retrieval is '{config.retrieval}'; it must be full or semantic.")
+    for name in ("active_budget", "per_source", "max_chars", "rivals"):
+        if getattr(config, name) < 0:
+            raise ConfigurationError(f"memory.{name} is {getattr(config, name)}; it must not be negative.")
+    return BankOptions(**{field.name: getattr(config, field.name) for field in fields(BankOptions)})

@@ -9,6 +9,7 @@ from gvla2 import Component, ComponentConfig, hookimpl
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Memory
     from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor
+    from gvla2.robot.camera import Camera
 
 
 def _build_reconstructor(config: ComponentConfig) -> Reconstructor:
@@ -37,6 +38,19 @@ def _build_memory(config: ComponentConfig) -> Memory:
     from gvla2_plugins.nothing.choices import NoMemory
 
     return NoMemory()
+
+
+def _build_camera(config: ComponentConfig) -> Camera:
+    """Sees nothing: for robots with eyes of their own, and for moves that need none."""
+    from gvla2_plugins.nothing.choices import NoCamera
+
+    return NoCamera()
+
+
+@hookimpl
+def gvla2_cameras() -> list[Component[Camera]]:
+    """``camera=none``."""
+    return [Component("none", ComponentConfig, _build_camera)]
 
 
 @hookimpl

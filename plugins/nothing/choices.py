@@ -5,8 +5,20 @@ from __future__ import annotations
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+from gvla2.robot.camera import CameraFrames
 
 _OFF = "memory is off"
+
+
+class NoCamera:
+    """Has no eyes."""
+
+    def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
+        """No views."""
+        return CameraFrames((), ())
+
+    def close(self) -> None:
+        """Nothing to let go of."""
 
 
 class NoReconstructor:

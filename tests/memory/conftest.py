@@ -1,15 +1,14 @@
-"""Banks with the reference retriever and embedder, a clock that tests set, and episodes."""
+"""Banks as they open by default, a clock that tests set, and episodes."""
 
+import random
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
-from gvla2_plugins.hybrid import HybridConfig
-from gvla2_plugins.hybrid.retriever import HybridRetriever
 
 
 class Clock:
@@ -39,13 +38,14 @@ def url(tmp_path: Path) -> str:
 def open_bank(url: str, clock: Clock) -> Iterator[Callable[..., KnowledgeBank]]:
     opened = []
 
-    def open_(bank: str = "default", busy_seconds: float = 0.2, **options: object) -> KnowledgeBank:
+    def open_(
+        bank: str = "default", busy_seconds: float = 0.2, verifier: Any = None, **options: object
+    ) -> KnowledgeBank:
         opened.append(
             KnowledgeBank.open(
                 url,
-                retriever=HybridRetriever(HybridConfig()),
-                embedder=HashEmbedder(),
                 bank=bank,
+                verifier=verifier,
                 options=BankOptions(**options),  # type: ignore[arg-type]
                 busy_seconds=busy_seconds,
                 clock=clock,
@@ -96,3 +96,26 @@ def hint(
     effect = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
               "skill": "pick", "source": ""}  # fmt: skip
     return Lesson("procedural_hint", content, effect)
+
+
+@pytest.fixture
+def many_lessons() -> Callable[..., list[tuple[Lesson, str]]]:
+    """Random lessons about many things, each with its task; the same seed gives the same."""
+
+    def make(count: int, seed: int = 0) -> list[tuple[Lesson, str]]:
+        rng = random.Random(seed)
+        sounds = [
+            a + b
+            for a in ["ba", "de", "fi", "go", "lu", "mer", "nis", "pol", "ra", "su", "tev", "wo", "xi", "za"]
+            for b in ["kon", "lim", "dra", "set"]
+        ]
+
+        def words(n: int) -> str:
+            return " ".join("".join(rng.sample(sounds, 2)) for _ in range(n))
+
+        return [
+            (Lesson("procedural_hint", f"{words(7)} {rng.randint(10, 99)} cm."), words(4))
+            for _ in range(count)
+        ]
+
+    return make

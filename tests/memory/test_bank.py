@@ -2,7 +2,10 @@
 
 import json
 import math
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from hypothesis import strategies as st
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, MemoryTask
+from gvla2.memory.ledger import Ledger
 from gvla2.memory.merging import merge_effects
 
 BOUND = {"kind": "bound", "parameter": "grasp_depth", "value": 0.03, "op": ">=", "sd": 0.0, "count": 0,
@@ -119,7 +123,15 @@ def test_a_failure_becomes_a_binding_constraint_and_never_a_recipe(
 
 def test_hints_cannot_crowd_out_a_constraint(open_bank: Open, episode: Open, verdicts: Any) -> None:
     bank = open_bank()
-    hints = [Lesson("procedural_hint", f"Pick up the red cube: way {i} succeeded.") for i in range(8)]
+    ways = (
+        "come from the side",
+        "grip its edges",
+        "close slowly",
+        "use two cameras",
+        "tilt the palm",
+        "wait for rest",
+    )
+    hints = [Lesson("procedural_hint", f"Pick up the red cube: {way}, that succeeded.") for way in ways]
     for _ in range(3):
         bank.learn(episode("Pick up the red cube", *hints), verdicts["success"])
     bank.learn(episode("Pick up a thing", AVOID), verdicts["fail"])
@@ -301,22 +313,22 @@ def test_interrupting_a_transaction_stores_nothing_of_it(
     bank = open_bank()
     bank.learn(episode("Pick up the red cube", lesson()), verdicts["success"])
     context = bank.recall(MemoryTask("Pick up the red cube"))
-    before = [r.model_dump() for r in bank.records()]
+    before = bank.records()
     calls = []
-    consolidate = bank.learn.__globals__["Consolidation"].apply
+    write = Ledger.write
 
-    def stop_at_the_second(self: Any, *args: Any) -> None:
+    def stop_when_written(self: Ledger) -> None:
+        write(self)
         calls.append(1)
-        consolidate(self, *args)
-        if len(calls) == 2:
-            raise KeyboardInterrupt
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(bank.learn.__globals__["Consolidation"], "apply", stop_at_the_second)
+    monkeypatch.setattr(Ledger, "write", stop_when_written)
     with pytest.raises(KeyboardInterrupt):
         bank.learn(
             episode("Pick up the red cube", lesson(), TOOL, AVOID, recalled=context), verdicts["success"]
         )
-    assert [r.model_dump() for r in bank.records()] == before
+    assert calls
+    assert bank.records() == before
 
 
 def test_unsound_effects_and_odd_text_are_survived(open_bank: Open, episode: Open, verdicts: Any) -> None:
@@ -332,17 +344,17 @@ def test_unsound_effects_and_odd_text_are_survived(open_bank: Open, episode: Ope
     assert bank.recall(MemoryTask("lone \ud800 surrogate")).items
 
 
-def test_a_damaged_row_holds_nobody_up(open_bank: Open, episode: Open, verdicts: Any) -> None:
+def test_a_damaged_row_holds_nobody_up(open_bank: Open, episode: Open, verdicts: Any, url: str) -> None:
     bank = open_bank()
-    lessons = [Lesson("procedural_hint", f"Pick up the red cube: way {i}.") for i in range(3)]
+    ways = ("come from the side", "grip its edges", "close slowly")
+    lessons = [Lesson("procedural_hint", f"Pick up the red cube: {way}.") for way in ways]
     bank.learn(episode("Pick up the red cube", *lessons), verdicts["success"])
     first, second, third = bank.records()
-    with bank._store.writing() as session:
-        for record in (first, second):
-            session.add(session.merge(record))
-        session.merge(first).effect = "{broken"
-        session.merge(second).embedding = np.full(512, np.nan, dtype="<f4").tobytes()
-    found = {i.id for i in bank.recall(MemoryTask("Pick up the red cube")).items}
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection, connection:
+        connection.execute("UPDATE memory SET effect = '{broken' WHERE id = ?", (first.id,))
+        broken = np.full(512, np.nan, dtype="<f4").tobytes()
+        connection.execute("UPDATE memory_vector SET vector = ? WHERE id = ?", (broken, second.id))
+    found = {i.id for i in open_bank().recall(MemoryTask("Pick up the red cube")).items}
     assert found == {second.id, third.id}
 
 
@@ -360,7 +372,7 @@ def test_the_same_inputs_give_the_same_bank(open_bank: Open, episode: Open, verd
         bank = open_bank(name)
         for i in range(5):
             bank.learn(episode(f"Pick up cube {i % 2}", lesson(0.02 + i / 100), AVOID), verdicts["success"])
-        rows.append(sorted(str({**r.model_dump(), "id": "", "bank": ""}) for r in bank.records()))
+        rows.append(sorted(str(replace(r, id="", bank="")) for r in bank.records()))
     assert rows[0] == rows[1]
 
 

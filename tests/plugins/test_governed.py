@@ -10,11 +10,13 @@ from typing import Any
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.bank import BankOptions
+from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.location import default_url
 from gvla2.testing.component import check_component
 from gvla2_plugins import governed, hash_embedder, hybrid
 from gvla2_plugins.governed import GovernedConfig
-from gvla2_plugins.governed.memory import GovernedMemory, default_url
+from gvla2_plugins.governed.memory import GovernedMemory
 
 TASK = MemoryTask("Pick up the red cube", {"objects": 3.0}, "pick")
 LESSON = Lesson("procedural_hint", "Pick up a small box: grasp it deep.")
@@ -22,16 +24,24 @@ EPISODE = MemoryEpisode(TASK, (LESSON,), source="run/1")
 SUCCESS = Verdict.from_criteria({"task_completion": 1.0})
 
 
+class Unavailable:
+    """A verifier that cannot judge."""
+
+    def verify(self, evidence: Evidence) -> Verdict:
+        return Verdict.unavailable(f"nothing is known about '{evidence.instruction}'")
+
+
 def build(**options: Any) -> GovernedMemory:
     """Built through the components, as a run builds it."""
     (memory,) = governed.gvla2_memories()
-    (retriever,) = hybrid.gvla2_retrievers()
+    retriever = hybrid.gvla2_retrievers()[0]
     (embedder,) = hash_embedder.gvla2_embedders()
-    assert memory.needs == ("retriever", "embedder")
+    assert memory.needs == ("retriever", "embedder", "verifier", "inducer")
     return memory.build(
         memory.config(name="governed", **options),
         retriever=retriever.build(retriever.config(name="hybrid")),
         embedder=embedder.build(embedder.config(name="hash")),
+        verifier=Unavailable(),
     )
 
 
@@ -146,28 +156,36 @@ def test_a_relative_address_does_not_follow_the_working_directory(
 
 
 def test_an_address_that_can_be_no_database_is_an_error_at_once() -> None:
-    with pytest.raises(ConfigurationError, match="postgresql"):
-        build(url="postgresql://host/db")
+    with pytest.raises(ConfigurationError, match="mysql"):
+        build(url="mysql://host/db")
+
+
+def test_values_that_cannot_be_are_errors_at_once() -> None:
+    with pytest.raises(ConfigurationError, match="retrieval"):
+        build(retrieval="psychic")
+    with pytest.raises(ConfigurationError, match="active_budget"):
+        build(active_budget=-1)
 
 
 def test_switches_reach_the_bank(path: Path) -> None:
     memory = build(url=f"sqlite:///{path}", frozen=True)
     assert "frozen" in memory.learn(EPISODE, SUCCESS).notes[0]
     memory.close()
-    fields = set(GovernedConfig.__dataclass_fields__) - {"name", "url", "bank", "busy_seconds"}
-    from gvla2.memory.bank import BankOptions
-
-    assert fields == set(BankOptions.__dataclass_fields__)
+    ours = {name: field.default for name, field in GovernedConfig.__dataclass_fields__.items()}
+    theirs = {name: field.default for name, field in BankOptions.__dataclass_fields__.items()}
+    assert {
+        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds")
+    } == theirs
 
 
 def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
     parts = {}
     for kind, (component,) in (
-        ("retriever", hybrid.gvla2_retrievers()),
+        ("retriever", hybrid.gvla2_retrievers()[:1]),
         ("embedder", hash_embedder.gvla2_embedders()),
     ):
         check_component(component, kind)
         parts[kind] = component.build(component.config(name=component.name))
     (memory,) = governed.gvla2_memories()
-    check_component(memory, "memory", **parts)
+    check_component(memory, "memory", verifier=Unavailable(), **parts)

@@ -2,6 +2,9 @@
 
 import subprocess
 import sys
+import unicodedata
+from collections import Counter
+from zlib import crc32
 
 import numpy as np
 import pytest
@@ -9,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
+from gvla2.memory.hashing import HashEmbedder
 from gvla2_plugins.hash_embedder import gvla2_embedders
-from gvla2_plugins.hash_embedder.embedder import HashEmbedder
 
 
 def test_golden_values() -> None:
@@ -31,9 +34,34 @@ GOLDEN_ENGLISH = (33, [11, -17, -19, 39, 48, 81, -83, 142])
 GOLDEN_CHINESE = (15, [11, -73, 82, -113, -142, 172, 173, -225])
 
 
+def plain(text: str, dimension: int = 512) -> np.ndarray:
+    """The definition, one n-gram at a time."""
+    letters = unicodedata.normalize("NFKD", text.casefold())
+    kept = "".join(
+        c if unicodedata.category(c)[0] in "LN" else "" if unicodedata.category(c) == "Mn" else " "
+        for c in letters
+    )
+    grams: Counter[str] = Counter()
+    for word in kept.split():
+        marked = f"^{word}$"
+        for size in (3, 4, 5):
+            grams.update(marked[i : i + size] for i in range(len(marked) - size + 1))
+    row = np.zeros(dimension)
+    for gram, count in grams.items():
+        code = crc32(gram.encode("utf-8", "surrogatepass"))
+        row[(code & 0x7FFFFFFF) % dimension] += (1.0 if code >> 31 else -1.0) * count**0.5
+    return row / max(float(np.linalg.norm(row)), 1e-12)
+
+
+@given(st.text(max_size=60) | st.text("aab cd'é", max_size=200))
+@settings(max_examples=150, deadline=None)
+def test_vectors_are_those_of_the_definition(text: str) -> None:
+    np.testing.assert_allclose(HashEmbedder().embed([text])[0], plain(text), atol=1e-7)
+
+
 def test_another_process_agrees() -> None:
     program = (
-        "from gvla2_plugins.hash_embedder.embedder import HashEmbedder as H;"
+        "from gvla2.memory.hashing import HashEmbedder as H;"
         "print(H().embed(['Grüße, 世界'])[0].tobytes().hex())"
     )
     other = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

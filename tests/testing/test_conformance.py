@@ -267,7 +267,7 @@ def test_bad_memories_are_caught(memory: Bad, message: str):
         (lambda t, c, q: ([Ranked(0, 1.0, {"a": 0.2})][: len(c.ids)], ""), "terms sum to 0.2"),
         (lambda t, c, q: ([], None), "must be str"),
         (
-            lambda t, c, q: ([Ranked(int(np.argmax(c.embeddings @ q)), 1.0, {"a": 1.0})], ""),
+            lambda t, c, q: ([Ranked(int(np.argmax(c.cosine(q))), 1.0, {"a": 1.0})], ""),
             "raised ValueError",
         ),
     ],

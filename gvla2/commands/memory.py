@@ -1,0 +1,153 @@
+"""``gvla2 memory VERB``: look into a bank, bring records in and out, govern and forget."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from gvla2.commands.memory_words import Invocation, UsageError, understood
+
+if TYPE_CHECKING:
+    from gvla2.commands.memory_answers import Answer
+    from gvla2.commands.memory_config import MemoryCommandConfig
+    from gvla2.plugins import Registry
+
+
+@dataclass(frozen=True)
+class Verb:
+    """One verb: the words that it takes, what it does, where it is (module:function), and options worth naming."""
+
+    takes: str
+    does: str
+    code: str
+    fewest: int = 0
+    most: int | None = 0
+    options: Sequence[tuple[str, str]] = ()
+
+    def load(self) -> Callable[..., Answer]:
+        """The function."""
+        module, _, name = self.code.partition(":")
+        return getattr(import_module(f"gvla2.commands.{module}"), name)  # type: ignore[no-any-return]
+
+
+_LAYOUT = ("layout=states|items|robot", "which of the released layouts")
+VERBS: Mapping[str, Verb] = MappingProxyType(
+    {
+        "list": Verb("", "the records, those changed last first", "memory_looking:list_records",
+                     options=(("states=[active,provisional]", "only these"), ("limit=0", "all of them, not 50"))),
+        "show": Verb("ID", "all of one record, its links and events", "memory_looking:show", 1, 1),
+        "search": Verb("WORDS", "what the words find, with every term of the score", "memory_looking:search", 1, None,
+                       (("retriever=semantic", "another ranking"), ("embedder=minilm", "other embeddings"))),
+        "history": Verb("ID", "what happened to a record, and why", "memory_looking:history", 1, 1),
+        "as-of": Verb("TIME [ID]", "the records as they were: 2026-11-20, '2026-11-20 18:30', 3h, 2d",
+                      "memory_looking:as_of", 1, 2),
+        "conflicts": Verb("", "pairs of records that contradict each other", "memory_looking:conflicts"),
+        "stats": Verb("", "how many records, events and bytes", "memory_looking:stats"),
+        "verify": Verb("", "check the chain of events, rows and vectors", "memory_looking:verify"),
+        "import": Verb("PATH", "read a memory of the released layouts", "memory_changing:import_", 1, 1,
+                       (_LAYOUT, ("provisional=true", "hold all back until verified here"))),
+        "export": Verb("PATH", "write the bank in one of them", "memory_changing:export", 1, 1,
+                       (_LAYOUT, ("states=[active]", "only these"), ("overwrite=true", "replace an earlier export"))),
+        "forget": Verb("ID...", "remove records for good, bytes and all", "memory_changing:forget", 1, None,
+                       (("--yes", "without asking"),)),
+        "compact": Verb("", "give space back", "memory_changing:compact",
+                        options=(("archived_days=90", "forget what has been archived for longer"),)),
+        "govern": Verb("", "one pass: stale, contradicting, repeated and surplus records", "memory_changing:govern"),
+        "replay": Verb("", "verify stored episodes again", "memory_changing:replay",
+                       options=(("verifier=llm", "another verifier, with its options verifier.NAME=VALUE"),)),
+    }
+)  # fmt: skip
+
+
+@dataclass
+class VerbJob:
+    """A verb as Hydra calls it; keeps the answer, which is printed when Hydra is done."""
+
+    invocation: Invocation
+    answer: Answer | None = None
+    error: Exception | None = None
+
+    def __call__(self, config: MemoryCommandConfig, registry: Registry) -> None:
+        """Run the verb."""
+        from gvla2.commands.memory_access import Request
+
+        asked = self.invocation
+        request = Request(tuple(asked.words), asked.yes, config, registry)
+        try:
+            self.answer = VERBS[asked.verb].load()(request)
+        except Exception as error:  # told by main, with the exit status of a wrong word where it is one
+            self.error = error
+
+
+def main(argv: Sequence[str]) -> int:
+    """Entry of ``gvla2 memory``: 0 fine, 1 not found, problems found or an error, 2 wrong usage."""
+    try:
+        asked = understood(argv, {name: (verb.fewest, verb.most) for name, verb in VERBS.items()})
+    except UsageError as error:
+        print(f"gvla2: {error}", file=sys.stderr)
+        return 2
+    if asked.help:
+        print(usage(asked.verb))
+        return 0
+    if not asked.verb and not asked.hydra_asks:
+        print(usage(""), file=sys.stderr)
+        return 2
+    from gvla2.commands.hydra_job import launch
+
+    job = VerbJob(asked)
+    return tell(job, launch("memory", job, asked.overrides))
+
+
+def tell(job: VerbJob, status: int) -> int:
+    """Print the answer, or what went wrong; ``status`` is Hydra's. The exit status."""
+    from gvla2.commands.hydra_job import report
+    from gvla2.commands.memory_access import WrongWordError
+    from gvla2.commands.memory_answers import give
+
+    if job.error is not None:
+        status = report(job.error)
+        status = 2 if isinstance(job.error, WrongWordError) else status
+    if job.invocation.json and status:
+        print(json.dumps({"error": str(job.error or "the configuration is wrong: see the message")}))
+    return give(job.answer, as_json=job.invocation.json) if job.answer is not None else status
+
+
+def usage(verb: str) -> str:
+    """The text of ``gvla2 memory [VERB] --help``."""
+    common = (
+        (
+            "url=sqlite:///PATH",
+            "the database (or postgresql://USER@HOST/NAME); the default is that of `gvla2 run`",
+        ),
+        ("bank=NAME", "the bank in it"),
+        ("--json", "one JSON document on standard output"),
+        ("--cfg job", "the configuration"),
+        ("--", "what follows are words, even where they look like options"),
+    )
+    if verb:
+        chosen = VERBS[verb]
+        words = f"{verb} {chosen.takes}".strip()
+        head, rows = (
+            [f"Usage: gvla2 memory {words} [key=value ...]", "", f"  {chosen.does}", ""],
+            chosen.options,
+        )
+    else:
+        head = ["Usage: gvla2 memory VERB [words] [key=value ...]", "", "Verbs (each has --help):"]
+        head += _aligned([(f"{name} {v.takes}", v.does) for name, v in VERBS.items()])
+        head, rows = [*head, "", "Options:"], ()
+    return "\n".join([*head, *_aligned([*rows, *common])])
+
+
+def _aligned(rows: Sequence[tuple[str, str]]) -> list[str]:
+    width = max(len(left) for left, _ in rows)
+    return [f"  {left:<{width}}  {right}" for left, right in rows]
+
+
+def complete(words: Sequence[str]) -> list[str]:
+    """What may stand in place of the last word, besides overrides."""
+    return [*VERBS, "--help"] if len(words) <= 1 else ["--json", "--help", "--yes"]

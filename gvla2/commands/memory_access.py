@@ -1,0 +1,138 @@
+"""Opening a bank for a verb, and finding what its words name."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from difflib import get_close_matches
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gvla2.commands.memory_config import MemoryCommandConfig
+from gvla2.discovery import closest
+from gvla2.errors import Gvla2Error, MemoryStoreError
+from gvla2.memory.location import settled
+from gvla2.memory.records import Record
+from gvla2.memory.store import Store
+
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
+    from gvla2.plugins import Registry
+
+_AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)(?:\s+ago)?")
+_SECONDS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
+
+
+class NotFoundError(Gvla2Error):
+    """A word of the command names nothing in the bank."""
+
+
+class WrongWordError(Gvla2Error):
+    """A word of the command cannot be what it stands for, or one is missing."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A verb's words and flags, the configuration, and the plugins."""
+
+    words: tuple[str, ...]
+    yes: bool
+    config: MemoryCommandConfig
+    registry: Registry
+
+    @property
+    def bank(self) -> str:
+        """The bank's name."""
+        return self.config.bank
+
+    @property
+    def url(self) -> str:
+        """The database's address."""
+        return settled(self.config.url, os.environ)
+
+
+@contextmanager
+def opened(request: Request, *, create: bool = False) -> Iterator[Store]:
+    """The store; only ``create`` makes a database, or writes to a bank that is not there.
+
+    Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
+    bank that is not in it.
+    """
+    if not create:
+        _must_exist(request.url)
+    with Store.open(request.url, busy_seconds=request.config.busy_seconds) as store:
+        if not create and request.bank not in (banks := store.banks()):
+            there = f"Banks: {', '.join(banks)}." if banks else "It has no banks yet."
+            raise NotFoundError(
+                f"No bank '{request.bank}' in {store.name}.{closest(request.bank, banks)} {there}"
+            )
+        yield store
+
+
+@contextmanager
+def opened_bank(request: Request) -> Iterator[KnowledgeBank]:
+    """The bank with the retriever and embedder that were chosen; as :func:`opened` otherwise."""
+    from gvla2.memory.bank import KnowledgeBank
+
+    with opened(request):  # its errors come before those of components
+        pass
+    built = request.registry.build_all(request.config, ("retriever", "embedder"))
+    with KnowledgeBank.open(
+        request.url, bank=request.bank, busy_seconds=request.config.busy_seconds, **built
+    ) as bank:
+        yield bank
+
+
+def _must_exist(url: str) -> None:
+    scheme, _, rest = url.partition(":///")
+    if (
+        scheme.startswith("sqlite")
+        and rest
+        and not (path := Path(rest.partition("?")[0]).expanduser()).exists()
+    ):
+        raise MemoryStoreError(
+            f"There is no memory at {path} yet: `gvla2 run` and `gvla2 memory import` make one; url= names another."
+        )
+
+
+def record_of(store: Store, bank: str, word: str) -> Record:
+    """The record of that id, or of the one id that begins so; raises :class:`NotFoundError` with the nearest."""
+    if found := store.records(bank, ids=[word]):
+        return found[0]
+    if any(event.action == "forget" for event in store.history(bank, word)):
+        raise NotFoundError(f"The record '{word}' of bank '{bank}' was forgotten.")
+    ids = [record.id for record in store.records(bank)]
+    starting = [id for id in ids if id.startswith(word)] if word else []
+    if len(starting) == 1:
+        return store.records(bank, ids=starting)[0]
+    if starting:
+        some = ", ".join(starting[:5]) + (", ..." if len(starting) > 5 else "")
+        raise NotFoundError(f"{len(starting)} ids of bank '{bank}' begin with '{word}': {some}.")
+    near = get_close_matches(word, ids, n=1, cutoff=0.5)
+    hint = f"Did you mean '{near[0]}'?" if near else "`gvla2 memory list` shows what is there."
+    raise NotFoundError(f"No record '{word}' in bank '{bank}'. {hint}")
+
+
+def time_of(words: str, now: float | None = None) -> float:
+    """Seconds since the epoch of a date (ISO, local unless it names a zone), a number, or "3h", "2d" (ago)."""
+    text = words.strip()
+    if ago := _AGO.fullmatch(text):
+        return (time.time() if now is None else now) - float(ago[1]) * _SECONDS[ago[2]]
+    try:
+        number = float(text)
+        if abs(number) < 4e11:
+            return number
+    except ValueError:
+        pass
+    try:
+        return datetime.fromisoformat(text).timestamp()
+    except (ValueError, OverflowError) as error:
+        raise WrongWordError(
+            f"'{words}' is no time. Give a date such as 2026-11-20 or '2026-11-20 18:30', seconds since the epoch, "
+            "or how long ago: 90min, 3h, 2d."
+        ) from error

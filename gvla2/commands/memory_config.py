@@ -1,0 +1,49 @@
+"""The schema of `gvla2 memory`: which bank, and how the verbs go about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError
+
+STATES = ("active", "provisional", "summary", "archive")
+LAYOUTS = ("", "states", "items", "robot")
+
+
+@dataclass
+class MemoryCommandConfig:
+    """A bank and what to do with it.
+
+    ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
+    processes. ``limit`` bounds how many rows are shown (0: all). ``states`` keeps records of these states in `list`
+    and `export` (none given: all that there are). ``layout`` is that of `import` ("": as the lines say) and `export`
+    ("": states); ``provisional`` holds imported records back until they are verified; ``overwrite`` lets an export
+    replace an earlier one. ``archived_days`` lets `compact` forget what has been archived for longer than that.
+    """
+
+    url: str = ""
+    bank: str = "default"
+    busy_seconds: float = 5.0
+    limit: int = 50
+    states: list[str] = field(default_factory=list)
+    layout: str = ""
+    provisional: bool = False
+    overwrite: bool = False
+    archived_days: float | None = None
+    retriever: ComponentConfig = field(default_factory=ComponentConfig)
+    embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    verifier: ComponentConfig = field(default_factory=ComponentConfig)
+
+    def __post_init__(self) -> None:
+        unknown = [state for state in self.states if state not in STATES]
+        if unknown:
+            raise ConfigurationError(f"No state '{unknown[0]}'. States: {', '.join(STATES)}.")
+        if self.layout not in LAYOUTS:
+            raise ConfigurationError(f"No layout '{self.layout}'. Layouts: {', '.join(LAYOUTS[1:])}.")
+        if not self.bank:
+            raise ConfigurationError("A bank needs a name: bank=NAME.")
+        if self.limit < 0:
+            raise ConfigurationError(f"limit is {self.limit}; it must not be negative (0 shows all).")
+        if self.archived_days is not None and self.archived_days < 0:
+            raise ConfigurationError(f"archived_days is {self.archived_days}; it must not be negative.")

@@ -1,0 +1,222 @@
+"""The verbs of `gvla2 memory` that look: list, show, search, history, as-of, conflicts, stats, verify."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from rich.table import Table
+
+from gvla2.commands.memory_access import NotFoundError, Request, opened, opened_bank, record_of, time_of
+from gvla2.commands.memory_answers import (
+    Answer,
+    clock,
+    one_line,
+    printable,
+    record_data,
+    records_table,
+    shortened,
+)
+from gvla2.commands.tables import row, table
+from gvla2.memory.records import Record
+from gvla2.memory.store import Event, Store
+
+
+def list_records(request: Request) -> Answer:
+    """The records of the bank."""
+    with opened(request) as store:
+        records = store.records(request.bank, states=request.config.states or None)
+    return _listing(
+        sorted(records, key=lambda r: (-r.updated, r.id)), request, "The bank has no such records."
+    )
+
+
+def show(request: Request) -> Answer:
+    """All of one record, its links and its last events."""
+    with opened(request) as store:
+        record = record_of(store, request.bank, request.words[0])
+        links = store.links(request.bank, record.id)
+        events = store.history(request.bank, record.id)
+    listing = table("field", "value")
+    for name, value in record_data(record).items():
+        row(listing, name, _value(name, value))
+    for link in links:
+        way = f"{link.kind} {link.target}" if link.source == record.id else f"{link.kind} of {link.source}"
+        row(listing, "link", printable(way))
+    data = {"record": record_data(record), "links": links, "events": [_event_data(e) for e in events]}
+    return Answer(data, [listing, events_table(events[-10:])])
+
+
+def search(request: Request) -> Answer:
+    """The records that the words find, best first, with every term of their scores."""
+    words = " ".join(request.words)
+    with opened_bank(request) as bank:
+        hits = bank.search(words, request.config.limit or len(bank.records()))
+    found = [
+        {"record": record_data(h.record), "score": h.score, "terms": dict(h.terms), "reliable": h.reliable}
+        for h in hits
+    ]
+    data = {"query": words, "found": found}
+    if not hits:
+        return Answer(data, ["Nothing is similar."])
+    listing = table("id", "recalled", "score", "terms", "content")
+    for hit in hits:
+        terms = " ".join(f"{name} {value:+.2f}" for name, value in hit.terms.items())
+        shown = "yes" if hit.reliable else "no"
+        row(
+            listing,
+            printable(hit.record.id),
+            shown,
+            f"{hit.score:.3f}",
+            terms,
+            one_line(hit.record.content, 120),
+        )
+    reliable = sum(hit.reliable for hit in hits)
+    return Answer(data, [listing, f"A recall for these words would show {reliable or 'none'} of them."])
+
+
+def history(request: Request) -> Answer:
+    """What happened to a record, from its first event on; forgotten ones too."""
+    with opened(request) as store:
+        events = store.history(request.bank, request.words[0])
+        if not events:
+            record = record_of(store, request.bank, request.words[0])
+            events = store.history(request.bank, record.id)
+    shown, more = shortened(events, request.config.limit)
+    return Answer([_event_data(e) for e in events], [events_table(shown), *([more] if more else [])])
+
+
+def as_of(request: Request) -> Answer:
+    """The records as they were at a time, or one of them."""
+    at = time_of(request.words[0])
+    with opened(request) as store:
+        records = store.as_of(request.bank, at)
+    if len(request.words) > 1:
+        records = [record for record in records if record.id.startswith(request.words[1])]
+        if not records:
+            raise NotFoundError(
+                f"The bank '{request.bank}' had no record '{request.words[1]}' at {clock(at)}."
+            )
+    if request.config.states:
+        records = [record for record in records if record.state in request.config.states]
+    return _listing(records, request, f"The bank had no records at {clock(at)}.")
+
+
+def conflicts(request: Request) -> Answer:
+    """Pairs of records that contradict each other."""
+    with opened(request) as store:
+        pairs = _conflicts(store, request.bank)
+    listing = table("id", "state", "says", "against", "state", "says")
+    shown, more = shortened(pairs, request.config.limit)
+    for a, b in shown:
+        row(listing, *(w for r in (a, b) for w in (printable(r.id), r.state, one_line(r.content, 90))))
+    data = [{"records": [record_data(a), record_data(b)]} for a, b in pairs]
+    if not pairs:
+        return Answer(data, ["No records contradict each other."])
+    return Answer(data, [listing, *([more] if more else [])])
+
+
+def _conflicts(store: Store, bank: str) -> list[tuple[Record, Record]]:
+    pairs = {
+        (min(link.source, link.target), max(link.source, link.target))
+        for link in store.links(bank)
+        if link.kind == "conflict"
+    }
+    there = {record.id: record for record in store.records(bank, ids=[id for pair in pairs for id in pair])}
+    return [(there[a], there[b]) for a, b in sorted(pairs) if a in there and b in there]
+
+
+def stats(request: Request) -> Answer:
+    """How many records there are of each state and type, and how large everything is; for every bank without one."""
+    with opened(request) as store:
+        data = {
+            "database": store.name,
+            "banks": store.banks(),
+            "bank": request.bank,
+            **store.stats(request.bank),
+        }
+    listing = table("what", "how many")
+    for name, value in data.items():
+        told = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
+        row(listing, name, printable(", ".join(told) if isinstance(told, list) else str(told)))
+    return Answer(data, [listing])
+
+
+def verify(request: Request) -> Answer:
+    """Whether the chain of events, the rows and the vectors hold; 1 when something is wrong."""
+    with opened(request) as store:
+        problems = store.verify(request.bank)
+        counted = store.stats(request.bank)
+    data = {"bank": request.bank, "sound": not problems, "problems": problems}
+    if not problems:
+        events = counted.get("events", "all")
+        return Answer(data, [f"The bank '{request.bank}' is sound: {events} events and all rows agree."])
+    names = [field.name for field in dataclasses.fields(problems[0])]
+    listing = table(*names, style="red")
+    for problem in problems:
+        row(listing, *(printable(str(getattr(problem, name))) for name in names))
+    return Answer(data, [listing, f"{len(problems)} problems; damaged rows are not served."], status=1)
+
+
+def events_table(events: Sequence[Event]) -> Table:
+    """One line an event."""
+    listing = table("event", "time", "who", "what", "why", "change")
+    for event in events:
+        what = event.action + (f" {event.target}" if event.target else "")
+        row(
+            listing,
+            str(event.seq),
+            clock(event.at),
+            printable(event.actor),
+            printable(what),
+            "(forgotten)" if event.erased else one_line(event.why, 120),
+            one_line(_change_words(event), 200),
+        )
+    return listing
+
+
+def _change_words(event: Event) -> str:
+    if event.action == "forget":
+        return ""
+    try:
+        change = event.change_json()
+    except ValueError:
+        return "(damaged)"
+    parts = []
+    for name, value in change.items():
+        if isinstance(value, list) and len(value) == 2:
+            before, after = (one_line(_short(v), 40) for v in value)
+            parts.append(f"{name}: {before} -> {after}")
+    return "; ".join(parts) if parts else ("created" if "content" in change else "")
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _event_data(event: Event) -> dict[str, Any]:
+    data = {f.name: getattr(event, f.name) for f in dataclasses.fields(event)}
+    for name in ("scores", "change"):
+        try:
+            data[name] = json.loads(data[name]) if data[name] else None
+        except ValueError:
+            continue
+    return data | {"erased": event.erased}
+
+
+def _listing(records: Sequence[Record], request: Request, nothing: str) -> Answer:
+    shown, more = shortened(records, request.config.limit)
+    data = [record_data(record) for record in records]
+    if not records:
+        return Answer(data, [nothing])
+    return Answer(data, [records_table(shown), *([more] if more else [])])
+
+
+def _value(name: str, value: Any) -> str:
+    if name in ("created", "updated", "used"):
+        return clock(value) if value else "never"
+    if isinstance(value, dict | list):
+        return printable(json.dumps(value, ensure_ascii=False))[:4000]
+    return "" if value is None else printable(_short(value))

@@ -1,0 +1,92 @@
+"""The command line of `gvla2 memory`: verb, words, flags, and overrides for Hydra."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from gvla2.discovery import closest
+
+_OVERRIDE = re.compile(r"[+~]{0,2}[A-Za-z_][\w./@:-]*=.*", re.DOTALL)
+_WITH_VALUE = ("--cfg", "-c", "--package", "-p", "--config-dir", "-cd", "--info", "-i")
+_ALONE = ("--resolve", "--hydra-help")
+_SWEEPS = ("-m", "--multirun", "--experimental-rerun")
+
+
+class UsageError(Exception):
+    """The command line cannot be understood; the message says how it is used."""
+
+
+@dataclass
+class Invocation:
+    """What was asked. ``overrides`` go to Hydra; ``hydra_asks`` where they ask Hydra itself for something."""
+
+    verb: str = ""
+    words: list[str] = field(default_factory=list)
+    overrides: list[str] = field(default_factory=list)
+    json: bool = False
+    yes: bool = False
+    help: bool = False
+    hydra_asks: bool = False
+
+
+def understood(argv: Sequence[str], verbs: Mapping[str, tuple[int, int | None]]) -> Invocation:
+    """Read the command line; ``verbs`` give how few and how many words each takes (None: any number).
+
+    Raises :class:`UsageError`.
+    """
+    asked = Invocation()
+    rest = list(argv)
+    plain: list[str] = []
+    while rest:
+        word = rest.pop(0)
+        if word == "--":
+            plain += rest
+            break
+        if word in ("-h", "--help"):
+            asked.help = True
+        elif word == "--json":
+            asked.json = True
+        elif word in ("-y", "--yes"):
+            asked.yes = True
+        elif word in _WITH_VALUE:
+            asked.overrides += [word, *rest[:1]]
+            asked.hydra_asks |= word in ("--cfg", "-c", "--info", "-i")
+            rest = rest[1:]
+        elif word in _ALONE:
+            asked.overrides.append(word)
+            asked.hydra_asks |= word == "--hydra-help"
+        elif word in _SWEEPS:
+            raise UsageError("`gvla2 memory` looks at one bank at a time: it takes no sweeps.")
+        elif _OVERRIDE.fullmatch(word):
+            asked.overrides.append(word)
+        elif word.startswith("-") and len(word) > 1:
+            flags = ("--json", "--yes", "--help", *_WITH_VALUE, *_ALONE)
+            raise UsageError(f"No option '{word}'.{closest(word, flags)} See `gvla2 memory --help`.")
+        else:
+            plain.append(word)
+    asked.verb, asked.words = (plain[0], plain[1:]) if plain else ("", [])
+    if asked.verb and asked.verb not in verbs:
+        known = ", ".join(verbs)
+        raise UsageError(
+            f"No verb '{asked.verb}' of `gvla2 memory`.{closest(asked.verb, verbs)} Verbs: {known}."
+        )
+    if asked.verb and not asked.help and not asked.hydra_asks:
+        _check(asked, *verbs[asked.verb])
+    return asked
+
+
+def _check(asked: Invocation, fewest: int, most: int | None) -> None:
+    """Raises :class:`UsageError` for too few or too many words, and for --yes where nothing is asked."""
+    see = f"See `gvla2 memory {asked.verb} --help`."
+    if len(asked.words) < fewest or not all(word.strip() for word in asked.words):
+        raise UsageError(
+            f"`gvla2 memory {asked.verb}` needs {'a word' if fewest == 1 else 'words'} more. {see}"
+        )
+    if most is not None and len(asked.words) > most:
+        raise UsageError(f"`gvla2 memory {asked.verb}` does not take '{asked.words[most]}'. {see}")
+    if asked.yes and asked.verb != "forget":
+        raise UsageError(f"`gvla2 memory {asked.verb}` asks nothing: --yes is for forget. {see}")
+    if asked.json and asked.verb == "forget" and not asked.yes:
+        raise UsageError(f"With --json nobody is asked: `gvla2 memory forget` needs --yes then. {see}")

@@ -1,0 +1,131 @@
+"""``gvla2 tasks``: a page of all tasks, from every camera, as they start and as they end."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gvla2.errors import Gvla2Error
+
+if TYPE_CHECKING:
+    from gvla2.record.gallery import Shown
+    from gvla2.robot.backend import RobotBackend
+    from gvla2.robot.task import Task
+
+DESCRIPTION = """\
+Writes one HTML page that shows each task from every camera: as it starts, and as it ends when its scripted
+demonstration carries it out. The demonstrations know the true state; no planner uses them.
+"""
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write the page; the exit status is 1 when a task could not be laid out, 2 for wrong usage."""
+    try:
+        options = _parser().parse_args(argv)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    from gvla2.record.files import write_text
+    from gvla2.record.gallery import gallery_page
+
+    try:
+        shown = list(show(options.task, options.robot, options.seed, demonstrate=not options.start_only))
+        write_text(options.output, gallery_page(shown, options.seed))
+    except Gvla2Error as error:
+        print(f"gvla2: {error}", file=sys.stderr)
+        return 1
+    print(options.output)
+    return int(any(task.problem for task in shown))
+
+
+def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[Shown]:
+    """The named tasks, or all of them, one by one as they are photographed; progress goes to stderr."""
+    from gvla2.catalog import load_plugins
+    from gvla2.record.gallery import Shown
+
+    registry = load_plugins()
+    offers = registry.offers("task")
+    for name in names or [n for n in offers if n != "none"]:
+        offer = registry.get("task", name)
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        try:
+            built = _build(registry, robot, name)
+            with closing(built["robot"]) as arm:
+                yield _photograph(arm, built["task"], name, offer.summary, seed, demonstrate)
+        except Gvla2Error as error:
+            yield Shown(name, offer.summary, "", "", (), problem=str(error))
+
+
+def _build(registry: Any, robot: str, task: str) -> dict[str, Any]:
+    """Robot and task as ``gvla2 run`` would make them by default."""
+    from hydra import compose, initialize_config_module
+    from omegaconf import OmegaConf
+
+    from gvla2.commands.primary import PRIMARY
+    from gvla2.hydra_bridge import register
+
+    register(registry, PRIMARY)
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        config = OmegaConf.to_object(compose("run", overrides=[f"task={task}", f"robot={robot}"]))
+    return dict(registry.build_all(config, ("robot", "task")))
+
+
+def _photograph(
+    robot: RobotBackend, task: Task, name: str, summary: str, seed: int, demonstrate: bool
+) -> Shown:
+    from gvla2.record.gallery import Shown
+    from gvla2.robot import demonstration
+
+    instance = robot.reset(task, seed)
+    if instance is None:
+        return Shown(name, summary, "", "", (), problem="The robot lays out no task; choose a simulated one.")
+    before = robot.observe().views
+    ending, done, after = "", False, None
+    if demonstrate and instance.solution is not None:
+        reports = demonstration.demonstrate(robot, instance)
+        after = robot.observe().views
+        judged = robot.judge()
+        done, strict = (False, False) if judged is None else (judged.eased, judged.strict)
+        stopped = reports[-1].abort if reports else None
+        ending = f"Demonstrated: eased {_word(done)}, strict {_word(strict)}."
+        if stopped is not None:
+            ending += f" It stopped at '{stopped.stage}': {stopped.message}"
+    views = () if after is None else tuple(after)
+    return Shown(
+        name,
+        summary,
+        instance.instruction,
+        instance.goal,
+        tuple(task.instructions),
+        tuple(before),
+        views,
+        ending,
+        done,
+    )
+
+
+def _word(reached: bool) -> str:
+    return "reached" if reached else "not reached"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="gvla2 tasks", description=DESCRIPTION)
+    parser.add_argument("task", nargs="*", help="names of tasks; all of them by default")
+    parser.add_argument("--robot", default="sapien_panda", help="a simulated robot (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the layouts (default: %(default)s)")
+    parser.add_argument(
+        "--output", type=Path, default=Path("tasks.html"), help="the page (default: %(default)s)"
+    )
+    parser.add_argument("--start-only", action="store_true", help="leave the demonstrations out")
+    return parser
+
+
+def complete(words: Sequence[str]) -> list[str]:
+    """What may stand in place of the last word: tasks and options."""
+    from gvla2.catalog import load_plugins
+
+    del words
+    return [*load_plugins().components("task"), "--robot", "--seed", "--output", "--start-only"]

@@ -1,0 +1,59 @@
+"""How a bank governs: the switches of the ablations and the thresholds, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Retrieval = Literal["full", "semantic"]
+
+
+@dataclass(frozen=True)
+class BankOptions:
+    """What a bank admits, shows, keeps and spends.
+
+    Switches, each of them an ablation of the paper when turned off: ``admission`` (off: what was not verified is let
+    in, too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summed up, or
+    archived for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures).
+    ``retrieval`` "semantic" ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
+    without binding force; ``frozen`` stops learning while recall goes on.
+
+    Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
+    records; ``per_source`` records that one source may have active in ``per_source_days``, ``per_source_copies`` of
+    them alike (cosine of ``copy_cosine``). After ``constant_verdicts`` equal successes in a row of one verifier, it
+    is trusted with a confidence of ``constant_confidence`` at most.
+
+    Consolidation, the released thresholds: records are compared from a relevance of ``match`` on, are one from
+    ``merge_surface`` or ``merge_signature`` on, and a wording is not kept from ``discard`` on; ``rivals`` are looked
+    at. Governance: failures that nobody used retire after ``retire_days``; ``summary_size`` successes of two tasks or
+    more that are alike by ``summary_match`` become one summary. Replay looks at records with a confidence below
+    ``replay_confidence``, at most ``replay_per_episode`` episodes after each that is learnt (0: on demand alone).
+    """
+
+    admission: bool = True
+    replay: bool = True
+    governance: bool = True
+    failures: bool = True
+    retrieval: Retrieval = "full"
+    show_provisional: bool = False
+    frozen: bool = False
+    max_chars: int = 2400
+    max_per_episode: int = 16
+    active_budget: int = 10_000
+    provisional_budget: int = 2_000
+    per_source: int = 64
+    per_source_days: float = 1.0
+    per_source_copies: int = 4
+    copy_cosine: float = 0.95
+    constant_verdicts: int = 20
+    constant_confidence: float = 0.6
+    rivals: int = 16
+    match: float = 0.35
+    merge_surface: float = 0.80
+    merge_signature: float = 0.5
+    discard: float = 0.95
+    retire_days: float = 14.0
+    summary_size: int = 3
+    summary_match: float = 0.5
+    replay_confidence: float = 0.4
+    replay_per_episode: int = 1

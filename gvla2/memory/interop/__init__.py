@@ -1,0 +1,6 @@
+"""The memory layouts of the paper's released code, read and written: JSON, one record a line.
+
+* ``states``: a folder with ``active.jsonl``, ``provisional.jsonl``, ``summary.jsonl`` and ``archive.jsonl``;
+* ``items``: one file, a line a task with its ``memory_items`` and ``status``;
+* ``robot``: one file, a line a task with its ``memory_text`` and ``outcome``.
+"""

@@ -1,0 +1,248 @@
+"""What one transaction is going to do to a bank: records, links and decisions, collected and then written at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.memory.candidates import RowCandidates
+from gvla2.memory.contracts import OUTCOMES, TYPES, Learned
+from gvla2.memory.index import SERVED, Index
+from gvla2.memory.records import Record
+from gvla2.memory.store import Link, Put, StoredEpisode, Transaction
+from gvla2.memory.view import Change
+
+
+@dataclass
+class Outcome:
+    """What becomes of an episode's lessons, as it is decided."""
+
+    added: list[str] = field(default_factory=list)
+    merged: list[str] = field(default_factory=list)
+    provisional: list[str] = field(default_factory=list)
+    discarded: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Add a sentence, once."""
+        if text and text not in self.notes:
+            self.notes.append(text)
+
+    def learned(self) -> Learned:
+        """The same as the contract's answer."""
+        return Learned(
+            tuple(self.added), tuple(self.merged), tuple(self.provisional), self.discarded, tuple(self.notes)
+        )
+
+
+_SPARE = 64
+_UNLIKE = 0.25
+"""Records with a smaller cosine are no rivals: reading them would be in vain."""
+
+
+class Ledger:
+    """A bank within a transaction: what is stored, what the index finds, and what was decided since.
+
+    The index must be up to date when the transaction begins. Nothing is written before :meth:`write`.
+    """
+
+    def __init__(self, transaction: Transaction, index: Index, model: str) -> None:
+        self.transaction, self._index, self._model = transaction, index, model
+        self._latest: dict[str, Record] = {}
+        self._keys: dict[str, str] = {}
+        self._vectors: dict[str, NDArray[np.float32]] = {}
+        self._near: list[str] = []
+        self._matrix = np.zeros((0, 0), np.float32)
+        self._puts: list[Put] = []
+        self._links: list[tuple[str, str, str, str]] = []
+        self._decisions: list[tuple[str, str, str, Mapping[str, float]]] = []
+        self._episodes: dict[str, StoredEpisode] = {}
+        self._found: dict[str, list[Record]] = {}
+
+    @property
+    def now(self) -> float:
+        """The time of the transaction, seconds since the epoch."""
+        return float(self.transaction.now)
+
+    def get(self, id: str) -> Record | None:
+        """The record as it is after what was decided."""
+        return self._latest.get(id) or self.transaction.get(id)
+
+    def records(self, ids: Sequence[str], state: str) -> list[Record]:
+        """The records of these ids that are in this state after what was decided, by id."""
+        stored = self.transaction.records(states=[state], ids=[id for id in ids if id not in self._latest])
+        latest = [self._latest[id] for id in ids if id in self._latest]
+        return sorted([*stored, *(r for r in latest if r.state == state)], key=lambda record: record.id)
+
+    def decided(self, record: Record) -> Record:
+        """The record as it is after what was decided; one that nothing was decided on is as given."""
+        return self._latest.get(record.id, record)
+
+    def by_key(self, key: str) -> Record | None:
+        """The record that says the same."""
+        if key in self._keys:
+            return self._latest[self._keys[key]]
+        found = self.transaction.by_key(key)
+        return self._latest.get(found.id, found) if found is not None else None
+
+    def links(self, id: str) -> list[Link]:
+        """The record's links, decided ones too."""
+        own = [
+            Link(source, kind, target, self.now)
+            for source, kind, target, _ in self._links
+            if id in (source, target)
+        ]
+        return self.transaction.view.links(self.transaction.bank, id) + own
+
+    def nearest(self, vector: NDArray[np.float32], k: int) -> list[tuple[Record, float]]:
+        """The served records nearest to a unit (D,) vector with their cosines, best first, equal ones by id.
+
+        Those that are nothing like it are left out.
+        """
+        found: list[tuple[Record, float]] = []
+        if len(self._index):
+            rows, cosines = self._index.nearest(vector, k, SERVED)
+            for row, cosine in zip(rows, cosines, strict=True):
+                if cosine < _UNLIKE:
+                    break
+                record = self._index.record(int(row))
+                found.append((self._latest.get(record.id, record), float(cosine)))
+        if self._near:
+            alike = self._matrix[: len(self._near)] @ vector
+            best = [int(i) for i in np.argsort(-alike, kind="stable")[:k] if alike[i] >= _UNLIKE]
+            found += [(self._latest[self._near[i]], float(alike[i])) for i in best]
+        found.sort(key=lambda entry: (-entry[1], entry[0].id))
+        unique = {record.id: (record, cosine) for record, cosine in reversed(found)}
+        kept = [unique.pop(record.id) for record, _ in found if record.id in unique]
+        return [entry for entry in kept if entry[0].state in SERVED][:k]
+
+    def rivals(self, id: str) -> list[Record]:
+        """The served records that were found nearest to a record of this transaction, as they are by now."""
+        return [record for record in map(self.decided, self._found.get(id, ())) if record.state in SERVED]
+
+    def found(self, id: str, rivals: Sequence[tuple[Record, float]]) -> None:
+        """Keep what was found nearest to a record."""
+        self._found[id] = [record for record, _ in rivals]
+
+    def vector(self, id: str) -> NDArray[np.float32] | None:
+        """The (D,) embedding of a served or changed record, None where it is not at hand."""
+        if id in self._vectors:
+            return self._vectors[id]
+        rows = self._index.rows([id])
+        return self._index.vector(rows[0]) if rows else None
+
+    def mean_vector(self, ids: Sequence[str]) -> NDArray[np.float32] | None:
+        """(D,) unit mean of the embeddings at hand, None where there is none."""
+        found = [vector for id in ids if (vector := self.vector(id)) is not None]
+        if not found:
+            return None
+        total = np.sum(np.stack(found).astype(np.float64), axis=0)
+        length = float(np.linalg.norm(total))
+        return (total / length).astype(np.float32) if length > 0 else None
+
+    def put(
+        self,
+        record: Record,
+        action: str,
+        vector: NDArray[np.float32] | None = None,
+        why: str = "",
+        scores: Mapping[str, float] | None = None,
+    ) -> Record:
+        """Decide on a record; returns it as it will be stored."""
+        self._puts.append(
+            Put(record, action, vector, self._model if vector is not None else "", why, scores or {})
+        )
+        stored = replace(record, version=record.version + 1, rev=self.transaction.rev)
+        self._latest[record.id] = stored
+        self._keys[record.dedup_key] = record.id
+        if vector is not None:
+            self._vectors[record.id] = vector
+            self._remember(record.id, vector)
+        return stored
+
+    def link(self, source: str, kind: str, target: str, why: str = "") -> None:
+        """Let one record refer to another."""
+        self._links.append((source, kind, target, why))
+
+    def decide(
+        self, action: str, record: str = "", why: str = "", scores: Mapping[str, float] | None = None
+    ) -> None:
+        """A decision that changes no record."""
+        self._decisions.append((action, record, why, scores or {}))
+
+    def keep(self, episode: StoredEpisode) -> None:
+        """Keep an episode for replay."""
+        self._episodes[episode.source] = episode
+
+    @property
+    def wrote(self) -> bool:
+        """Whether anything was decided."""
+        return bool(self._puts or self._links or self._decisions or self._episodes)
+
+    def stale(self, days: float) -> list[Record]:
+        """Active records not updated for so long, whatever they are."""
+        candidates = self._index.candidates(("active",), now=self.now)
+        rows = np.flatnonzero((candidates.ages >= days) & (candidates.usage == 0))
+        return [self.decided(record) for record in self._of(candidates, rows)]
+
+    def beyond(self, state: str, budget: int) -> tuple[list[Record], int]:
+        """By how many records a state exceeds its budget, and those from which to choose as many; [] and 0 if not."""
+        held = self._index.candidates((state,), now=self.now)
+        latest = [record for record in self._latest.values() if record.state == state]
+        decided = sum(self._index.record(row).state == state for row in self._index.rows(list(self._latest)))
+        excess = len(held.ids) - decided + len(latest) - budget
+        if excess <= 0:
+            return [], 0
+        verified = (held.outcomes == OUTCOMES.index("verified_success")) | (
+            (held.outcomes == OUTCOMES.index("verified_fail"))
+            & (held.types == TYPES.index("failure_avoidance"))
+        )
+        # The columns have no R, but kappa = 2|R - .5| gives it back: R + kappa = .5 + 1.5 kappa.
+        rough = (
+            1.5 * held.confidence
+            + np.where(verified, 0.5, -0.3)
+            + np.minimum(0.1 * held.usage, 0.5)
+            + np.maximum(0.0, 0.25 - np.minimum(held.ages / 90.0, 0.25))
+        )
+        many = min(len(rough), excess + decided + _SPARE)
+        least = np.argpartition(rough, many - 1)[:many] if many else np.zeros(0, np.int64)
+        few = {
+            record.id: record for record in map(self.decided, self._of(held, least)) if record.state == state
+        }
+        return list((few | {record.id: record for record in latest}).values()), excess
+
+    def _of(self, candidates: RowCandidates, rows: NDArray[np.intp]) -> list[Record]:
+        return [self._index.record(row) for row in self._index.rows([candidates.ids[int(i)] for i in rows])]
+
+    def changed(self) -> list[Record]:
+        """The records decided on, as they will be stored, in the order of their first change."""
+        return list(self._latest.values())
+
+    def write(self) -> list[Change] | None:
+        """Write all of it; what an index has to apply, None where it had better read the store again."""
+        stored = self.transaction.put_many(self._puts) if self._puts else []
+        for source, kind, target, why in self._links:
+            if source != target:
+                self.transaction.link(source, kind, target, why=why)
+        for action, record, why, scores in self._decisions:
+            self.transaction.decide(action, record, why=why, scores=scores)
+        for episode in self._episodes.values():
+            self.transaction.save_episode(episode)
+        if self._links or any(put.record.version for put in self._puts):
+            return None
+        last = {record.id: record for record in stored}
+        return [Change(record, self._vectors.get(record.id), self._model) for record in last.values()]
+
+    def _remember(self, id: str, vector: NDArray[np.float32]) -> None:
+        if id in self._near:
+            self._matrix[self._near.index(id)] = vector
+            return
+        if len(self._near) == len(self._matrix):
+            grown = np.zeros((max(16, 2 * len(self._matrix)), len(vector)), np.float32)
+            grown[: len(self._near)] = self._matrix[: len(self._near)] if len(self._near) else 0.0
+            self._matrix = grown
+        self._matrix[len(self._near)] = vector
+        self._near.append(id)

@@ -1,0 +1,60 @@
+"""Words of any language: what a text is about, for ranking and for telling texts apart."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from hashlib import blake2b
+
+from gvla2.memory.function_words import FUNCTION_WORDS
+
+MAX_TEXT = 8192
+"""What is read of a text, in characters: a query of a megabyte costs no more than one of a page."""
+MAX_WORD = 64
+"""Longer words (encoded data, mostly) count by their beginning."""
+
+_WORD = re.compile(r"\w+")
+# Scripts that put no spaces between words: Thai, Lao, Khmer, Myanmar, kana, Han.
+_UNSPACED = re.compile(
+    r"[\u0e00-\u0eff\u1000-\u109f\u1780-\u17ff\u3040-\u30ff\u3400-\u4dbf\u4e00-\u9fff\uf900-\ufaff]+"
+)
+
+
+def tokens(text: str) -> list[str]:
+    """Casefolded words in reading order, of the first ``MAX_TEXT`` characters.
+
+    Scripts without spaces give their character pairs.
+    """
+    text = text[:MAX_TEXT]
+    if text.isascii():
+        return [word[:MAX_WORD] for word in _WORD.findall(text.lower())]
+    found: list[str] = []
+    for word in _WORD.findall(unicodedata.normalize("NFKC", text).casefold()):
+        rest = 0
+        for run in _UNSPACED.finditer(word):
+            found += [word[rest : run.start()][:MAX_WORD]] if run.start() > rest else []
+            letters = run.group()
+            found += [letters[i : i + 2] for i in range(max(len(letters) - 1, 1))]
+            rest = run.end()
+        found += [word[rest:][:MAX_WORD]] if rest < len(word) else []
+    return found
+
+
+def topic_words(text: str) -> list[str]:
+    """The tokens that carry a topic: function words and single digits are left out."""
+    return [
+        token
+        for token in tokens(text)
+        if token not in FUNCTION_WORDS and not (len(token) == 1 and token.isdigit())
+    ]
+
+
+def text_of(query: str, content: str) -> str:
+    """The text of a record that is searched and embedded: its instructions and what it says."""
+    return f"{query} {content}"
+
+
+def wording(content: str) -> int:
+    """A number that is equal for contents of the same words, whatever their order, case and punctuation."""
+    words = "\n".join(sorted(set(tokens(content)))).encode("utf-8", "surrogatepass")
+    return int.from_bytes(blake2b(words, digest_size=8).digest(), "little", signed=True)

@@ -1,0 +1,386 @@
+"""`gvla2 memory`: what each verb answers to people and programs, and what it says when something is wrong."""
+
+import json
+import logging
+import os
+import pty
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from omegaconf import OmegaConf
+
+from gvla2 import cli
+from gvla2.catalog import Registry
+from gvla2.commands.memory import VERBS, VerbJob, tell, usage
+from gvla2.commands.memory_access import WrongWordError, time_of
+from gvla2.commands.memory_answers import one_line, plain, printable
+from gvla2.commands.memory_config import MemoryCommandConfig
+from gvla2.commands.memory_words import UsageError, understood
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+
+DEFAULTS = {"retriever": "hybrid", "embedder": "hash", "verifier": "exit_status"}
+GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
+BAD = Verdict.from_criteria({"done": 0.0}, ["it slipped"], "test")
+
+
+@pytest.fixture(autouse=True)
+def _loggers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A folder without anything in it; logging is put back after the command."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield
+    root.handlers[:], root.level = handlers, level
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A bank with a hint, and a constraint from a failure."""
+    file = tmp_path / "m.db"
+    with KnowledgeBank.open(f"sqlite:///{file}") as bank:
+        for number, (words, verdict) in enumerate(
+            (
+                (Lesson("procedural_hint", "Lift the cup by its \x1b[31mrim[/bold] slowly."), GOOD),
+                (Lesson("failure_avoidance", "Never grasp the bottle at its neck."), BAD),
+            )
+        ):
+            task = MemoryTask("lift the cup" if verdict is GOOD else "open the bottle")
+            bank.learn(MemoryEpisode(task, (words,), "a transcript", source=f"run/{number}"), verdict)
+    return file
+
+
+Run = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(path: Path, capsys: pytest.CaptureFixture[str], registry: Registry) -> Run:
+    """A verb, its printing and its exit status, with options set as Hydra would set them: Hydra takes a second."""
+
+    def run_(*argv: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        asked = understood(argv, {name: (verb.fewest, verb.most) for name, verb in VERBS.items()})
+        given = OmegaConf.from_dotlist([f"url=sqlite:///{path}", *asked.overrides])
+        chosen = {kind: given.pop(kind, name) for kind, name in DEFAULTS.items()}
+        config = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(MemoryCommandConfig), given))
+        for kind, name in chosen.items():
+            setattr(config, kind, registry.get(kind, name).config(name=name))
+        job = VerbJob(asked)
+        job(config, registry)
+        status = tell(job, 0)
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return status, captured.out, captured.err
+
+    return run_
+
+
+@pytest.fixture
+def command(path: Path, capsys: pytest.CaptureFixture[str]) -> Run:
+    """The whole command."""
+
+    def run_(*argv: str) -> tuple[int, str, str]:
+        capsys.readouterr()
+        status = cli.main(["memory", *argv, f"url=sqlite:///{path}"])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err
+        return status, captured.out, captured.err
+
+    return run_
+
+
+def data(run: Run, *argv: str, status: int = 0) -> Any:
+    """The one JSON document that a verb prints."""
+    found, out, _ = run(*argv, "--json")
+    assert found == status
+    return json.loads(out)
+
+
+def ids(run: Run) -> dict[str, str]:
+    return {record["type"]: record["id"] for record in data(run, "list")}
+
+
+def test_list_shows_records_and_no_control_characters(run: Run):
+    status, out, err = run("list")
+    assert (status, err) == (0, "")
+    assert "Lift the cup by its" in out
+    assert "[/bold]" in out
+    assert "\x1b" not in out
+    assert len(data(run, "list")) == 2
+    status, out, _ = run("list", "limit=1")
+    assert "1 of 2 are shown" in out
+    assert data(run, "list", "states=[archive]") == []
+
+
+def test_show_and_history_take_the_beginning_of_an_id(run: Run):
+    hint = ids(run)["procedural_hint"]
+    status, out, _ = run("show", "hint")
+    assert status == 0
+    assert hint in out
+    assert "lift the cup" in out
+    shown = data(run, "show", hint)
+    assert shown["record"]["verifier"]["criteria"] == {"done": 1.0}
+    events = data(run, "history", "hint")
+    assert [event["record"] for event in events] == [hint] * len(events)
+    assert events[0]["change"]["content"].startswith("Lift the cup")
+
+
+def test_search_shows_every_term(run: Run):
+    found = data(run, "search", "lift", "the", "cup")
+    best = found["found"][0]
+    assert best["reliable"] is True
+    assert {"r_text", "confidence", "success", "recency", "usage", "conflict", "stale"} <= set(best["terms"])
+    assert sum(best["terms"].values()) == pytest.approx(best["score"])
+    assert json.loads(run("search", "--json", "--", "a=b")[1])["query"] == "a=b"
+
+
+def test_as_of_goes_back_in_time(run: Run):
+    assert data(run, "as-of", "1h") == []
+    assert len(data(run, "as-of", "2999-01-01")) == 2
+    assert len(data(run, "as-of", "2999-01-01", "avoid")) == 1
+    assert run("as-of", "2999-01-01", "nobody")[0] == 1
+    status, _, err = run("as-of", "soon")
+    assert status == 2
+    assert "90min, 3h, 2d" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "seconds"),
+    [
+        ("90min", 1e6 - 5400),
+        ("2 d ago", 1e6 - 172800),
+        ("1.5h", 1e6 - 5400),
+        ("1234.5", 1234.5),
+        ("1970-01-02T00:00:00Z", 86400),
+    ],
+)
+def test_times(words: str, seconds: float):
+    assert time_of(words, now=1e6) == seconds
+
+
+@pytest.mark.parametrize("words", ["", "yesterday", "2026-13-01", "1e300", "nan", "3 years"])
+def test_what_is_no_time(words: str):
+    with pytest.raises(WrongWordError, match="is no time"):
+        time_of(words)
+
+
+def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):
+    assert data(run, "verify")["sound"] is True
+    with sqlite3.connect(path) as raw:
+        raw.execute("UPDATE memory SET content = 'Throw the cup.' WHERE type = 'procedural_hint'")
+    raw.close()
+    told = data(run, "verify", status=1)
+    assert told["problems"]
+    status, out, _ = run("verify")
+    assert status == 1
+    assert ids(run).get("procedural_hint", "hint") in out or "record" in out
+
+
+def test_export_and_import_go_round(run: Run, tmp_path: Path):
+    assert run("export", "out")[0] == 0
+    assert "overwrite=true" in run("export", "out")[2]
+    assert run("export", "out", "overwrite=true", "states=[active]")[0] == 0
+    made = data(run, "import", "out", "bank=second")
+    assert len(made["added"]) == 2
+    assert len(data(run, "list", "bank=second")) == 2
+    assert data(run, "import", "out", "bank=second")["known"] == 2
+    (tmp_path / "broken.jsonl").write_text('{"memory_items": "Wait."}\nnonsense\n')
+    status, out, _ = run("import", "broken.jsonl", "bank=third")
+    assert status == 1
+    assert "broken.jsonl, line 2" in out
+    assert len(data(run, "list", "bank=third")) == 1
+
+
+def test_forget_removes_every_byte_and_asks_before(run: Run, path: Path):
+    hint = ids(run)["procedural_hint"]
+    assert b"Lift the cup by" in path.read_bytes()
+    status, _, err = run("forget", hint)  # nobody can be asked: no terminal
+    assert status == 2
+    assert "--yes" in err
+    assert data(run, "forget", hint, "--yes") == {"forgotten": [hint]}
+    assert not any(b"Lift the cup by" in file.read_bytes() for file in path.parent.glob("m.db*"))
+    assert "was forgotten" in run("show", hint)[2]
+    assert run("history", hint)[0] == 0
+    assert data(run, "verify")["sound"] is True
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo terminals are POSIX's")
+@pytest.mark.parametrize(("answer", "status", "left"), [("n\n", 1, 2), ("\n", 1, 2), ("y\n", 0, 1)])
+def test_forget_takes_an_answer_from_a_terminal(run: Run, answer: str, status: int, left: int, monkeypatch):
+    master, slave = pty.openpty()
+    os.write(master, answer.encode())
+    with os.fdopen(slave) as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        found, _, err = run("forget", "hint")
+    os.close(master)
+    assert found == status
+    assert "cannot be undone" in err
+    assert len(data(run, "list")) == left
+
+
+def test_upkeep(run: Run):
+    assert data(run, "stats")["states"] == {"active": 2}
+    assert set(data(run, "govern")) >= {"retired", "replaced", "summaries", "archived"}
+    assert data(run, "replay")["promoted"] == []
+    assert data(run, "conflicts") == []
+    told = data(run, "compact", "archived_days=0")
+    assert told["forgotten"] == 0
+    assert told["bytes"] > 0
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        ([], "Verbs (each has --help)"),
+        (["lsit"], "Did you mean 'list'?"),
+        (["show"], "needs a word more"),
+        (["show", "a", "b"], "does not take 'b'"),
+        (["list", "--jsn"], "Did you mean '--json'?"),
+        (["list", "--yes"], "--yes is for forget"),
+        (["forget", "a", "--json"], "needs --yes"),
+        (["list", "-m", "bank=a,b"], "no sweeps"),
+    ],
+)
+def test_wrong_usage(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["memory", *argv]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert message in captured.err
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["show", "hnit-00"], "No record 'hnit-00'"),
+        (["list", "bank=defualt"], "Did you mean 'default'? Banks: default."),
+        (["import", "nowhere"], "nothing at"),
+        (["export", "no/such/folder"], "Cannot write"),
+    ],
+)
+def test_what_is_not_there_is_said(run: Run, argv: list[str], message: str):
+    found, out, err = run(*argv)
+    assert (found, out) == (1, "")
+    assert message in err
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["list", "limti=3"], "Did you mean 'limit'?"),
+        (["list", "states=[actve]"], "States: active"),
+        (["export", "x", "layout=csv"], "Layouts: states, items, robot"),
+        (["search", "x", "embedder=nimilm"], "No embedder named 'nimilm'"),
+    ],
+)
+def test_wrong_options_are_explained_as_in_other_commands(command: Run, argv: list[str], message: str):
+    found, out, err = command(*argv)
+    assert (found, out) == (1, "")
+    assert message in err
+
+
+def test_the_whole_command(command: Run, tmp_path: Path):
+    status, out, err = command("list", "--json", "states=[active]")
+    assert (status, err, len(json.loads(out))) == (0, "", 2)
+    status, out, err = command("search", "cup", "retriever=semantic", "limit=1", "--json")
+    assert (status, err) == (0, "")
+    assert len(json.loads(out)["found"]) == 1
+    assert json.loads(command("list", "--json", "bank=nobody")[1])["error"].startswith("No bank 'nobody'")
+    assert sorted(p.name for p in tmp_path.iterdir() if not p.name.startswith((".", "m.db"))) == []
+
+
+def test_an_error_is_a_json_document_too(run: Run):
+    assert "No record 'zzz'" in data(run, "show", "zzz", status=1)["error"]
+
+
+def test_looking_makes_no_database(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["memory", "list"]) == 1
+    assert "There is no memory at" in capsys.readouterr().err
+    assert not (tmp_path / "home").exists()
+
+
+def test_a_corrupt_file_and_a_locked_one_are_explained(tmp_path: Path, run: Run, path: Path, capsys):
+    bad = tmp_path / "bad.db"
+    bad.write_bytes(b"not a database, but long enough to be read as one" * 40)
+    assert cli.main(["memory", "list", f"url=sqlite:///{bad}"]) == 1
+    assert "corrupt" in capsys.readouterr().err
+    holder = sqlite3.connect(path, isolation_level=None)
+    holder.execute("BEGIN IMMEDIATE")
+    status, _, err = run("forget", "hint", "--yes", "busy_seconds=0.2")
+    holder.execute("ROLLBACK")
+    holder.close()
+    assert status == 1
+    assert "locked" in err or "busy" in err
+
+
+def test_a_reader_that_leaves_is_no_traceback(path: Path):
+    with KnowledgeBank.open(f"sqlite:///{path}") as bank:
+        words = ("lift", "turn", "push", "cut", "fold", "wipe", "stack", "pour")
+        for i in range(64):
+            told = f"{words[i % 8]} thing number {i} {words[(i // 8) % 8]}wards"
+            bank.admit(Lesson("tool_usage", told), GOOD, task=told, source=f"s/{i}")
+    done = subprocess.run(
+        f"{sys.executable} -m gvla2.cli memory list --json limit=0 url=sqlite:///{path} | head -c 10",
+        shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "Traceback" not in done.stderr
+    assert "Exception" not in done.stderr
+
+
+@pytest.mark.parametrize("verb", ["", *VERBS])
+def test_each_verb_has_help(verb: str, capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["memory", *([verb] if verb else []), "--help"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith(f"Usage: gvla2 memory {verb or 'VERB'}")
+    assert "bank=NAME" in out
+    assert out.strip() == usage(verb).strip()
+    if verb:
+        assert callable(VERBS[verb].load())
+
+
+def test_flags_of_hydra_keep_working(command: Run):
+    status, out, _ = command("--cfg", "job")
+    assert status == 0
+    assert "bank: default" in out
+
+
+def test_words_flags_and_overrides_are_told_apart():
+    verbs = {"search": (1, None)}
+    asked = understood(["search", "a", "bank=x", "--json", "+y=1", "--", "c=d", "--json"], verbs)
+    assert asked.words == ["a", "c=d", "--json"]
+    assert asked.overrides == ["bank=x", "+y=1"]
+    assert asked.json
+    with pytest.raises(UsageError):
+        understood(["search", "  "], verbs)
+
+
+def test_plain_data_and_printable_text():
+    assert plain({"a": float("nan"), "b": b"\x01", "c": ("x", {1})}) == {
+        "a": None,
+        "b": "01",
+        "c": ["x", [1]],
+    }
+    assert printable("a\x1b[0m\u202eb\nc") == "a [0m b\nc"
+    assert one_line("a\n\n b" * 100, 10) == "a ba ba b…"
+
+
+@pytest.mark.parametrize(
+    ("line", "expected", "unexpected"),
+    [
+        ("gvla2 memory ", ["list", "as-of", "--help"], ["bank="]),
+        ("gvla2 memory ex", ["export"], ["list"]),
+        ("gvla2 memory list ba", ["bank="], ["list"]),
+        ("gvla2 memory search cup bank=x embedder=", ["embedder=hash"], []),
+    ],
+)
+def test_completion(line: str, expected: list[str], unexpected: list[str], monkeypatch, capsys):
+    monkeypatch.setenv("COMP_LINE", line)
+    assert cli.main(["--shell-completion", "query=bash"]) == 0
+    offered = capsys.readouterr().out.split()
+    assert set(expected) <= set(offered)
+    assert not set(unexpected) & set(offered)

@@ -1,0 +1,36 @@
+"""``gvla2 tasks``: one page, pictures inside."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gvla2.commands.tasks import main
+
+
+def test_the_page_shows_a_task_from_every_camera(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    page = tmp_path / "page.html"
+    assert main(["take_umbrella", "--seed", "2", "--output", str(page)]) == 0
+    assert capsys.readouterr().out.strip() == str(page)
+    html = page.read_text()
+    pictures = re.findall(r'alt="(\w+), (start|end)" src="data:image/png;base64,', html)
+    cameras = {"front", "left_shoulder", "right_shoulder", "wrist"}
+    assert {p for p in pictures} == {(c, when) for c in cameras for when in ("start", "end")}
+    assert "eased reached" in html
+    assert "http" not in html  # nothing is loaded from elsewhere
+
+
+def test_demonstrations_can_be_left_out(tmp_path: Path):
+    page = tmp_path / "page.html"
+    assert main(["put_block", "--start-only", "--output", str(page)]) == 0
+    assert "Demonstrated" not in page.read_text()
+    assert ", end" not in page.read_text()
+
+
+def test_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["--nothing"]) == 2
+    assert main(["--help"]) == 0
+    capsys.readouterr()
+    assert main(["putt_block", "--output", str(tmp_path / "page.html")]) == 1
+    assert "Did you mean 'put_block'" in capsys.readouterr().err
+    assert not (tmp_path / "page.html").exists()
