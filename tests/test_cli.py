@@ -225,8 +225,8 @@ def test_the_script_completes_in_a_real_bash(tmp_path):
     launcher.write_text(f'#!/bin/sh\nexec {sys.executable} -m gvla2.cli "$@"\n')
     launcher.chmod(0o755)
     script = (
-        'eval "$(gvla2 --shell-completion install=bash)"; COMP_WORDS=(gvla2 run task=pu); COMP_CWORD=2; '
-        'COMP_LINE="gvla2 run task=pu"; COMP_POINT=${#COMP_LINE}; hydra_bash_completion; echo "${COMPREPLY[@]}"'
+        'eval "$(gvla2 --shell-completion install=bash)"; COMP_WORDS=(gvla2 run task=push_b); COMP_CWORD=2; '
+        'COMP_LINE="gvla2 run task=push_b"; COMP_POINT=${#COMP_LINE}; hydra_bash_completion; echo "${COMPREPLY[@]}"'
     )
     environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=environment, check=True)

@@ -33,7 +33,7 @@ from gvla2.reconstruction.contracts import (
 )
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.guidance import guide
-from gvla2.reconstruction.rim import Shell, inset
+from gvla2.reconstruction.rim import Shell, alpha_iou, inset
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.visual_hull import soft_hull
@@ -112,9 +112,11 @@ def refine_geometry(
     b = _source_b(_Source(g0 if options.mode == "paper" else a.state), views, options)
     out = _fused(a.state, b.state, views, fusion, options)
     if options.mode == "default":
-        out = _settled(out, g0, b.state, views, options)
-        if options.appearance and out.state is not g0:
+        if options.fusion and options.axis:
+            out = _better(out, b.state, views)
+        if options.appearance:
             out = out.after(*inset(out.state, views, renderer))
+        out = _unless_refuted(out, g0, views, renderer)
     return BranchResult(g0, a.state, b.state, out.state, (*a.stages, *b.stages, *out.stages))
 
 
@@ -215,41 +217,43 @@ def _fused(
     return _gated("fusion", source, replace(a, gaussians=gaussians, mesh=mesh), views, options, began)
 
 
-def _settled(
-    out: _Source, g0: Reconstruction, b: Reconstruction, views: Views, options: BranchOptions
-) -> _Source:
-    """The last word of the input views, in default mode.
+def _better(out: _Source, b: Reconstruction, views: Views) -> _Source:
+    """Source B, where it explains the masks clearly better than the fused geometry does."""
+    began = time.perf_counter()
+    iou, iou_b = _iou(out.state, views), _iou(b, views)
+    if not iou_b > iou + CLEARLY:
+        return out
+    reason = f"Source B explains the masks better than the fusion: IoU {iou_b:.4f} against {iou:.4f}."
+    measures = {"symmetric_iou": iou}, {"symmetric_iou": iou_b}
+    report = StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
+    return out.after(_with_geometry(out.state, b), report)
 
-    Between the fused geometry and a source B that explains the masks clearly better, the source is taken; and what
-    explains the masks clearly worse than G0 did is not kept at all.
+
+def _unless_refuted(out: _Source, g0: Reconstruction, views: Views, renderer: Renderer) -> _Source:
+    """The last word of the input views: what explains the masks much worse than G0 did is not kept at all.
+
+    Gaussians are judged by what they paint, a mesh without any by its silhouettes.
     """
     began = time.perf_counter()
-    iou = _iou(out.state, views)
-    if options.fusion and options.axis:
-        iou_b = _iou(b, views)
-        if iou_b > iou + CLEARLY:
-            reason = f"Source B explains the masks better than the fusion: IoU {iou_b:.4f} against {iou:.4f}."
-            measures = {"symmetric_iou": iou}, {"symmetric_iou": iou_b}
-            report = StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
-            out, iou = out.after(_with_geometry(out.state, b), report), iou_b
-    iou_0 = _iou(g0, views)
-    if iou < iou_0 - MUCH:
-        reason = (
-            f"The masks speak against the refinement: IoU {iou:.4f}, {iou_0:.4f} as it was. G0 is the output."
-        )
-        measures = {"symmetric_iou": iou}, {"symmetric_iou": iou_0}
-        return out.after(
-            g0, StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
-        )
-    return out
+    if out.state.gaussians is not None and g0.gaussians is not None:
+        now, was = (alpha_iou(thing, views, renderer) for thing in (out.state.gaussians, g0.gaussians))
+    else:
+        now, was = _iou(out.state, views), _iou(g0, views)
+    if not now < was - MUCH:
+        return out
+    reason = f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. G0 is the output."
+    seconds = time.perf_counter() - began
+    return out.after(
+        g0, StageReport("output", "fallback", reason, {"mask_iou": now}, {"mask_iou": was}, seconds)
+    )
 
 
 CLEARLY = 0.005
 """A difference of symmetric IoU that decides between two sources."""
 
 MUCH = 0.03
-"""A loss of symmetric IoU against G0 that undoes everything. Each stage has its own gate, so this is a safety net; a
-carved hull fits its masks to the pixel, and a truer shape than it may well fit them less."""
+"""A loss of agreement with the masks, against G0, that undoes everything. Each stage has its own gate, so this is a
+safety net; a carved hull fits its masks to the pixel, and a truer shape than it may well fit them less."""
 
 
 def _gated(

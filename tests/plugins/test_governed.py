@@ -188,4 +188,4 @@ def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         check_component(component, kind)
         parts[kind] = component.build(component.config(name=component.name))
     (memory,) = governed.gvla2_memories()
-    check_component(memory, "memory", verifier=Unavailable(), **parts)
+    check_component(memory, "memory", verifier=Unavailable(), inducer=RulesInducer(), **parts)
