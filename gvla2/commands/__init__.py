@@ -12,6 +12,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "memory": "look into a memory's bank: list, search, history, import, export, govern, forget",
         "data": "say which data sets and weights are here, and how to get the others",
         "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
+        "tasks": "a page of every task from its four cameras, as laid out and as solved",
         "plugins": "list robots, planners, memories and all else that can be chosen, with options",
         "doctor": "check this installation and say what to do about what is missing",
     }

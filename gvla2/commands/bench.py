@@ -17,8 +17,14 @@ if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Results
     from gvla2.plugins import Registry
 
-SUITES = {"reconstruction": "gvla2.commands.bench_reconstruction"}
-"""The suites by name, and the module of each; it has ``run(config, registry, results, run_id, folder) -> cells``."""
+SUITES = {
+    "reconstruction": "gvla2.commands.bench_reconstruction",
+    "memory": "gvla2.commands.bench_memory",
+}
+"""The suites by name, and the module of each.
+
+It has ``run(config, registry, results, run_id, folder) -> cells``, and ``DATA`` where it is measured on one thing alone.
+"""
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +56,8 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     with Results.open(config.results.url) as results:
         run_id = results.begin(_run_record(config, folder))
         cells: list[Cell] = suite.run(config, registry, results, run_id, folder)
-        _write_result(folder, config, cells, results, run_id)
+        data = getattr(suite, "DATA", config.data.kind)
+        _write_result(folder, config, data, cells, results, run_id)
         used = {cell.run or run_id for cell in cells}
         runs = [run for run in results.runs(config.suite) if run.id in used]
         formats = [name for name in FORMATS if name != "terminal" or not config.quiet]
@@ -86,7 +93,7 @@ def _of_run(cell: Cell, run_id: int) -> Cell:
 
 
 def _write_result(
-    folder: Path, config: BenchConfig, cells: list[Cell], results: Results, run_id: int
+    folder: Path, config: BenchConfig, data: str, cells: list[Cell], results: Results, run_id: int
 ) -> None:
     from gvla2.evaluation.provenance import commit, versions
     from gvla2.record.files import write_json
@@ -97,7 +104,7 @@ def _write_result(
         {
             "command": "bench",
             "suite": config.suite,
-            "data": config.data.kind,
+            "data": data,
             "run": run_id,
             "database": results.url,
             "commit": commit(),

@@ -38,13 +38,36 @@ class ResultsConfig:
 
 
 @dataclass
+class MemoryBenchConfig:
+    """The memory suite: its ``tests`` by name (all by default), at a ``scale`` in (0, 1] of their sizes.
+
+    ``peer`` is a checkout of the paper's released code, whose own functions are then measured on the same data, too.
+    ``folder`` is where databases are made for the while of it, on the disk that is measured (by default the output
+    folder); ``seed`` makes the random lessons.
+    """
+
+    tests: list[str] = field(default_factory=list)
+    scale: float = 1.0
+    peer: str | None = None
+    folder: str | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.scale <= 1:
+            raise ConfigurationError(f"memory.scale is {self.scale}; it lies above 0 and is 1 at most.")
+        if self.seed < 0:
+            raise ConfigurationError("memory.seed must not be negative.")
+
+
+@dataclass
 class BenchConfig:
-    """One benchmark: every baseline x drift x variant x seed on every object.
+    """One benchmark. Of the suite ``reconstruction``: every baseline x drift x variant x seed on every object.
 
     ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``mode`` and
     ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own;
     ``surface_samples`` points of a surface make its Chamfer distance (the protocol's 100,000); ``workers`` processes
-    share the objects, 0 for one a core (8 at most); ``quiet`` leaves only the table on the terminal.
+    share the objects, 0 for one a core (8 at most); ``quiet`` leaves only the table on the terminal. The suite
+    ``memory`` heeds ``memory``, ``results`` and ``data.root`` alone.
     """
 
     suite: str = "reconstruction"
@@ -60,6 +83,7 @@ class BenchConfig:
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     lpips_weights: str | None = None
+    memory: MemoryBenchConfig = field(default_factory=MemoryBenchConfig)
     results: ResultsConfig = field(default_factory=ResultsConfig)
     surface_samples: int = 100_000
     workers: int = 0

@@ -12,6 +12,7 @@ from rich.text import Text
 from gvla2.commands.tables import console, row, table
 
 if TYPE_CHECKING:
+    from gvla2.evaluation.figures import FigureLayout, FigureTable
     from gvla2.evaluation.results import Cell, Run
     from gvla2.evaluation.tables import Layout, Table
 
@@ -21,7 +22,7 @@ FORMATS = ("terminal", "markdown", "latex", "html")
 def publish(
     cells: Sequence[Cell],
     runs: Sequence[Run],
-    layout: Layout,
+    layout: Layout | FigureLayout,
     folder: Path,
     formats: Sequence[str] = FORMATS,
     out: Console | None = None,
@@ -29,10 +30,10 @@ def publish(
     """Make the tables of these cells in every format asked for; returns the files written into ``folder``."""
     from gvla2.evaluation.report_page import render_report
     from gvla2.evaluation.table_formats import to_latex, to_markdown
-    from gvla2.evaluation.tables import make_tables
+    from gvla2.evaluation.tables import tables_of
     from gvla2.record.files import write_text
 
-    tables = make_tables(cells, layout)
+    tables = tables_of(cells, layout)
     if "terminal" in formats:
         show(tables, out or console())
     written = []
@@ -46,18 +47,19 @@ def publish(
     return written
 
 
-def show(tables: Sequence[Table], out: Console) -> None:
+def show(tables: Sequence[Table | FigureTable], out: Console) -> None:
     """Print tables, one below the other, with what their numbers mean."""
-    from gvla2.evaluation.table_formats import EXPLANATION, footnote, heading, label, lines_of
+    from gvla2.evaluation.sheets import explanations
+    from gvla2.evaluation.table_formats import sheet_of
 
-    for made in tables:
-        listing = table("", *(heading(measure) for measure in made.layout.measures))
-        for line in made.rows:
-            pairs = zip(line.entries, made.layout.measures, strict=True)
-            row(listing, label(line), *("\n".join(lines_of(*pair)) for pair in pairs))
-        out.print(Text(made.title, style="bold"), soft_wrap=True)
+    sheets = [sheet_of(table) for table in tables]
+    for sheet in sheets:
+        listing = table("", *sheet.headings)
+        for line in sheet.rows:
+            row(listing, line.label, *("\n".join(cell.lines) for cell in line.cells))
+        out.print(Text(sheet.title, style="bold"), soft_wrap=True)
         out.print(listing)
-        out.print(Text(footnote(made), style="dim"), soft_wrap=True)
+        out.print(Text(sheet.footnote, style="dim"), soft_wrap=True)
         out.print()
-    if tables:
-        out.print(Text(EXPLANATION, style="dim"), soft_wrap=True)
+    if sheets:
+        out.print(Text(explanations(sheets), style="dim"), soft_wrap=True)

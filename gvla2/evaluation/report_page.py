@@ -10,15 +10,19 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from gvla2.evaluation.figures import FigureTable
 from gvla2.evaluation.results import Cell, Run
-from gvla2.evaluation.table_formats import EXPLANATION, footnote, heading, label, lines_of
-from gvla2.evaluation.tables import Entry, Measure, Table
+from gvla2.evaluation.sheets import explanations
+from gvla2.evaluation.table_formats import EXPLANATION, sheet_of
+from gvla2.evaluation.tables import Table
 
 MOST_PICTURES = 60
 """Objects shown below one table: the page stays small enough to be sent by mail."""
 
 
-def render_report(tables: Sequence[Table], cells: Sequence[Cell], runs: Sequence[Run], title: str) -> str:
+def render_report(
+    tables: Sequence[Table | FigureTable], cells: Sequence[Cell], runs: Sequence[Run], title: str
+) -> str:
     """The page. Pictures that the cells name and that are still on disk are put into it."""
     environment = Environment(
         loader=PackageLoader("gvla2.evaluation", "."),
@@ -29,35 +33,22 @@ def render_report(tables: Sequence[Table], cells: Sequence[Cell], runs: Sequence
     used = {number for table in tables for number in table.runs}
     page = environment.get_template("report.html.jinja").render(
         title=title,
-        explanation=EXPLANATION,
+        explanation=explanations([sheet_of(table) for table in tables]) or EXPLANATION,
         tables=[_table(table, cells) for table in tables],
         runs=[_run(run) for run in runs if run.id in used],
     )
     return page + "\n"
 
 
-def _table(table: Table, cells: Sequence[Cell]) -> dict[str, Any]:
-    measures = table.layout.measures
-    rows = [
-        {"label": label(row), "cells": [_cell(*pair) for pair in zip(row.entries, measures, strict=True)]}
-        for row in table.rows
-    ]
+def _table(table: Table | FigureTable, cells: Sequence[Cell]) -> dict[str, Any]:
+    sheet = sheet_of(table)
     return {
-        "title": table.title,
-        "headings": [heading(measure) for measure in measures],
-        "rows": rows,
-        "footnote": footnote(table),
-        "pictures": _pictures(table, cells),
+        "title": sheet.title,
+        "headings": sheet.headings,
+        "rows": sheet.rows,
+        "footnote": sheet.footnote,
+        "pictures": _pictures(table, cells) if isinstance(table, Table) else [],
     }
-
-
-def _cell(entry: Entry, measure: Measure) -> dict[str, Any]:
-    tone = ""
-    # Only a change whose interval leaves out zero has a colour.
-    if entry.change is not None and entry.change.low * entry.change.high > 0:
-        gained = (entry.change.percent < 0) == (measure.better == "lower")
-        tone = "better" if gained else "worse"
-    return {"lines": lines_of(entry, measure), "none": entry.mean is None, "tone": tone}
 
 
 def _pictures(table: Table, cells: Sequence[Cell]) -> list[dict[str, Any]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gvla2.evaluation.figures import FigureTable
+from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone, explanations, sheet_of_figures
 from gvla2.evaluation.tables import Entry, Measure, Table, TableRow
 
 NOT_MEASURED = "not measured"
@@ -44,41 +46,64 @@ def footnote(table: Table) -> str:
     return f"{objects} objects, {seeds} seeds; runs {runs} of the results database."
 
 
-def to_markdown(tables: Sequence[Table]) -> str:
+def sheet_of(table: Table | FigureTable) -> Sheet:
+    """Any table as cells of text."""
+    if isinstance(table, FigureTable):
+        return sheet_of_figures(table)
+    measures = table.layout.measures
+    return Sheet(
+        table.title,
+        tuple(heading(measure) for measure in measures),
+        tuple(
+            SheetRow(label(row), tuple(_cell(*pair) for pair in zip(row.entries, measures, strict=True)))
+            for row in table.rows
+        ),
+        footnote(table),
+        EXPLANATION,
+    )
+
+
+def _cell(entry: Entry, measure: Measure) -> SheetCell:
+    tone: Tone = ""
+    # Only a change whose interval leaves out zero has a colour.
+    if entry.change is not None and entry.change.low * entry.change.high > 0:
+        gained = (entry.change.percent < 0) == (measure.better == "lower")
+        tone = "better" if gained else "worse"
+    return SheetCell(tuple(lines_of(entry, measure)), entry.mean is None, tone)
+
+
+def to_markdown(tables: Sequence[Table | FigureTable]) -> str:
     """Tables of GitHub's Markdown."""
     parts = []
-    for table in tables:
-        headings = ["", *(heading(measure) for measure in table.layout.measures)]
-        lines = [f"### {table.title}", "", _pipes(headings), _pipes(["---"] * len(headings))]
-        for row in table.rows:
-            pairs = zip(row.entries, table.layout.measures, strict=True)
-            cells = ["<br>".join(lines_of(*pair)) for pair in pairs]
-            lines.append(_pipes([label(row), *cells]))
-        parts.append("\n".join([*lines, "", footnote(table)]))
-    return "\n\n".join([*parts, EXPLANATION]) + "\n"
+    sheets = [sheet_of(table) for table in tables]
+    for sheet in sheets:
+        headings = ["", *sheet.headings]
+        lines = [f"### {sheet.title}", "", _pipes(headings), _pipes(["---"] * len(headings))]
+        lines += [_pipes([row.label, *("<br>".join(cell.lines) for cell in row.cells)]) for row in sheet.rows]
+        parts.append("\n".join([*lines, "", sheet.footnote]))
+    return "\n\n".join([*parts, explanations(sheets) or EXPLANATION]) + "\n"
 
 
-def to_latex(tables: Sequence[Table]) -> str:
+def to_latex(tables: Sequence[Table | FigureTable]) -> str:
     """Tables for a LaTeX document that loads ``booktabs``."""
     parts = []
-    for table in tables:
-        columns = "l" + "c" * len(table.layout.measures)
-        headings = ["", *(_tex(heading(measure)) for measure in table.layout.measures)]
+    for sheet in map(sheet_of, tables):
+        columns = "l" + "c" * len(sheet.headings)
+        headings = ["", *(_tex(heading) for heading in sheet.headings)]
         lines = [
             r"\begin{table}[t]",
             r"\centering",
-            rf"\caption{{{_tex(table.title)}. {_tex(footnote(table))} {_tex(EXPLANATION)}}}",
+            rf"\caption{{{_tex(sheet.title)}. {_tex(sheet.footnote)} {_tex(sheet.explanation)}}}",
             rf"\begin{{tabular}}{{{columns}}}",
             r"\toprule",
             " & ".join(headings) + r" \\",
             r"\midrule",
         ]
-        for row in table.rows:
-            pairs = zip(row.entries, table.layout.measures, strict=True)
+        for row in sheet.rows:
             cells = [
-                r"\shortstack{" + r" \\ ".join(_tex(line) for line in lines_of(*pair)) + "}" for pair in pairs
+                r"\shortstack{" + r" \\ ".join(_tex(line) for line in cell.lines) + "}" for cell in row.cells
             ]
-            lines.append(" & ".join([_tex(label(row)), *cells]) + r" \\")
+            lines.append(" & ".join([_tex(row.label), *cells]) + r" \\")
         lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
         parts.append("\n".join(lines))
     return "\n\n".join(parts) + "\n"
@@ -92,6 +117,7 @@ _TEX = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "±": r"$\pm$", "↓": r"$\downarrow$", "↑": r"$\uparrow$",
     "×": r"$\times$", "³": r"$^3$", "[": "{[}",
+    "≤": r"$\leq$", "≥": r"$\geq$",
 }  # fmt: skip
 
 

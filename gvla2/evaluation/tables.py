@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from gvla2.evaluation.figures import MEMORY, FigureLayout, FigureTable, make_figure_table
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
 
@@ -105,8 +106,15 @@ RECONSTRUCTION = Layout(
     ),
     groups=("data", "baseline", "drift", "prior", "fusion", "renderer", "mode", "compat"),
 )
-LAYOUTS: Mapping[str, Layout] = {RECONSTRUCTION.suite: RECONSTRUCTION}
+LAYOUTS: Mapping[str, Layout | FigureLayout] = {RECONSTRUCTION.suite: RECONSTRUCTION, MEMORY.suite: MEMORY}
 """The suites that can be reported."""
+
+
+def tables_of(cells: Iterable[Cell], layout: Layout | FigureLayout) -> list[Table] | list[FigureTable]:
+    """The tables of these cells, as their suite has them."""
+    return (
+        make_figure_table(cells, layout) if isinstance(layout, FigureLayout) else make_tables(cells, layout)
+    )
 
 
 def make_tables(cells: Iterable[Cell], layout: Layout) -> list[Table]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Arm
+from gvla2.planning.trajectory import Waypoint
 
 
 def _identity() -> FloatArray:
@@ -30,7 +32,11 @@ class Primitive:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body. ``world_from_body`` (4, 4) at reset; ``mass`` in kg (of all its solids); ``fixed`` to the world."""
+    """A rigid body. ``world_from_body`` (4, 4) at reset; ``mass`` in kg (of all its solids); ``fixed`` to the world.
+
+    ``label`` is what a person calls it ("red cup") and ``shape`` what a body of several solids looks like as a whole
+    (see :data:`gvla2.planning.scene.Shape`); only a scene made from true state reads them.
+    """
 
     name: str
     solids: tuple[Primitive, ...]
@@ -38,6 +44,8 @@ class Body:
     mass: float = 0.1
     fixed: bool = False
     friction: float = 0.8
+    label: str = ""
+    shape: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,25 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class Thread:
+    """A screwed part: ``child`` can only turn about ``axis``, and comes free once it has been turned far enough.
+
+    ``axis`` (3,) unit and ``origin`` (3,), world frame at reset; a positive turn is the right hand's. ``limits`` are
+    the turns that the thread allows and ``release`` the turn, either way, from which it holds no more; radians, at
+    most pi. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
+    """
+
+    name: str
+    parent: str
+    child: str
+    axis: FloatArray
+    origin: FloatArray
+    release: float
+    limits: tuple[float, float]
+    damping: float = 0.02
+
+
+@dataclass(frozen=True)
 class Glow:
     """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
 
@@ -77,11 +104,18 @@ class Glow:
 
 @dataclass(frozen=True)
 class Layout:
-    """All bodies and joints of one episode, beside the table and the robot, and what lights up."""
+    """All bodies, joints and threads of one episode, beside the table and the robot, and what lights up."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
     glows: tuple[Glow, ...] = ()
+    threads: tuple[Thread, ...] = ()
+
+    def __getitem__(self, name: str) -> Body:
+        for body in self.bodies:
+            if body.name == name:
+                return body
+        raise KeyError(f"No body '{name}' in the layout; it has {[b.name for b in self.bodies]}.")
 
     def lights(self, peaks: Mapping[str, float]) -> tuple[bool, ...]:
         """Which of the glows are lit when the joints' largest travels, by name, were ``peaks``."""
@@ -111,32 +145,51 @@ class WorldState(Protocol):
         ...
 
     def joint(self, name: str) -> float:
-        """Travel of a joint now, radians or metres."""
+        """Travel of a joint, or turn of a thread, now; radians or metres."""
         ...
 
     def peak(self, name: str) -> float:
-        """Largest travel of a joint since the reset, radians or metres."""
+        """Largest travel of a joint, or largest turn of a thread either way, since the reset."""
         ...
 
     def held(self, body: str) -> bool:
         """Whether both fingers press on the body now."""
         ...
 
+    def touching(self, body: str) -> frozenset[str]:
+        """Names of the bodies that press on the body now; "table" and "robot" are among them."""
+        ...
+
+    def resting(self, body: str) -> bool:
+        """Whether the body lies still now and the robot does not touch it: it has been let go."""
+        ...
+
+    def loose(self, thread: str) -> bool:
+        """Whether a thread has been turned until it holds no more."""
+        ...
+
 
 Profile = Literal["eased", "strict"]
+
+Solution = Callable[[WorldState, Arm], Iterator[Sequence[Waypoint]]]
+"""Waypoints by hand, computed from true state: stretch by stretch, the state read anew before each."""
 
 
 @dataclass(frozen=True)
 class TaskInstance:
     """One sampled episode: the layout, the sentence, and a predicate a success profile.
 
-    ``goal`` says in words what the referee looks for, for the run's page.
+    ``goal`` says in words what the referee looks for, for the run's page. ``image_size`` is the least side in pixels
+    of cameras that show what matters, 0 when any does. ``solution`` shows that the episode can be solved by this
+    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it.
     """
 
     layout: Layout
     instruction: str
     succeeded: Mapping[Profile, Callable[[WorldState], bool]]
     goal: str = ""
+    image_size: int = 0
+    solution: Solution | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -145,7 +198,8 @@ class TaskSite:
 
     Rectangle of ``size`` (x, y) about ``centre`` (x, y) on a table top at ``table_height``; ``reachable`` tells
     whether the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so
-    that nothing is painted like it; None where it is not known.
+    that nothing is painted like it; None where it is not known. ``follows`` tells whether the arm by itself can take
+    the tool on straight lines through world poses (4, 4), for tasks whose motion is prescribed.
     """
 
     centre: tuple[float, float]
@@ -153,6 +207,7 @@ class TaskSite:
     table_height: float
     reachable: Callable[[FloatArray], bool]
     table_rgb: tuple[float, float, float] | None = None
+    follows: Callable[[Sequence[FloatArray]], bool] = lambda poses: True
 
 
 class Task(Protocol):

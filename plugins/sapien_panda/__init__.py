@@ -19,7 +19,8 @@ class SapienPandaConfig(ComponentConfig):
     pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm moves (from the first
     camera). ``physics_rate`` is in steps a second. The arm's joints are position drives with feed-forward
     velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
-    most that one finger presses with, ``grip_speed`` how fast one finger moves.
+    most that one finger presses with, ``grip_speed`` how fast one finger moves. ``attach`` ties what both fingers
+    touch to the hand until they open, instead of holding it by friction alone.
     """
 
     image_size: int = 256
@@ -34,6 +35,7 @@ class SapienPandaConfig(ComponentConfig):
     grip_speed: float = 0.05
     finger_friction: float = 2.0
     table_friction: float = 0.8
+    attach: bool = False
 
 
 def _build(config: SapienPandaConfig) -> RobotBackend:

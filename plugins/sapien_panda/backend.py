@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,10 +28,14 @@ from gvla2_plugins.sapien_panda.engine import import_sapien
 from gvla2_plugins.sapien_panda.looks import body_surface, robot_surfaces
 from gvla2_plugins.sapien_panda.panda import make_arm, panda_files
 from gvla2_plugins.sapien_panda.referee import TrueState
+from gvla2_plugins.sapien_panda.truth import true_scene
 from gvla2_plugins.sapien_panda.world import TABLE, TABLE_HEIGHT, TABLE_RGB, World
 
 SITE_CENTRE, SITE_SIZE = (0.25, 0.0), (0.65, 0.91)
 """Where tasks are laid out, metres."""
+
+ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"
+"""Said after the goal of every episode with that option."""
 
 _SILENT = ExecutionListener()
 
@@ -41,8 +46,9 @@ JUDGE_SECONDS = 0.25
 class SapienPanda:
     """Implements :class:`gvla2.robot.backend.RobotBackend`.
 
-    The same seed and calls give the same episode, bit by bit. Only :meth:`judge` reads the true state of the
-    task's bodies; the cameras see them by rays.
+    The same seed and calls give the same episode, bit by bit. The true state of the task's bodies is read by
+    :meth:`judge`, and by :meth:`true_state` and :meth:`true_scene`, which no part of the loop calls; the cameras see
+    the bodies by rays.
     """
 
     def __init__(self, config: SapienPandaConfig) -> None:
@@ -74,8 +80,10 @@ class SapienPanda:
         self.close()
         instance = None
         if task is not None:
-            site = TaskSite(SITE_CENTRE, SITE_SIZE, TABLE_HEIGHT, self._reachable, TABLE_RGB)
+            site = TaskSite(SITE_CENTRE, SITE_SIZE, TABLE_HEIGHT, self._reachable, TABLE_RGB, self._follows)
             instance = task.sample(np.random.default_rng(seed), site, instruction)
+            if self._config.attach:
+                instance = replace(instance, goal=f"{instance.goal}{ATTACHED}")
         layout = Layout(()) if instance is None else instance.layout
         self._world = World(self._config, layout)
         self._layout, self._instance = layout, instance
@@ -87,7 +95,9 @@ class SapienPanda:
         world = self._sane_world("observed")
         joints, width = world.joints, world.gripper_width
         world_from_tcp = self._arm.forward(joints)
-        cameras = [camera(name, self._config.image_size, world_from_tcp) for name in self._config.cameras]
+        wanted = 0 if self._instance is None else self._instance.image_size
+        size = max(self._config.image_size, wanted)
+        cameras = [camera(name, size, world_from_tcp) for name in self._config.cameras]
         opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
         return Observation(Views(tuple(self._look(cameras))), world_from_tcp, joints, opening, width)
 
@@ -115,6 +125,14 @@ class SapienPanda:
         verdicts = self._instance.succeeded
         return Judgement(bool(verdicts["eased"](state)), bool(verdicts["strict"](state)))
 
+    def true_state(self) -> TrueState:
+        """What a referee may read; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
+        return TrueState(self._sane_world("read"))
+
+    def true_scene(self) -> Scene:
+        """The episode's bodies as scene objects; for demonstrations and the ``oracle`` perceiver."""
+        return true_scene(self._sane_world("read"), self._layout, self._arm.workspace)
+
     def close(self) -> None:
         """Let go of the world; the arm's model stays, and :meth:`reset` makes a new world."""
         self._world, self._eyes, self._instance = None, None, None
@@ -140,6 +158,25 @@ class SapienPanda:
         down = np.array([0.0, 0.0, -1.0])
         turns = (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
         return all(self._arm.inverse(rigid(grasp_rotation(down, y), point)) is not None for y in turns)
+
+    def _follows(self, poses: Sequence[FloatArray]) -> bool:
+        """Whether the arm goes straight through tool poses (4, 4), from some posture, without touching itself."""
+        if any(self._arm.inverse(pose) is None for pose in (poses[0], poses[-1])):
+            return False
+        empty = Scene((), TABLE_HEIGHT, self._arm.workspace)
+        for start in self._arm.ik.solutions(poses[0], self._arm.home, 4):
+            joints, lines = start.joints, []
+            for pose in poses[1:]:
+                line = self._arm.line(joints, pose, 0.03)
+                if line is None:
+                    break
+                lines += list(line)
+                joints = line[-1]
+            else:
+                checker = self._arm.checker(empty, 1.0)
+                if all(checker.free(each) for each in (start.joints, *lines)):
+                    return True
+        return False
 
     def _sane_world(self, done: str) -> World:
         if self._world is None:

@@ -78,7 +78,7 @@ def _build_tree(
         link = builder.create_link_builder(links[joint.parent])
         link.set_name(PREFIX + body.name)
         link.set_joint_name(joint.name)
-        frame = _joint_frame(joint)
+        frame = axis_frame(joint.axis, joint.origin)
         link.set_joint_properties(
             joint.kind,
             [joint.limits],
@@ -126,14 +126,14 @@ def _add_solids(builder: Any, body: Body) -> None:
             builder.add_sphere_collision(pose_of(solid.body_from_shape), radius=0.5 * solid.size[0], **how)
 
 
-def _joint_frame(joint: Joint) -> FloatArray:
-    """world_from_joint (4, 4): SAPIEN's joints move along or about their own x axis."""
-    x = np.asarray(joint.axis, dtype=np.float64)
+def axis_frame(axis: FloatArray, origin: FloatArray) -> FloatArray:
+    """world_from_joint (4, 4): SAPIEN's joints and drives move along or about their own x axis."""
+    x = np.asarray(axis, dtype=np.float64)
     x = x / np.linalg.norm(x)
     aside = np.eye(3)[int(np.argmin(np.abs(x)))]
     y = np.cross(aside, x)
     y = y / np.linalg.norm(y)
-    return rigid(np.stack([x, y, np.cross(x, y)], axis=1), joint.origin)
+    return rigid(np.stack([x, y, np.cross(x, y)], axis=1), origin)
 
 
 def _volume(solid: Primitive) -> float:
@@ -164,6 +164,21 @@ def _check(layout: Layout) -> None:
             if above in seen:
                 raise ConfigurationError(f"The joints of the task's layout form a ring through '{above}'.")
             seen.add(above)
+    for thread in layout.threads:
+        if thread.parent not in names or thread.child not in names:
+            raise ConfigurationError(
+                f"Thread '{thread.name}' of the task's layout ties '{thread.parent}' to '{thread.child}'; "
+                f"its bodies are {sorted(names)}."
+            )
+        if {thread.parent, thread.child} & (parents.keys() | set(parents.values())):
+            raise ConfigurationError(
+                f"Thread '{thread.name}' of the task's layout ties a body that also hangs on a joint."
+            )
+        if layout[thread.child].fixed or not 0 < thread.release <= np.pi:
+            raise ConfigurationError(
+                f"Thread '{thread.name}' of the task's layout needs a child that is not fixed and a release in "
+                f"(0, pi], got {thread.release}."
+            )
     for body in layout.bodies:
         loose = not body.fixed or body.name in parents
         if loose and not any(solid.collides for solid in body.solids):

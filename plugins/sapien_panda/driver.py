@@ -56,7 +56,8 @@ class SapienDriver:
                 f"The Panda follows finite joint samples (T, 7) at dt > 0, got shape {samples.shape} at dt={dt}."
             )
         self._touched, self._diverged = set(), False
-        self._world.drive_fingers(self._travel(gripper))
+        if not self._squeezes_at(gripper):
+            self._world.drive_fingers(self._travel(gripper))
         for target, speed in zip(*self._resample(samples, dt), strict=True):
             self._world.drive_arm(target, speed)
             self._advance()
@@ -76,6 +77,8 @@ class SapienDriver:
         """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
         self._touched, self._diverged = set(), False
         goal = self._travel(opening)
+        if 2 * goal > self._world.gripper_width:
+            self._world.detach()
         start = 0.5 * self._world.gripper_width
         ramp = max(1, self._count(abs(goal - start) / self._config.grip_speed))
         for share in np.linspace(0.0, 1.0, ramp + 1)[1:]:
@@ -89,6 +92,8 @@ class SapienDriver:
             self._advance()
         self._watch()
         width = self._world.gripper_width
+        if self._config.attach and 2 * goal < width:
+            self._world.attach()
         pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
         return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
 
@@ -109,6 +114,15 @@ class SapienDriver:
         targets = np.stack([np.interp(steps, times, column) for column in samples.T], axis=1)
         before = np.vstack([samples[:1], targets[:-1]])
         return targets, (targets - before) * self._world.rate
+
+    def _squeezes_at(self, opening: float) -> bool:
+        """Whether the fingers squeeze something and the opening is just where it stops them.
+
+        A new execution starts from measurements: it must not let go of what an earlier one grasped.
+        """
+        width = self._world.gripper_width
+        stopped_short = width - 2 * self._world.finger_target > STOPPED_SHORT
+        return stopped_short and abs(2 * self._travel(opening) - width) < STOPPED_SHORT
 
     def _travel(self, opening: float) -> float:
         """One finger's travel from closed, metres, of an opening in [0, 1]."""

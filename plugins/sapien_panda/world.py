@@ -11,10 +11,12 @@ from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.robot.task import Body, Layout, Primitive
 from gvla2_plugins.sapien_panda import SapienPandaConfig
+from gvla2_plugins.sapien_panda.attachment import Clamp, in_zone
 from gvla2_plugins.sapien_panda.bodies import PREFIX, build_bodies, pose_of
 from gvla2_plugins.sapien_panda.description import FINGER_LINKS, load_panda
 from gvla2_plugins.sapien_panda.engine import import_sapien
-from gvla2_plugins.sapien_panda.panda import BASE_POSITION, FINGERS, HOME, panda_files
+from gvla2_plugins.sapien_panda.panda import BASE_POSITION, FINGERS, HAND_FRAME, HOME, TCP_OFFSET, panda_files
+from gvla2_plugins.sapien_panda.threads import Screwed
 
 TABLE_HEIGHT = 0.752
 TABLE_RGB = (0.76, 0.61, 0.43)
@@ -78,6 +80,10 @@ class World:
         self.drive_fingers(FINGERS[0].opened)
 
         self._bodies = build_bodies(self._scene, layout)
+        self._threads = {
+            t.name: Screwed(self._scene, t, layout, self._bodies.entities) for t in layout.threads
+        }
+        self._clamp = Clamp(self._scene, self._links[HAND_FRAME].entity)
         self._movers = [
             component
             for entity in self._bodies.entities.values()
@@ -98,15 +104,11 @@ class World:
                 "The simulation blew up while the scene settled: bodies of this layout overlap. "
                 "Give their sampling more room."
             )
-        self.peaks = {name: self.travel(name) for name in self._bodies.joints}
+        self.peaks = {name: self.travel(name) for name in (*self._bodies.joints, *self._threads)}
 
     def _speed(self) -> float:
         """Largest speed of a task's body, m/s, turning taken at a lever of 5 cm."""
-        speeds = [
-            max(np.linalg.norm(c.linear_velocity), 0.05 * np.linalg.norm(c.angular_velocity))
-            for c in self._movers
-        ]
-        return float(max(speeds, default=0.0))
+        return max((_speed_of(c) for c in self._movers), default=0.0)
 
     def step(self) -> None:
         """One step of physics."""
@@ -114,6 +116,9 @@ class World:
         self.time += 1.0 / self.rate
         for name, (articulation, index) in self._bodies.joints.items():
             self.peaks[name] = max(self.peaks[name], float(articulation.qpos[index]))
+        for name, thread in self._threads.items():
+            thread.watch()
+            self.peaks[name] = thread.peak
 
     def sane(self) -> bool:
         """Whether all positions and speeds are finite and physically possible."""
@@ -155,6 +160,7 @@ class World:
 
     def drive_fingers(self, travel: float) -> None:
         """Set each finger's target, metres from closed."""
+        self.finger_target = travel
         for joint in self._finger_joints:
             joint.set_drive_target(travel)
 
@@ -200,9 +206,58 @@ class World:
         return _matrix(self._bodies.entities[name].pose)
 
     def travel(self, name: str) -> float:
-        """A task's joint, radians or metres."""
+        """A task's joint or thread, radians or metres."""
+        if name in self._threads:
+            return self._threads[name].angle
         articulation, index = self._bodies.joints[name]
         return float(articulation.qpos[index])
+
+    def loose(self, name: str) -> bool:
+        """Whether a thread has been turned until it holds no more."""
+        return self._threads[name].loose
+
+    def body_speed(self, name: str) -> float:
+        """Of a task's body, m/s, turning taken at a lever of 5 cm; 0 for what is fixed."""
+        entity = self._bodies.entities[name]
+        return max((_speed_of(c) for c in self._movers if c.entity == entity), default=0.0)
+
+    def touching(self, name: str) -> set[str]:
+        """What presses on a task's body now: other bodies, "table", "robot"."""
+        found = set()
+        for one, other, impulse in self._contacts():
+            if PREFIX + name in (one, other) and np.linalg.norm(impulse) > TOUCH:
+                thing = other if one == PREFIX + name else one
+                found.add("robot" if thing in self._links else thing.removeprefix(PREFIX))
+        return found
+
+    # The option ``attach``.
+
+    def attach(self) -> str:
+        """Tie what both fingers touch between them to the hand; its name, "" when there is no such thing."""
+        touched: dict[str, dict[str, list[FloatArray]]] = {}
+        for contact in self._system.get_contacts():
+            names = [body.entity.name for body in contact.bodies]
+            for finger, thing in (names, names[::-1]):
+                if finger in FINGER_LINKS and thing.startswith(PREFIX):
+                    points = [np.asarray(p.position, dtype=np.float64) for p in contact.points]
+                    touched.setdefault(thing, {}).setdefault(finger, []).extend(points)
+        world_from_tcp = _matrix(self._links[HAND_FRAME].entity.pose) @ rigid(translation=(0, 0, TCP_OFFSET))
+        for thing, fingers in touched.items():
+            between = [point for points in fingers.values() for point in points]
+            entity = self._bodies.entities.get(thing.removeprefix(PREFIX))
+            if entity is not None and len(fingers) == 2 and in_zone(world_from_tcp, between):
+                self._clamp.close(entity)
+                return thing.removeprefix(PREFIX)
+        return ""
+
+    def detach(self) -> None:
+        """Let go of what is attached."""
+        self._clamp.open()
+
+
+def _speed_of(component: Any) -> float:
+    linear, angular = component.linear_velocity, component.angular_velocity
+    return float(max(np.linalg.norm(linear), 0.05 * np.linalg.norm(angular)))
 
 
 def _matrix(pose: Any) -> FloatArray:

@@ -1,18 +1,36 @@
-"""Tasks on a table, re-authored from the published sizes: pick and lift, push a block, switch a lamp on."""
+"""Tasks on a table, re-authored from published sizes: fourteen of a simulated suite, four of a real robot's."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task
 
 
 @dataclass
-class PickAndLiftConfig(ComponentConfig):
+class ScaledConfig(ComponentConfig):
+    """Options of every task here. ``scale`` multiplies the sizes of the things on the table, 0.8 to 1.2.
+
+    What the hand must span and the arm must reach stays within them, whatever the scale.
+    """
+
+    scale: float = 1.0
+
+    def factor(self, task: str) -> float:
+        """The scale, checked; raises :class:`ConfigurationError` when it is out of range."""
+        if not 0.8 <= self.scale <= 1.2:
+            raise ConfigurationError(f"task={task} takes task.scale from 0.8 to 1.2, got {self.scale}.")
+        return self.scale
+
+
+@dataclass
+class PickAndLiftConfig(ScaledConfig):
     """Options of ``pick_and_lift``; metres and kilograms."""
 
     cubes: int = 3
@@ -23,7 +41,7 @@ class PickAndLiftConfig(ComponentConfig):
 
 
 @dataclass
-class PushBlockConfig(ComponentConfig):
+class PushBlockConfig(ScaledConfig):
     """Options of ``push_block``; metres and kilograms. ``distance`` is from the block to the target's centre."""
 
     size: float = 0.0563
@@ -33,7 +51,7 @@ class PushBlockConfig(ComponentConfig):
 
 
 @dataclass
-class LampOnConfig(ComponentConfig):
+class LampOnConfig(ScaledConfig):
     """Options of ``lamp_on``; metres, N/m. ``height`` is the button's top above the table."""
 
     diameter: float = 0.033
@@ -42,32 +60,47 @@ class LampOnConfig(ComponentConfig):
     stiffness: float = 400.0
 
 
-def _pick_and_lift(config: PickAndLiftConfig) -> Task:
-    """Lift the cube of the named colour, beside others of other colours."""
-    from gvla2_plugins.tabletop.pick_and_lift import PickAndLift
+@dataclass
+class OpenJarConfig(ScaledConfig):
+    """Options of ``open_jar``. ``turn`` (degrees, counter-clockwise) is where the lid comes free.
 
-    return PickAndLift(config)
+    It is a little less than the quarter turn that the wrist makes, since fingers slip.
+    """
 
-
-def _push_block(config: PushBlockConfig) -> Task:
-    """Push a block onto a square painted on the table."""
-    from gvla2_plugins.tabletop.push_block import PushBlock
-
-    return PushBlock(config)
+    turn: float = 80.0
 
 
-def _lamp_on(config: LampOnConfig) -> Task:
-    """Press the sprung button of a lamp."""
-    from gvla2_plugins.tabletop.lamp_on import LampOn
+_TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
+    ("put_block", ScaledConfig, "PutBlock", "Put a block on a painted square."),
+    ("push_block", PushBlockConfig, "PushBlock", "Push a block onto a square painted on the table."),
+    ("play_jenga", ScaledConfig, "PlayJenga", "Pull the loose brick out of a tower that keeps standing."),
+    ("open_jar", OpenJarConfig, "OpenJar", "Unscrew the lid of the jar of the named colour."),
+    ("close_box", ScaledConfig, "CloseBox", "Close the hinged lid of a box."),
+    ("open_box", ScaledConfig, "OpenBox", "Open the hinged lid of a box by its lip."),
+    ("pickup_cup", ScaledConfig, "PickupCup", "Pick the cup of the named colour up by its rim."),
+    ("take_umbrella", ScaledConfig, "TakeUmbrella", "Pull an umbrella out of its stand."),
+    ("sort_mustard", ScaledConfig, "SortMustard", "Put the mustard bottle into the tray."),
+    ("open_wine", ScaledConfig, "OpenWine", "Turn the cap of a wine bottle until it comes off."),
+    ("lamp_on", LampOnConfig, "LampOn", "Press the sprung button of a lamp."),
+    ("put_knife", ScaledConfig, "PutKnife", "Draw a knife from its block and lay it on the board."),
+    ("pick_and_lift", PickAndLiftConfig, "PickAndLift", "Lift the cube of the named colour, beside others."),
+    ("insert_block", ScaledConfig, "InsertBlock", "Slip a square ring over the pillar of the named colour."),
+    ("move_spray_bottle", ScaledConfig, "MoveSprayBottle", "Move a spray bottle onto a painted square."),
+    ("open_drawer", ScaledConfig, "OpenDrawer", "Pull a drawer open by its handle."),
+    ("sort_object", ScaledConfig, "SortObject", "Put three things into the bins of their colours."),
+)
+"""Name (and module), configuration, class, summary."""
 
-    return LampOn(config)
+
+def _component(name: str, config: type[ScaledConfig], made: str, summary: str) -> Component[Task]:
+    def build(config: ScaledConfig) -> Task:
+        task: Any = getattr(import_module(f"{__name__}.{name}"), made)
+        return task(config)  # type: ignore[no-any-return]
+
+    return Component(name, config, build, summary=summary)
 
 
 @hookimpl
 def gvla2_tasks() -> list[Component[Task]]:
     """The tabletop tasks."""
-    return [
-        Component("pick_and_lift", PickAndLiftConfig, _pick_and_lift),
-        Component("push_block", PushBlockConfig, _push_block),
-        Component("lamp_on", LampOnConfig, _lamp_on),
-    ]
+    return [_component(*row) for row in _TASKS]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gvla2.errors import ConfigurationError
@@ -9,6 +11,7 @@ from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import LampOnConfig
+from gvla2_plugins.tabletop.demonstrations.pressing import press
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.placing import in_reach, inside, sample_root, sample_until
 
@@ -44,7 +47,7 @@ class LampOn:
                 f"got height={config.height}, travel={config.travel}, diameter={config.diameter}, "
                 f"stiffness={config.stiffness}."
             )
-        self._config = config
+        self._config = replace(config, diameter=config.diameter * config.factor("lamp_on"))
 
     @property
     def instructions(self) -> tuple[str, ...]:
@@ -106,6 +109,7 @@ class LampOn:
             {"eased": eased, "strict": strict},
             f"eased: the button went down by more than {EASED_TRAVEL * 1000:g} mm; "
             f"strict: by more than {STRICT_TRAVEL * 1000:g} mm",
+            solution=press("button", "lamp", height / 2, travel),
         )
 
     def _draw_root(self, rng: np.random.Generator, site: TaskSite) -> FloatArray | None:

@@ -12,6 +12,9 @@ from gvla2_plugins.tabletop.placing import sample_until
 
 Rgb = tuple[float, float, float]
 
+PAINT = 0.0005
+"""Thickness of what is painted on the table, metres."""
+
 
 def sample_colours(
     rng: np.random.Generator, site: TaskSite, count: int, beside: Iterable[Rgb] = ()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gvla2.errors import ConfigurationError
@@ -9,6 +11,7 @@ from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PickAndLiftConfig
+from gvla2_plugins.tabletop.demonstrations.placing import hold_up
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.placing import (
     in_reach,
@@ -41,7 +44,7 @@ class PickAndLift:
                 f"task=pick_and_lift needs at least one cube of positive size and mass, got cubes={config.cubes}, "
                 f"size={config.size}, mass={config.mass}."
             )
-        self._config = config
+        self._config = replace(config, size=config.size * config.factor("pick_and_lift"))
 
     @property
     def instructions(self) -> tuple[str, ...]:
@@ -104,6 +107,7 @@ class PickAndLift:
             {"eased": eased, "strict": strict},
             f"eased: the {colours[target]} cube has left its place on the table; "
             f"strict: the fingers hold it about {SENSOR_HEIGHT} m above the table{aside}",
+            solution=hold_up(body, extents, SENSOR_HEIGHT - size / 2),
         )
 
     def _draw_poses(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:

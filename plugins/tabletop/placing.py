@@ -29,11 +29,16 @@ def sample_until(draw: Callable[[], T | None], what: str) -> T:
     )
 
 
-def sample_root(rng: np.random.Generator, site: TaskSite) -> FloatArray:
-    """world_from_root (4, 4): uniform in the site's rectangle on the table, any yaw."""
+def sample_root(rng: np.random.Generator, site: TaskSite, yaw: float = np.pi) -> FloatArray:
+    """world_from_root (4, 4): uniform in the site's rectangle on the table, turned by up to ``yaw`` either way."""
     half = 0.5 * np.asarray(site.size)
     xy = np.asarray(site.centre) + rng.uniform(-half, half)
-    return planar(xy, site.table_height, float(rng.uniform(-np.pi, np.pi)))
+    return planar(xy, site.table_height, float(rng.uniform(-yaw, yaw)))
+
+
+def at(root: FloatArray, x: float, y: float, z: float = 0.0, yaw: float = 0.0) -> FloatArray:
+    """world_from_thing (4, 4) of a thing at (x, y, z) in a root's frame (4, 4), turned by ``yaw`` about z."""
+    return root @ planar((x, y), z, yaw)
 
 
 def planar(xy: Sequence[float] | FloatArray, z: float, yaw: float) -> FloatArray:
@@ -45,6 +50,15 @@ def inside(site: TaskSite, xy: FloatArray, radius: float) -> bool:
     """Whether a disc about ``xy`` (2,) lies in the site's rectangle."""
     off = np.abs(np.asarray(xy) - np.asarray(site.centre))
     return bool((off + radius <= 0.5 * np.asarray(site.size)).all())
+
+
+def clear(spots: FloatArray, radii: Sequence[float], gap: float = 0.02) -> bool:
+    """Whether discs about ``spots`` (N, 2) are ``gap`` apart from one another, metres."""
+    for i in range(len(spots)):
+        apart = np.linalg.norm(spots[:i] - spots[i], axis=1) - np.asarray(radii[:i]) - radii[i]
+        if (apart < gap).any():
+            return False
+    return True
 
 
 def in_reach(site: TaskSite, xy: FloatArray, heights: Sequence[float]) -> bool:

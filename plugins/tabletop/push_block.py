@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gvla2.errors import ConfigurationError
@@ -9,11 +11,9 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PushBlockConfig
-from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.demonstrations.pressing import push_to
+from gvla2_plugins.tabletop.painting import PAINT, sample_colours
 from gvla2_plugins.tabletop.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
-
-PAINT = 0.0005
-"""Thickness of the painted square, metres."""
 
 CENTRE_VOLUME = 0.01
 """Side of the strict profile's cube at the target's centre, metres."""
@@ -36,7 +36,7 @@ class PushBlock:
                 "task=push_block needs positive size, mass, target and an increasing distance range, got "
                 f"size={config.size}, mass={config.mass}, target={config.target}, distance=({near}, {far})."
             )
-        self._config = config
+        self._config = replace(config, size=config.size * config.factor("push_block"))
 
     @property
     def instructions(self) -> tuple[str, ...]:
@@ -80,6 +80,7 @@ class PushBlock:
             {"eased": eased, "strict": strict},
             f"eased: the {block_colour} block's centre is on the {target_colour} square; "
             "strict: the block covers the square's centre",
+            solution=push_to("block", "target", size),
         )
 
     def _draw_poses(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, FloatArray] | None:

@@ -11,11 +11,12 @@ import dataclasses
 import os
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,18 @@ def write_forever(url: str, name: str, count: int) -> None:
                 if shared is not None:
                     t.put(dataclasses.replace(shared, count=shared.count + 1), action="merge")
             print(id, round(1000 * (time.perf_counter() - started), 2), flush=True)
+
+
+def bare(folder: Path, count: int) -> None:
+    """What the disk allows at that moment: one row of a vector's size a transaction, by SQLite alone."""
+    with closing(sqlite3.connect(folder / "bare.db", isolation_level=None)) as connection:
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("CREATE TABLE rows (id INTEGER, vector BLOB)")
+        began = time.perf_counter()
+        for i in range(count):
+            connection.execute("INSERT INTO rows VALUES (?, ?)", (i, VECTOR.tobytes()))
+        print(f"bare SQLite rows, for comparison: {count / (time.perf_counter() - began):,.0f} /s")
 
 
 def single_and_batched(url: str, count: int) -> None:
@@ -176,6 +189,7 @@ def main() -> None:
             urls = [server.get_uri(database=name) for name in ("one", "many", "kills")]
         else:
             urls = [f"sqlite:///{folder}/{name}.db" for name in ("one", "many", "kills")]
+        bare(folder, 1000 // share)
         single_and_batched(urls[0], 2000 // share)
         many_processes(urls[1], 8, 1000 // share)
         kills(urls[2], 200 // share)

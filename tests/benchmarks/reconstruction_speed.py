@@ -9,8 +9,10 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
 import statistics
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,16 +21,22 @@ from types import ModuleType
 import numpy as np
 import trimesh
 
+from gvla2.catalog import load_plugins
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.ply import GaussianPly, write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.appearance import fit_affine
 from gvla2.reconstruction.axis import AxisOptions, compensate
+from gvla2.reconstruction.branch import refine_geometry
 from gvla2.reconstruction.compiled import cores
+from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
+from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.visual_hull import object_centre, soft_hull
 
 SIZE, FOCAL = 256, 1.09375
@@ -95,6 +103,66 @@ def show(work: str, ours: tuple[float, float], peer: tuple[float, float] | None,
     print(f"{work:44s} {ours[0]:9.2f} [{ours[1]:8.2f}] {theirs}   {note}")
 
 
+class Released:
+    """The constants that the released script is called with."""
+
+    support_threshold, support_softness, max_shrink, max_opacity_drop = 0.45, 0.12, 0.008, 0.0
+    min_visible_views, nvs_focal = 2, FOCAL
+
+
+def scripts(count: int, views: Views, mesh: trimesh.Trimesh, peer: ModuleType | None, repeats: int) -> None:
+    """A file of Gaussians in, their support, the shrink, the file out again: ours and theirs, in this process."""
+    gaussians = surfels(Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)), count=count)
+    with tempfile.TemporaryDirectory() as folder:
+        source, target = Path(folder) / "result.ply", Path(folder) / "out.ply"
+        write_gaussians(source, gaussians)
+
+        def ours() -> None:
+            ply = GaussianPly.read(source)
+            centres = ply.gaussians.centres.astype(np.float64)
+            support = mask_support(centres, views)
+            ply.with_centres(soft_hull(centres, support, object_centre(centres))).write(target)
+
+        theirs = None
+        if peer is not None:
+            masks = [view.mask for view in views]
+            extrinsics = [view.camera.camera_from_world.astype(np.float32) for view in views]
+
+            def released() -> None:
+                shutil.copyfile(source, target)  # it writes over what it reads
+                peer.refine_ply(target, masks, extrinsics, Released)
+
+            theirs = milliseconds(released, 3)
+        note = f"{len(gaussians)} Gaussians, {source.stat().st_size / 1e6:.0f} MB"
+        show("the same, PLY in and PLY out", milliseconds(ours, max(3, repeats // 2)), theirs, note)
+
+
+def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
+    """From G0 to the output with the depth of the views as prior, and what rendering costs."""
+    closed = Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    names = {"prior": "depth", "fusion": "residual", "renderer": "numba"}
+    parts = load_plugins().build_all({kind: {"name": name} for kind, name in names.items()}, tuple(names))
+    g0 = Reconstruction(surfels(closed, count=count), closed, "ok")
+    centre = object_centre(np.asarray(closed.vertices))
+    swollen = Reconstruction(
+        g0.gaussians.with_centres(centre + (g0.gaussians.centres - centre) * [1.04, 0.96, 1.03]),
+        closed.with_vertices(centre + (closed.vertices - centre) * [1.04, 0.96, 1.03]),
+        "ok",
+    )
+
+    def whole() -> None:
+        result = refine_geometry(swollen, views, parts["prior"], parts["fusion"], parts["renderer"])
+        whole.stages = ", ".join(f"{s.stage} {s.status}" for s in result.stages)
+
+    show(f"whole branch, {len(g0.gaussians)} Gaussians", milliseconds(whole, 3), None)
+    print(f"{'':44s} {whole.stages}")
+    for number in (100_000, count):
+        some = surfels(closed, count=number)
+        camera = views[0].camera
+        time_of = milliseconds(lambda g=some: parts["renderer"].render(g, camera), 10)
+        show(f"render {SIZE} x {SIZE}, {len(some)} Gaussians", time_of, None)
+
+
 def main(arguments: list[str]) -> None:
     """Print one row a part."""
     options = dict(argument.split("=", 1) for argument in arguments)
@@ -139,6 +207,7 @@ def main(arguments: list[str]) -> None:
         milliseconds(lambda: soft_hull(points, mask_support(points, views), centre), repeats),
         theirs_hull,
     )
+    scripts(count, views, mesh, peer, repeats)
     # The released axis refinement needs CUDA and a checkout of MV-SAM3D.
     fit = compensate(drifted, views, centre)
     left = np.linalg.norm(fit.apply(drifted) - points, axis=1).mean()
@@ -175,6 +244,7 @@ def main(arguments: list[str]) -> None:
         milliseconds(lambda: fit_affine(view.image, shifted, view.mask), repeats),
         None,
     )
+    branch(count, views, mesh)
 
 
 if __name__ == "__main__":

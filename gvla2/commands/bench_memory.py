@@ -1,0 +1,226 @@
+"""``gvla2 bench suite=memory``: every figure of the memory wing, beside a plain peer measured in the same run."""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gvla2.catalog import Registry
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_memory_progress import MemoryProgress
+from gvla2.errors import ConfigurationError, Gvla2Error
+
+if TYPE_CHECKING:
+    from gvla2.evaluation.memory.figure import Figure, Row, Test
+    from gvla2.evaluation.memory.released_peer import ReleasedPeer
+    from gvla2.evaluation.memory.setting import Setting
+    from gvla2.evaluation.results import Cell, Results
+    from gvla2.memory.contracts import Embedder
+
+DATA = "generated"
+MEASURING_CODE = (
+    "gvla2.memory", "gvla2.evaluation.memory", "gvla2.evaluation.memory_data", "gvla2.evaluation.memory_retrieval",
+    "gvla2.testing.memory_corpus",
+)  # fmt: skip
+"""Code whose change makes stored rows out of date."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A test with its size and the keys of its rows."""
+
+    test: Test
+    size: int
+    keys: tuple[str, ...]
+
+
+def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
+    """Measure what the database lacks, one test after the other in this process; all rows, in the table's order.
+
+    The rows of a finished test are stored at once, so that an interrupted bench goes on where it stopped.
+    """
+    from gvla2.evaluation.memory.suite import SUITE, chosen_tests
+
+    tests = chosen_tests(config.memory.tests)
+    released = _released(config.memory.peer)
+    questions = _question_file(config.data.root)
+    plan = [_planned(test, config, released, questions) for test in tests]
+    keys = [key for planned in plan for key in planned.keys]
+    known = {} if config.results.fresh else results.with_keys(keys)
+    known = {key: cell for key, cell in known.items() if cell.notes.get("status") == "ok"}
+    missing = [planned for planned in plan if not known.keys() >= set(planned.keys)]
+    if known:
+        log.info("%d of %d rows are in %s already.", len(known), len(keys), results.url)
+    with (
+        MemoryProgress({planned.test: _seconds(planned) for planned in missing}, config.quiet) as progress,
+        _scratch(config.memory.folder or str(folder)) as scratch,
+    ):
+        setting = _setting(config, registry, scratch, released, questions)
+        for planned in missing:
+            progress.begin(planned.test)
+            setting.tell = progress.tell
+            cells = _measure(planned, setting)
+            results.add(run_id, SUITE, cells)
+            known |= {cell.key: cell for cell in cells}
+            progress.done(planned.test)
+    return [known[key] for key in keys]
+
+
+def _planned(
+    test: Test, config: BenchConfig, released: ReleasedPeer | None, questions: Path | None
+) -> _Planned:
+    """The keys name what could change the numbers: the test, its size, the code, the machine, the peer, the data."""
+    from gvla2.evaluation.memory.suite import SUITE, VERSION
+    from gvla2.evaluation.provenance import code_digest, versions
+    from gvla2.evaluation.results import cell_key
+
+    size = test.scaled(config.memory.scale)
+    around = (VERSION, code_digest(MEASURING_CODE), versions(), platform.node(), os.cpu_count())
+    data = None
+    if test.name == "quality" and questions is not None:
+        data = (str(questions), questions.stat().st_size)
+    peer = None if released is None else str(released.folder)
+    place = config.memory.folder
+    keys = tuple(
+        cell_key(SUITE, test.name, row.name, size, test.on, config.memory.scale, config.memory.seed, around, peer, data, place)
+        for row in test.rows
+    )  # fmt: skip
+    return _Planned(test, size, keys)
+
+
+def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
+    """The cells of a test; one that cannot be measured says why, and the others go on."""
+    from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
+
+    test = planned.test
+    log.info("Measuring %s at %d.", test.label, planned.size)
+    status = "ok"
+    figures: Mapping[str, Figure] = {}
+    try:
+        figures = test.measure(setting, planned.size, test.on)
+    except NotMeasuredError as reason:
+        status = f"not measured: {reason}"
+    except Gvla2Error as error:
+        status = f"failed: {error}"
+    return [
+        _cell(key, planned, row, figures.get(row.name, Figure(None)), status)
+        for key, row in zip(planned.keys, test.rows, strict=True)
+    ]
+
+
+def _cell(key: str, planned: _Planned, row: Row, figure: Figure, status: str) -> Cell:
+    from gvla2.evaluation.memory.figure import passed
+    from gvla2.evaluation.results import Cell
+
+    goal = row.goal if figure.goal is None else figure.goal
+    factors: dict[str, str | int] = {
+        "test": row.name,
+        "n": planned.size if figure.n is None else figure.n,
+        "on": planned.test.on,
+    }
+    measures = {
+        "value": figure.value,
+        "peer_value": figure.peer_value,
+        "released_value": figure.released,
+        "goal": goal,
+    }
+    notes: dict[str, Any] = {
+        "status": status,
+        "title": row.title,
+        "unit": row.unit,
+        "better": row.better,
+        "digits": row.digits,
+        "peer": figure.peer,
+        "passed": passed(figure.value, goal, row.better),
+        "note": figure.note,
+    }
+    return Cell(key, factors, measures, notes)
+
+
+def _seconds(planned: _Planned) -> float:
+    """About how long it takes: nothing is quicker than opening what it needs."""
+    return 0.5 + planned.test.seconds * planned.size / planned.test.size
+
+
+def _setting(
+    config: BenchConfig,
+    registry: Registry,
+    scratch: Path,
+    released: ReleasedPeer | None,
+    questions: Path | None,
+) -> Setting:
+    from gvla2.evaluation.memory.setting import Setting
+
+    return Setting(
+        scratch,
+        scale=config.memory.scale,
+        seed=config.memory.seed,
+        released=released,
+        question_file=questions,
+        embedders=_embedders(registry),
+    )
+
+
+def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder | None]]:
+    """The methods whose retrieval is compared, as far as they are installed."""
+    from gvla2.evaluation.memory.quality import METHODS
+    from gvla2.memory.hashing import HashEmbedder
+
+    words, hashed, meaning = METHODS
+    found: dict[str, Callable[[], Embedder | None]] = {words: lambda: None, hashed: HashEmbedder}
+    if "minilm" in registry.components("embedder"):
+
+        def minilm() -> Embedder:
+            made: Embedder = registry.build_all({"embedder": {"name": "minilm"}}, ("embedder",))["embedder"]
+            return made
+
+        found[meaning] = minilm
+    return found
+
+
+def _released(peer: str | None) -> ReleasedPeer | None:
+    if peer is None:
+        return None
+    from gvla2.evaluation.memory.released_peer import ReleasedPeer
+
+    return ReleasedPeer(Path(peer))
+
+
+def _question_file(root: str | None) -> Path | None:
+    """The questions in ``data.root``, or where GVLA2_DATA says; None where there are none.
+
+    Raises :class:`~gvla2.errors.ConfigurationError` for a ``data.root`` without them.
+    """
+    from gvla2.evaluation.memory_retrieval import FILE, find_file
+
+    if root is None:
+        return find_file()
+    places = [Path(root).expanduser() / FILE, Path(root).expanduser() / "locomo" / FILE]
+    for place in places:
+        if place.is_file():
+            return place
+    raise ConfigurationError(f"data.root is '{root}', where no {FILE} lies, nor locomo/{FILE}.")
+
+
+@contextmanager
+def _scratch(parent: str) -> Iterator[Path]:
+    """A folder for databases, deleted in the end whatever happens."""
+    try:
+        place = tempfile.TemporaryDirectory(
+            prefix="gvla2-bench-", dir=Path(parent).expanduser(), ignore_cleanup_errors=True
+        )
+    except OSError as error:
+        raise ConfigurationError(
+            f"memory.folder is '{parent}', where nothing can be made ({error.strerror or error})."
+        ) from error
+    with place as name:
+        yield Path(name)

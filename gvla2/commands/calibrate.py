@@ -1,0 +1,73 @@
+"""``gvla2 calibrate``: where a camera stands beside a robot, from recorded pose pairs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gvla2.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from gvla2.commands.calibrate_config import CalibrateConfig
+    from gvla2.plugins import Registry
+
+
+def job(config: CalibrateConfig, registry: Registry) -> float:
+    """Calibrate into Hydra's output folder; the RMSE in metres, for sweepers."""
+    from gvla2.commands.hydra_job import output_folder
+
+    return calibrate(config, output_folder())
+
+
+def calibrate(config: CalibrateConfig, folder: Path) -> float:
+    """As :func:`job`, into ``folder``: ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted.
+
+    Raises :class:`ConfigurationError` for a wrong option, :class:`gvla2.errors.RobotError` for a recording that
+    can't be read, determines nothing, or gives a result that is refused.
+    """
+    import numpy as np
+
+    from gvla2.commands.calibrate_plot import residuals_svg
+    from gvla2.robot.calibration import LARGEST_RMSE, Calibration, load_recording
+    from gvla2.robot.hand_eye import solve
+    from gvla2.writing import write_whole
+
+    if not config.pairs:
+        raise ConfigurationError("Name the file of recorded pose pairs: gvla2 calibrate pairs=FILE.")
+    recording = load_recording(Path(config.pairs))
+    if config.serial and config.serial != recording.serial:
+        raise ConfigurationError(
+            f"The recording is of camera '{recording.serial}', serial={config.serial} was asked for."
+        )
+    solutions = solve(recording.pairs, recording.mount)
+    plot = folder / "residuals.svg"
+    write_whole(plot, residuals_svg(solutions, LARGEST_RMSE).encode())
+    for solution in solutions:
+        turn = np.degrees(np.sqrt(np.mean(solution.turns**2)))
+        print(f"{solution.method:<18} RMSE {1e3 * solution.rmse:7.3f} mm  {turn:7.4f} degrees")
+    print(f"plot: {plot}")
+    by_name = {solution.method: solution for solution in solutions}
+    if config.method and config.method not in by_name:
+        raise ConfigurationError(f"No solver '{config.method}'. There are: {', '.join(by_name)}.")
+    chosen = by_name[config.method] if config.method else solutions[0]
+    made = Calibration(
+        transform=chosen.transform,
+        intrinsics=recording.intrinsics,
+        serial=recording.serial,
+        n=len(recording.pairs),
+        rmse=chosen.rmse,
+        residuals=tuple(float(v) for v in chosen.shifts),
+        method=chosen.method,
+        mount=recording.mount,
+    )
+    path = Path(config.out) if config.out else folder / "hand_eye.json"
+    made.save(path)
+    print(f"calibration: {path}")
+    return made.rmse
+
+
+def main(argv: list[str]) -> int:
+    """Entry of ``gvla2 calibrate [overrides]``; the process's exit status."""
+    from gvla2.commands.hydra_job import launch
+
+    return launch("calibrate", job, argv)

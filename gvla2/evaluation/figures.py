@@ -1,0 +1,76 @@
+"""The table of a suite of single figures: each beside its goal and its peers' values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from gvla2.evaluation.results import Cell
+
+
+@dataclass(frozen=True)
+class FigureLayout:
+    """A suite whose cells are figures of their own: test, n, value, unit, goal, peers."""
+
+    suite: str
+    title: str
+    explanation: str
+
+
+@dataclass(frozen=True)
+class FigureTable:
+    """The figures of a suite, in the order of the table, and the runs that they come from."""
+
+    layout: FigureLayout
+    cells: tuple[Cell, ...]
+    runs: tuple[int, ...]
+
+    @property
+    def title(self) -> str:
+        """The suite's title."""
+        return self.layout.title
+
+
+MEMORY = FigureLayout(
+    suite="memory",
+    title="Memory",
+    explanation=(
+        "Each value beside its goal and what a plain peer does in the same run: JSON lines scored one by one, as in "
+        "the released code (which has a column of its own where a checkout of it was named). Times are those of this "
+        "machine; what was not measured says so."
+    ),
+)
+
+
+def make_figure_table(cells: Iterable[Cell], layout: FigureLayout) -> list[FigureTable]:
+    """One table, or none for no cells; of one figure measured twice the later counts."""
+    latest: dict[tuple[str, ...], Cell] = {}
+    for cell in sorted(cells, key=lambda cell: cell.run):
+        place = tuple(str(cell.factors.get(name, "")) for name in ("test", "on", "n"))
+        # Where its size is not known, because nothing was measured, an earlier word on it is out of date.
+        latest[place] = cell
+    kept = list(latest.values())
+    if not kept:
+        return []
+    return [FigureTable(layout, tuple(kept), tuple(sorted({cell.run for cell in kept})))]
+
+
+def value_text(cell: Cell, name: str = "value") -> str:
+    """A measure of a figure with its unit; "" where there is none."""
+    value = cell.measures.get(name)
+    if value is None:
+        return ""
+    digits, unit = int(cell.notes.get("digits", 2)), str(cell.notes.get("unit", ""))
+    text = f"{value:,.{digits}f}" if abs(value) < 1e6 else f"{value:,.0f}"
+    return f"{text}{unit}" if unit.startswith("/") else f"{text} {unit}".strip()
+
+
+def goal_text(cell: Cell) -> str:
+    """The goal with the side that is good."""
+    text = value_text(cell, "goal")
+    return f"{'≤' if cell.notes.get('better') == 'lower' else '≥'} {text}" if text else ""
+
+
+def passed_text(cell: Cell) -> str:
+    """Whether the goal is reached: yes, no, or "" for no goal."""
+    return {True: "yes", False: "NO"}.get(cell.notes.get("passed"), "")  # type: ignore[arg-type]

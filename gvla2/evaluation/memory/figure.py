@@ -1,0 +1,83 @@
+"""One measured figure of the memory suite, and the tests that give them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from gvla2.errors import Gvla2Error
+
+if TYPE_CHECKING:
+    from gvla2.evaluation.memory.setting import Setting
+
+Better = Literal["lower", "higher"]
+
+
+class NotMeasuredError(Gvla2Error):
+    """Something that a test needs is not here; the message is the word on it in the table."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of the table: its ``name`` (``test`` of a result), what it says, its unit and its ``goal`` (None for none)."""
+
+    name: str
+    title: str
+    unit: str
+    better: Better
+    goal: float | None = None
+    digits: int = 2
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A number beside its peers'; None where nothing was measured, with a ``note`` why.
+
+    ``peer`` names who gave ``peer_value``; ``released`` is the value of the released code, where a checkout of it was
+    given. ``n`` is how many things were measured, where that is not the test's own size; ``goal`` replaces the row's.
+    """
+
+    value: float | None
+    peer: str = ""
+    peer_value: float | None = None
+    released: float | None = None
+    note: str = ""
+    n: int | None = None
+    goal: float | None = None
+
+
+@dataclass(frozen=True)
+class Test:
+    """A test of one size: what it is called, the rows that it gives, and how to measure them.
+
+    ``size`` is at scale 1, and never less than ``least``; ``on`` tells tests of one name and size apart (a database, a
+    kind of attack); ``seconds`` is about how long it takes at scale 1, for the time left. ``slow`` tests take many
+    minutes.
+    """
+
+    __test__ = False  # no test of pytest's
+
+    name: str
+    rows: tuple[Row, ...]
+    measure: Callable[[Setting, int, str], Mapping[str, Figure]]
+    size: int
+    least: int = 20
+    on: str = ""
+    seconds: float = 1.0
+
+    def scaled(self, scale: float) -> int:
+        """The size at a scale."""
+        return min(self.size, max(self.least, round(self.size * scale)))
+
+    @property
+    def label(self) -> str:
+        """The name, with what it runs on."""
+        return f"{self.name}, {self.on}" if self.on else self.name
+
+
+def passed(value: float | None, goal: float | None, better: Better) -> bool | None:
+    """Whether a value reaches its goal; None where there is no value or no goal."""
+    if value is None or goal is None:
+        return None
+    return value <= goal if better == "lower" else value >= goal

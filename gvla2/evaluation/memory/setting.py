@@ -1,0 +1,135 @@
+"""Where and on what the tests of a run work: a scratch folder, banks of any size, peers, the data at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.evaluation.memory.peers import Peer, PeerLesson
+from gvla2.evaluation.memory.plain_peer import PlainPeer
+from gvla2.memory.bank import BankOptions, KnowledgeBank
+from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
+from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.records import Record
+from gvla2.memory.store import Put, Store
+from gvla2.memory.words import text_of
+from gvla2.testing.memory_corpus import lessons
+
+NOW = 1.8e9
+"""The time at which everything happens, in seconds since the epoch: ages do not depend on when one measures."""
+CHUNK = 5000
+
+Admission = tuple[Lesson, Verdict, MemoryTask | str, str]
+
+
+def _quiet(_share: float, _what: str) -> None:
+    pass
+
+
+@dataclass
+class Setting:
+    """What tests share. ``folder`` is deleted after the run; ``tell`` hears how far a test is (a share, a word).
+
+    ``released`` is the released code where a checkout was given; ``question_file`` a public set of questions and
+    evidence where there is one; ``embedders`` makes those to compare by name (None: words alone).
+    """
+
+    folder: Path
+    scale: float = 1.0
+    seed: int = 0
+    plain: Peer = field(default_factory=PlainPeer)
+    released: Peer | None = None
+    question_file: Path | None = None
+    embedders: Mapping[str, Callable[[], Embedder | None]] = field(default_factory=dict)
+    tell: Callable[[float, str], None] = _quiet
+    _records: list[Record] = field(default_factory=list)
+
+    def count(self, number: int, least: int) -> int:
+        """A number of repetitions at this scale."""
+        return min(number, max(least, round(number * self.scale)))
+
+    def peers(self) -> list[Peer]:
+        """The plain peer, and the released code if it is here."""
+        return [self.plain, *([self.released] if self.released is not None else [])]
+
+    def records(self, count: int) -> list[Record]:
+        """Random lessons, the same for the same count; the last ones asked for are kept."""
+        if len(self._records) != count:
+            self._records = lessons(count, self.seed, now=NOW)
+        return self._records
+
+    def url(self, name: str) -> str:
+        """Address of a SQLite database in the scratch folder."""
+        return f"sqlite:///{self.folder / name}.db"
+
+    def filled(self, count: int) -> str:
+        """Address of a bank with that many records; made once, not to be changed: see :meth:`copied`."""
+        path = self.folder / f"filled-{count}.db"
+        if not path.exists():
+            records, embedder = self.records(count), HashEmbedder()
+            made = self.folder / f"filling-{count}.db"
+            vectors = np.lib.format.open_memmap(
+                self._vectors(count), "w+", np.float32, (count, embedder.embed([""]).shape[1])
+            )
+            with Store.open(f"sqlite:///{made}") as store:
+                for start in range(0, count, CHUNK):
+                    part = slice(start, min(start + CHUNK, count))
+                    vectors[part] = embedder.embed([text_of(r.query, r.content) for r in records[part]])
+                    with store.writing("default", actor="bench", now=NOW) as transaction:
+                        transaction.put_many(
+                            [
+                                Put(record, "add", vector, embedder.model)
+                                for record, vector in zip(records[part], vectors[part], strict=True)
+                            ]
+                        )
+                    self.tell(0.5 * part.stop / count, f"{part.stop:,} records stored")
+                store.snapshot(path)
+            vectors.flush()
+            for left in self.folder.glob(f"filling-{count}.db*"):
+                left.unlink()
+        return f"sqlite:///{path}"
+
+    def vectors(self, count: int) -> NDArray[np.float32]:
+        """(count, D) the embeddings of :meth:`filled`, in the order of :meth:`records`."""
+        self.filled(count)
+        return np.asarray(np.load(self._vectors(count)))
+
+    @contextmanager
+    def copied(self, count: int, options: BankOptions | None = None) -> Iterator[KnowledgeBank]:
+        """An open bank with that many records, which may be changed; gone afterwards."""
+        url, copy = self.filled(count), self.folder / f"copy-{count}.db"
+        with Store.open(url) as store:
+            store.snapshot(copy)
+        try:
+            with KnowledgeBank.open(f"sqlite:///{copy}", options=options, clock=lambda: NOW) as bank:
+                yield bank
+        finally:
+            for left in self.folder.glob(f"copy-{count}.db*"):
+                left.unlink()
+
+    def peer_lessons(self, count: int) -> list[PeerLesson]:
+        """The lessons of :meth:`records` as peers know them."""
+        return [PeerLesson.of(record) for record in self.records(count)]
+
+    def _vectors(self, count: int) -> Path:
+        return self.folder / f"vectors-{count}.npy"
+
+
+def admissions(count: int, seed: int) -> list[Admission]:
+    """Random lessons with verdicts that differ, as :meth:`KnowledgeBank.admit_many` takes them."""
+    return [admission(record, i) for i, record in enumerate(lessons(count, seed, now=NOW))]
+
+
+def admission(record: Record, number: int) -> Admission:
+    """The lesson of a record, with a verdict that fits its type; ``number`` varies the score a little."""
+    failed = record.type == "failure_avoidance"
+    score = 0.05 + 0.002 * (number % 97)
+    criteria = {"completion": score if failed else 1 - score, "safety": 0.2 if failed else 0.9}
+    task = MemoryTask(record.query, record.signature_json(), record.skill)
+    lesson = Lesson(record.record_type, record.content)
+    return lesson, Verdict.from_criteria(criteria, verifier="bench"), task, ""

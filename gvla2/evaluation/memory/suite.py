@@ -1,0 +1,47 @@
+"""The memory suite: all tests in the order of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.memory import (
+    contradicting,
+    crowds,
+    endurance,
+    faults,
+    poison,
+    quality,
+    retrieval,
+    upkeep,
+    writing,
+)
+from gvla2.evaluation.memory.figure import Test
+
+SUITE = "memory"
+VERSION = 1
+"""Of what the tests measure: rows of another version are measured anew."""
+
+
+def all_tests() -> list[Test]:
+    """Every test; the long one last."""
+    parts = (retrieval, writing, crowds, faults, contradicting, poison, upkeep, quality, endurance)
+    return [test for part in parts for test in part.tests()]
+
+
+def chosen_tests(names: Sequence[str]) -> list[Test]:
+    """The tests of these names, or that give rows of these names; all for none.
+
+    Raises :class:`~gvla2.errors.ConfigurationError` for a name that is neither.
+    """
+    tests = all_tests()
+    known = {name: None for test in tests for name in (test.name, *(row.name for row in test.rows))}
+    for name in names:
+        if name not in known:
+            raise ConfigurationError(f"No test '{name}'. Available: {', '.join(known)}.")
+    wanted = set(names)
+    return [
+        test
+        for test in tests
+        if not wanted or test.name in wanted or wanted & {row.name for row in test.rows}
+    ]

@@ -1,0 +1,73 @@
+"""What keeping a bank in order costs: one candidate among many records, and a pass of governance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.peers import PeerLesson
+from gvla2.evaluation.memory.setting import NOW, Setting, admissions
+from gvla2.evaluation.memory.timing import high, middle, once, spent
+from gvla2.memory.bank import BankOptions, Governed
+from gvla2.testing.memory_corpus import lessons
+
+PEER_GOVERNS = 1_000
+"""Records up to which a peer's pass is run: it compares each with each, so 100,000 would take ten thousand times that."""
+
+
+def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
+    """One durable admit among the bank's records: compared, decided, written; the peer only decides."""
+    count = setting.count(200, 20)
+    items = admissions(count + 5, setting.seed + 3)
+    with setting.copied(size, BankOptions(active_budget=10 * size)) as bank:
+        for lesson, verdict, task, _ in items[count:]:
+            bank.admit(lesson, verdict, task=task)
+        times = spent(lambda item: bank.admit(item[0], item[1], task=item[2]), items[:count])
+    setting.tell(0.4, "the bank's are done")
+    few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
+    theirs = []
+    for place, peer in enumerate(setting.peers()):
+        folder = setting.folder / f"placing-{place}-{size}"
+        peer.fill(folder, setting.peer_lessons(size))
+        loaded = peer.load(folder)
+        theirs.append(middle(spent(lambda one, peer=peer, loaded=loaded: peer.place(one, loaded), few)))  # type: ignore[misc]
+    milliseconds = [1e3 * value for value in (high(times), *theirs)]
+    note = f"p95 of {count} durable admits, p50 {1e3 * middle(times):.1f} ms; the peer decides {len(few)}, in memory"
+    return {
+        "consolidation": Figure(milliseconds[0], setting.plain.name, *milliseconds[1:], note=note),
+    }
+
+
+def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
+    """A whole pass over a bank that has never been governed, with a budget of nine tenths of it."""
+    budget = max(1, 9 * size // 10)
+    with setting.copied(size, BankOptions(active_budget=budget)) as bank:
+        bank.recall("warm up")  # the index is there, as it is in a bank at work
+        done: list[Governed] = []
+        seconds = once(lambda: done.append(bank.govern()))
+        active = bank.stats()["states"].get("active", 0)
+    note = f"{done[0].changes:,} changes, {active:,} active afterwards"
+    if size > PEER_GOVERNS:
+        return {
+            "governance": Figure(seconds, note=f"{note}; the peer is not run: it compares each with each")
+        }
+    setting.tell(0.3, "the bank's is done")
+    theirs = []
+    for place, peer in enumerate(setting.peers()):
+        folder = setting.folder / f"governing-{place}-{size}"
+        peer.fill(folder, setting.peer_lessons(size))
+        loaded = peer.load(folder)
+        theirs.append(once(lambda peer=peer, loaded=loaded: peer.govern(loaded, budget, NOW)))  # type: ignore[misc]
+    return {"governance": Figure(seconds, setting.plain.name, *theirs, note=note)}
+
+
+def tests() -> list[Test]:
+    """The tests of this file."""
+    row = Row("consolidation", "One candidate among all, p95", "ms", "lower", 20.0, 1)
+    made = [Test("consolidation", (row,), consolidation, 10_000, least=100, seconds=25.0)]
+    for size, goal, seconds in ((1_000, 0.1, 45.0), (100_000, 5.0, 20.0)):
+        row = Row("governance", "A pass of governance", "s", "lower", goal, 3)
+        made.append(
+            Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300, seconds=seconds)
+        )
+    return made

@@ -1,0 +1,1 @@
+"""Data that the memory suite is measured on."""

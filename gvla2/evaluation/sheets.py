@@ -1,0 +1,79 @@
+"""Any table of results as plain cells of text: what Markdown, LaTeX, HTML and the terminal print alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from gvla2.evaluation.figures import FigureTable, goal_text, passed_text, value_text
+from gvla2.evaluation.results import Cell
+
+Tone = Literal["", "better", "worse"]
+
+
+@dataclass(frozen=True)
+class SheetCell:
+    """Lines of text, the first the most important; ``tone`` colours the second, or the only one."""
+
+    lines: tuple[str, ...]
+    none: bool = False
+    tone: Tone = ""
+
+
+@dataclass(frozen=True)
+class SheetRow:
+    """A labelled row."""
+
+    label: str
+    cells: tuple[SheetCell, ...]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table as text. ``headings`` are of the cells, without the label's."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[SheetRow, ...]
+    footnote: str
+    explanation: str
+
+
+def sheet_of_figures(table: FigureTable) -> Sheet:
+    """One row a figure; the released code has a column where it was measured."""
+    released = any(cell.measures.get("released_value") is not None for cell in table.cells)
+    headings = ("n", "value", "goal", "reached", "plain peer", *(("released code",) if released else ()), "")
+    rows = tuple(SheetRow(_label(cell), _figure(cell, released)) for cell in table.cells)
+    reached = [cell.notes["passed"] for cell in table.cells if cell.notes.get("passed") is not None]
+    runs = ", ".join(map(str, table.runs))
+    footnote = f"{sum(reached)} of {len(reached)} goals reached; runs {runs} of the results database."
+    return Sheet(table.title, headings, rows, footnote, table.layout.explanation)
+
+
+def _label(cell: Cell) -> str:
+    title, on = str(cell.notes.get("title", cell.factors.get("test"))), cell.factors.get("on")
+    return f"{title} ({on})" if on else title
+
+
+def _figure(cell: Cell, released: bool) -> tuple[SheetCell, ...]:
+    value, status = value_text(cell), str(cell.notes.get("status", "ok"))
+    tone: dict[object, Tone] = {True: "better", False: "worse"}
+    peer = value_text(cell, "peer_value")
+    n = cell.factors.get("n", "")
+    cells = [
+        SheetCell((f"{n:,}" if isinstance(n, int) and value else "",)),
+        SheetCell((value or "not measured",), none=not value),
+        SheetCell((goal_text(cell),)),
+        SheetCell((passed_text(cell),), tone=tone.get(cell.notes.get("passed"), "")),
+        SheetCell((peer, str(cell.notes.get("peer", ""))) if peer else ("",)),
+    ]
+    if released:
+        cells.append(SheetCell((value_text(cell, "released_value"),)))
+    note = str(cell.notes.get("note", "")) if status == "ok" else status.removeprefix("not measured: ")
+    return (*cells, SheetCell((note,)))
+
+
+def explanations(sheets: Sequence[Sheet]) -> str:
+    """What the numbers of these sheets mean, each once."""
+    return " ".join(dict.fromkeys(sheet.explanation for sheet in sheets))

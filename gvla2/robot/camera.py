@@ -1,0 +1,46 @@
+"""The contract of depth cameras that stand beside a real robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import View
+
+
+@dataclass(frozen=True)
+class CameraFrames:
+    """What the cameras saw at one moment.
+
+    ``views`` are RGB-D: depth in metres along the camera's z, aligned to the colour image, NaN where nothing was
+    measured; each view's ``camera.world_from_camera`` is its pose in the robot's *base* frame (the robot moves it
+    on into the world). ``timestamps`` are the moments of exposure, one a view, seconds of ``time.time()``.
+    No views at all is what ``camera=none`` sees. Raises :class:`RobotError` when the two differ in number.
+    """
+
+    views: tuple[View, ...]
+    timestamps: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.views) != len(self.timestamps):
+            raise RobotError(
+                f"A camera gave {len(self.views)} views and {len(self.timestamps)} timestamps; each view has one."
+            )
+
+
+class Camera(Protocol):
+    """One or several calibrated depth cameras, live or recorded.
+
+    ``observe`` may be called any number of times; ``close`` twice. A camera that was unplugged, stands still, or
+    gives images of another size than it was calibrated for raises :class:`gvla2.errors.RobotError` that names it.
+    """
+
+    def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
+        """Frames taken after the call began. A camera on the hand needs ``base_from_tcp`` (4, 4), where the tool is."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device or the files."""
+        ...

@@ -1,0 +1,120 @@
+"""Closed-form answers to AX = XB: the ways of Tsai and Lenz, Park and Martin, Andreff; and OpenCV's, where it has them.
+
+OpenCV's Python packages of the first 5.0 releases were built without ``calibrateHandEye``; nothing here depends on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+
+Solver = Callable[[Sequence[FloatArray], Sequence[FloatArray]], FloatArray]
+"""From hands (N of (4, 4)) and targets (N of (4, 4)) to X (4, 4) with ``hand X target`` constant."""
+
+_OPENCV_METHODS = ("TSAI", "PARK", "HORAUD", "ANDREFF", "DANIILIDIS")
+
+
+def solvers() -> dict[str, Solver]:
+    """All solvers that can be had here, by name; OpenCV's are called ``opencv_...``."""
+    own: dict[str, Solver] = {"tsai": tsai, "park": park, "andreff": andreff}
+    try:
+        import cv2
+    except ImportError:
+        return own
+    if hasattr(cv2, "calibrateHandEye"):
+        for method in _OPENCV_METHODS:
+            number = getattr(cv2, f"CALIB_HAND_EYE_{method}")
+            own[f"opencv_{method.lower()}"] = partial(_opencv, cv2, number)
+    return own
+
+
+def motions(
+    hands: Sequence[FloatArray], targets: Sequence[FloatArray]
+) -> tuple[list[FloatArray], list[FloatArray]]:
+    """A and B of AX = XB for every two moments."""
+    a, b = [], []
+    for i in range(len(hands)):
+        for j in range(i + 1, len(hands)):
+            a.append(invert_rigid(hands[j]) @ hands[i])
+            b.append(targets[j] @ invert_rigid(targets[i]))
+    return a, b
+
+
+def park(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    """Rotation vectors of B, turned by X, are those of A (Park and Martin 1994), then the shift by least squares."""
+    a, b = motions(hands, targets)
+    correlation = _rotvecs(a).T @ _rotvecs(b)  # (3, 3)
+    return _with_shift(_orthonormal(correlation), a, b)
+
+
+def tsai(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    """Linear equations in a modified Rodrigues vector (Tsai and Lenz 1989)."""
+    a, b = motions(hands, targets)
+    pa, pb = _half_sines(a), _half_sines(b)
+    rows = np.concatenate([_cross(u + v) for u, v in zip(pa, pb, strict=True)])
+    scaled = np.linalg.lstsq(rows, (pb - pa).ravel(), rcond=None)[0]
+    p = 2.0 * scaled / np.sqrt(1.0 + scaled @ scaled)
+    square = float(p @ p)
+    rotation = (1.0 - 0.5 * square) * np.eye(3) + 0.5 * (
+        np.outer(p, p) + np.sqrt(max(0.0, 4.0 - square)) * _cross(p)
+    )
+    return _with_shift(_orthonormal(rotation), a, b)
+
+
+def andreff(hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    """Rotation and shift together as twelve linear unknowns (Andreff et al. 1999), the rotation made one after."""
+    a, b = motions(hands, targets)
+    eye3, eye9 = np.eye(3), np.eye(9)
+    rows, right = [], []
+    for one, other in zip(a, b, strict=True):
+        turn = eye9 - np.kron(one[:3, :3], other[:3, :3])  # R_X = R_A R_X R_B^T, row-major
+        shift = np.kron(eye3, other[:3, 3][None, :])
+        rows += [np.hstack([turn, np.zeros((9, 3))]), np.hstack([shift, eye3 - one[:3, :3]])]
+        right += [np.zeros(9), one[:3, 3]]
+    unknown = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)[0]
+    return _with_shift(_orthonormal(unknown[:9].reshape(3, 3)), a, b)
+
+
+def _opencv(cv2: Any, method: int, hands: Sequence[FloatArray], targets: Sequence[FloatArray]) -> FloatArray:
+    rotation, shift = cv2.calibrateHandEye(
+        [h[:3, :3] for h in hands],
+        [h[:3, 3] for h in hands],
+        [t[:3, :3] for t in targets],
+        [t[:3, 3] for t in targets],
+        method=method,
+    )
+    return rigid(_orthonormal(np.asarray(rotation, dtype=np.float64)), np.ravel(shift))
+
+
+def _with_shift(rotation: FloatArray, a: Sequence[FloatArray], b: Sequence[FloatArray]) -> FloatArray:
+    """(R_A - I) t = R_X t_B - t_A."""
+    rows = np.concatenate([one[:3, :3] - np.eye(3) for one in a])
+    right = np.concatenate([rotation @ other[:3, 3] - one[:3, 3] for one, other in zip(a, b, strict=True)])
+    return rigid(rotation, np.linalg.lstsq(rows, right, rcond=None)[0])
+
+
+def _orthonormal(matrix: FloatArray) -> FloatArray:
+    """The rotation nearest to a (3, 3) matrix."""
+    u, _, vt = np.linalg.svd(matrix)
+    return np.asarray(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+
+
+def _rotvecs(poses: Sequence[FloatArray]) -> FloatArray:
+    return np.asarray(Rotation.from_matrix(np.array([p[:3, :3] for p in poses])).as_rotvec())
+
+
+def _half_sines(poses: Sequence[FloatArray]) -> FloatArray:
+    """(N, 3) axis times 2 sin(angle / 2)."""
+    vectors = _rotvecs(poses)
+    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors * 2.0 * np.sin(0.5 * angles) / np.maximum(angles, 1e-12))
+
+
+def _cross(v: FloatArray) -> FloatArray:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -1,0 +1,95 @@
+"""Regions of space that referees ask about: boxes and upright rounds, as plain geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.robot.task import Body, Primitive
+
+_ROUND_SIDES = 24
+
+
+@dataclass(frozen=True)
+class Volume:
+    """A box of full side lengths ``size`` (x, y, z), metres, about the origin of ``world_from_volume`` (4, 4).
+
+    ``round``: instead the cylinder about the box's z axis that fills it.
+    """
+
+    world_from_volume: FloatArray
+    size: tuple[float, float, float]
+    round: bool = False
+
+    def holds(self, point: FloatArray) -> bool:
+        """Whether a world point (3,) is inside."""
+        x, y, z = transform_points(invert_rigid(self.world_from_volume), point)
+        a, b, c = 0.5 * np.asarray(self.size)
+        if self.round:
+            return bool((x / a) ** 2 + (y / b) ** 2 <= 1.0 and abs(z) <= c)
+        return bool(abs(x) <= a and abs(y) <= b and abs(z) <= c)
+
+    def meets(self, body: Body, world_from_body: FloatArray) -> bool:
+        """Whether any solid of a body, at its pose (4, 4), shares a point with the volume.
+
+        Round solids count as prisms of 24 sides, which stay within 1 % of them.
+        """
+        mine = _solid_of("cylinder" if self.round else "box", self.world_from_volume, self.size)
+        return any(
+            _overlap(mine, _solid_of(solid.kind, world_from_body @ solid.body_from_shape, solid.size))
+            for solid in body.solids
+        )
+
+
+def on(surface: FloatArray, size: tuple[float, float], height: float) -> Volume:
+    """The box of ``height`` that stands on a rectangle of ``size`` about the origin of ``surface`` (4, 4), z up."""
+    return Volume(surface @ rigid(translation=(0.0, 0.0, height / 2)), (*size, height))
+
+
+@dataclass(frozen=True)
+class _Solid:
+    corners: FloatArray  # (N, 3)
+    normals: FloatArray  # (F, 3), one of each parallel pair
+    edges: FloatArray  # (E, 3), likewise
+
+
+def _solid_of(kind: str, pose: FloatArray, size: tuple[float, float, float]) -> _Solid:
+    half = 0.5 * np.asarray(size)
+    axes = pose[:3, :3].T
+    if kind == "box":
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        return _Solid(transform_points(pose, signs * half), axes, axes)
+    # A prism between the inscribed and the circumscribed one; spheres too, which here only need their extent.
+    turns = np.pi * (2 * np.arange(_ROUND_SIDES) + 1) / _ROUND_SIDES
+    fit = 2.0 / (1.0 + np.cos(np.pi / _ROUND_SIDES))
+    ring = np.stack([np.cos(turns), np.sin(turns)], axis=1) * half[:2] * fit
+    ends = np.concatenate([np.column_stack([ring, np.full(len(ring), z)]) for z in (-half[2], half[2])])
+    faces = np.pi * 2 * np.arange(_ROUND_SIDES // 2) / _ROUND_SIDES
+    flat = np.column_stack([np.cos(faces), np.sin(faces), np.zeros(len(faces))])
+    sides = np.column_stack([-np.sin(faces), np.cos(faces), np.zeros(len(faces))])
+    up = np.array([[0.0, 0.0, 1.0]])
+    turn = pose[:3, :3].T
+    return _Solid(
+        transform_points(pose, ends), np.concatenate([flat, up]) @ turn, np.concatenate([sides, up]) @ turn
+    )
+
+
+def _overlap(one: _Solid, other: _Solid) -> bool:
+    """The separating axis test of two convex solids: the normals of both, and edges of one across the other's."""
+    crossed = np.cross(one.edges[:, None], other.edges[None]).reshape(-1, 3)
+    axes = np.concatenate([one.normals, other.normals, crossed])
+    axes = axes[np.linalg.norm(axes, axis=1) > 1e-6]
+    a, b = one.corners @ axes.T, other.corners @ axes.T
+    apart = (a.max(axis=0) < b.min(axis=0)) | (b.max(axis=0) < a.min(axis=0))
+    return not bool(apart.any())
+
+
+def extent(solids: tuple[Primitive, ...]) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest corner (3,) of solids together, in their body's frame, metres."""
+    corners = []
+    for solid in solids:
+        half = np.abs(solid.body_from_shape[:3, :3]) @ (0.5 * np.asarray(solid.size))
+        corners += [solid.body_from_shape[:3, 3] - half, solid.body_from_shape[:3, 3] + half]
+    return np.min(corners, axis=0), np.max(corners, axis=0)

@@ -1,0 +1,47 @@
+"""True bodies as scene objects, named as a perceiver names what it sees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Box, Scene
+from gvla2.robot.backend import RobotBackend
+from gvla2.robot.demonstration import Truthful
+
+NOTE = (
+    "This scene is the simulator's own truth (perceiver=oracle), not perceived: its results are no measure."
+)
+
+
+class OraclePerceiver:
+    """Implements :class:`gvla2.planning.contracts.Perceiver` by asking the robot's simulator.
+
+    Ids are o1, o2, ... by x, then y, so that no body's name passes; the scene and a note of its say "oracle".
+    Raises :class:`ConfigurationError` for a robot that does not know the truth.
+    """
+
+    def __init__(self, robot: RobotBackend | None) -> None:
+        if not isinstance(robot, Truthful):
+            raise ConfigurationError(
+                "perceiver=oracle needs a simulated robot that tells its true scene, such as robot=sapien_panda. "
+                "With any other, choose another perceiver, such as perceiver=classical."
+            )
+        self._robot = robot
+
+    def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
+        """The true scene; neither images nor words are used."""
+        del observation, instruction
+        scene = self._robot.true_scene()
+        inside = [o for o in scene.objects if _over(workspace, o.centre)]
+        ordered = sorted(inside, key=lambda o: tuple(np.round(o.centre, 3)))
+        ids = {thing.id: f"o{k + 1}" for k, thing in enumerate(ordered)}
+        objects = tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered)
+        return Scene(objects, scene.table_height, workspace, "oracle", (NOTE,))
+
+
+def _over(workspace: Box, point: np.ndarray) -> bool:
+    return bool(((point >= workspace.low) & (point <= workspace.high))[:2].all())

@@ -1,0 +1,231 @@
+"""The robot backend: a Piper, armed, dry-run, simulated or only on paper, with whatever camera was chosen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.camera import Camera as Pinhole
+from gvla2.geometry.transform import invert_rigid, rigid
+from gvla2.geometry.views import Observation, View, Views
+from gvla2.planning.scene import Box, Scene
+from gvla2.planning.trajectory import Trajectory
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.backend import ExecutionListener, Judgement
+from gvla2.robot.camera import Camera
+from gvla2.robot.driver import DriverState
+from gvla2.robot.executor import ExecutorOptions, execute
+from gvla2.robot.motion import MotionPlanner
+from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.robot.task import Task, TaskInstance
+from gvla2_plugins.piper import PiperConfig
+from gvla2_plugins.piper.arming import ask_person
+from gvla2_plugins.piper.description import HOME, make_arm
+from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
+from gvla2_plugins.piper.limits import MAX_WIDTH
+from gvla2_plugins.piper.looks import ArmLooks, Preview
+from gvla2_plugins.piper.session import PERIOD, Session, bounds_of
+from gvla2_plugins.piper.shape import turn_z
+
+FILM_EVERY = 1.0
+"""Seconds between pictures while the arm moves; drawing one holds the control loop up by some milliseconds."""
+
+_SILENT = ExecutionListener()
+
+
+class Piper:
+    """Implements :class:`gvla2.robot.backend.RobotBackend`.
+
+    :meth:`reset` connects and, when ``armed``, asks for the word, switches the motors on and holds the arm; it
+    never moves it: nothing has been seen yet. A dry run only ever listens. ``ask`` gets the arming question.
+    """
+
+    def __init__(self, config: PiperConfig, camera: Camera, ask: Callable[[str], str] = ask_person) -> None:
+        bounds_of(config)
+        self._workspace = _workspace(config)
+        if config.bus == "none" and config.armed:
+            raise ConfigurationError("robot.armed=true needs an arm: choose a robot.bus other than none.")
+        self._config, self._camera, self._ask = config, camera, ask
+        self._world_from_base = rigid(turn_z(config.base_yaw), config.base_position)
+        self._arm = make_arm(self._world_from_base, self._workspace, config.tcp_offset)
+        self.planner = MotionPlanner(self._arm)
+        self._guard = PathGuard(self._arm, self._workspace, config.table_height, config.table_margin)
+        self._looks = ArmLooks(self._world_from_base, config.tcp_offset)
+        self._options = ExecutorOptions(
+            dt=PERIOD,
+            velocity_scale=0.8 * config.speed,
+            acceleration=config.acceleration,
+            max_motion_seconds=120.0,
+        )
+        self.session: Session | None = None
+
+    @property
+    def arm(self) -> ArmModel:
+        """Kinematics and collision model of the Piper."""
+        return self._arm
+
+    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
+        """Connect, at the first call; nothing moves, nothing is laid out. Always None.
+
+        Raises :class:`RobotError` when the arm is not fit to be used, was stopped, or there is nothing to be done.
+        """
+        if instruction is None and task is not None:
+            raise ConfigurationError(
+                "A real robot lays out no task: put things on the table and say what to do, "
+                "instruction='lift the red cube'."
+            )
+        if self.session is None and self._config.bus != "none":
+            self.session = Session(self._config, self._ask)
+        if self.session is not None and self.session.loop is not None and self.session.loop.stopped:
+            raise RobotError(
+                f"The arm is held since {self.session.loop.stopped}. Look at it, then start anew."
+            )
+        return None
+
+    def observe(self) -> Observation:
+        """The cameras' views and the measured hand."""
+        state = self._state()
+        world_from_tcp = self._arm.forward(state.joints)
+        frames = self._camera.observe(invert_rigid(self._world_from_base) @ world_from_tcp)
+        views = tuple(self._placed(view) for view in frames.views) or (_darkness(),)
+        views = self._looks.mask(views, state.joints, state.gripper_width)
+        opening = float(np.clip(state.gripper_width / MAX_WIDTH, 0.0, 1.0))
+        return Observation(Views(views), world_from_tcp, state.joints, opening, state.gripper_width)
+
+    def execute(
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
+    ) -> ExecutionReport:
+        """Move through the waypoints under the watch; in a dry run plan, check and show them, and send nothing.
+
+        Raises :class:`SafetyStopError` when the watch stops the arm. A waypoint outside the workspace is refused
+        before anything moves.
+        """
+        loop = self.session.loop if self.session is not None else None
+        if loop is not None:
+            loop.check()
+        slow = self._slowed(trajectory)
+        if refusal := self._outside(slow):
+            listener.waypoint(refusal)
+            return ExecutionReport((refusal,))
+        preview = Preview(self._looks, self._world_from_base, scene, self._config.video_size)
+        if loop is None:
+            return self._dry(slow, scene, listener, preview)
+        assert self.session is not None
+        assert self.session.link is not None
+        filmed = 0.0
+
+        def film() -> None:
+            nonlocal filmed
+            if time.monotonic() - filmed > FILM_EVERY:
+                filmed = time.monotonic()
+                state = driver.state()
+                listener.frame(preview.picture(state.joints, state.gripper_width))
+
+        driver = PiperDriver(self.session.link, loop, self._guard, film)
+        return execute(slow, scene, self._arm, self.planner, driver, listener, self._options)
+
+    def judge(self) -> Judgement | None:
+        """None: a real robot has no referee."""
+        return None
+
+    def close(self) -> None:
+        """Hold the arm, leave it powered, and let go of bus and camera; safe to call twice."""
+        if self.session is not None:
+            self.session.close()
+            self.session = None
+        self._camera.close()
+
+    def _state(self) -> DriverState:
+        if self.session is None:
+            if self._config.bus != "none":
+                raise RobotError("Nothing can be observed before reset: call reset(task, seed) first.")
+            return DriverState(np.array(HOME), MAX_WIDTH)
+        assert self.session.link is not None
+        return measured(self.session.link)
+
+    def _placed(self, view: View) -> View:
+        pose = self._world_from_base @ view.camera.world_from_camera
+        return replace(view, camera=replace(view.camera, world_from_camera=pose))
+
+    def _slowed(self, trajectory: Trajectory) -> Trajectory:
+        top = self._config.tool_speed
+        return Trajectory(tuple(replace(w, speed=min(w.speed, top)) for w in trajectory))
+
+    def _outside(self, trajectory: Trajectory) -> WaypointReport | None:
+        """A report that refuses the first waypoint out of the workspace, or None."""
+        state = self._state()
+        tool = self._arm.forward(state.joints)[:3, 3]
+        for index, waypoint in enumerate(trajectory):
+            if np.isfinite(waypoint.xyz).all() and not self._workspace.contains(np.array(waypoint.xyz)):
+                return WaypointReport(
+                    index=index,
+                    stage=waypoint.stage,
+                    target=waypoint.xyz,
+                    reached=(float(tool[0]), float(tool[1]), float(tool[2])),
+                    error=float(np.linalg.norm(tool - waypoint.xyz)),
+                    gripper_width=state.gripper_width,
+                    held=None,
+                    abort="not_started",
+                    message="Its target lies outside robot.workspace_low .. workspace_high. Nothing was sent.",
+                )
+        return None
+
+    def _dry(
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener, preview: Preview
+    ) -> ExecutionReport:
+        """The whole execution on paper, told as what it is: one report that nothing was started."""
+        state = self._state()
+        driver = DryDriver(state, self._guard, lambda q, width: listener.frame(preview.picture(q, width)))
+        planned = execute(
+            trajectory, scene, self._arm, self.planner, driver, ExecutionListener(), self._options
+        )
+        failed = planned.abort
+        if failed is None:
+            seconds = sum(w.motion_seconds for w in planned.waypoints)
+            ways = ", ".join(w.status for w in planned.waypoints)
+            word = f"all {len(trajectory)} waypoints can be reached ({ways}) in {seconds:.1f} s"
+        else:
+            word = f"waypoint {failed.index} ('{failed.stage}') would fail: {failed.message}"
+        message = f"Dry run: {word}. Nothing was sent; robot.armed=true moves the arm."
+        first = trajectory.waypoints[0]
+        tool = self._arm.forward(state.joints)[:3, 3]
+        report = WaypointReport(
+            index=0,
+            stage=first.stage,
+            target=first.xyz,
+            reached=(float(tool[0]), float(tool[1]), float(tool[2])),
+            error=float(np.linalg.norm(tool - first.xyz)),
+            gripper_width=state.gripper_width,
+            held=None,
+            abort="not_started",
+            message=message,
+            planning_seconds=sum(w.planning_seconds for w in planned.waypoints),
+        )
+        listener.waypoint(report)
+        return ExecutionReport((report,), report.planning_seconds, planned.joint_path)
+
+
+def _workspace(config: PiperConfig) -> Box:
+    try:
+        low, high = (
+            np.array(config.workspace_low, dtype=np.float64),
+            np.array(config.workspace_high, dtype=np.float64),
+        )
+        base = np.array(config.base_position, dtype=np.float64)
+    except ValueError:
+        low = high = base = np.empty(0)
+    if not (low.shape == high.shape == base.shape == (3,)) or not (low < high).all():
+        raise ConfigurationError(
+            "robot.workspace_low, workspace_high and base_position are three numbers each, low below high."
+        )
+    return Box(low, high)
+
+
+def _darkness() -> View:
+    """What a robot without cameras sees: a picture with no depth in it; perception says that it sees nothing."""
+    pinhole = Pinhole.from_fov(0.7, np.eye(4), 16, 16, "none")
+    return View(pinhole, np.zeros((16, 16, 3), np.uint8), np.full((16, 16), np.nan, np.float32))

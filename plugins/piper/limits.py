@@ -1,0 +1,53 @@
+"""What is allowed to be sent to a Piper: facts of the arm, and this backend's own tighter bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+
+LOW = np.array([-2.6179, 0.0, -2.967, -1.745, -1.22, -2.09439])
+HIGH = np.array([2.6179, 3.14, 0.0, 1.745, 1.22, 2.09439])
+"""Joint limits of the maker, radians."""
+
+MAX_WIDTH = 0.07
+"""Opening of the gripper, metres."""
+
+FULL_SPEED = np.radians([180.0, 195.0, 180.0, 225.0, 225.0, 225.0])
+"""Joint speeds at 100 %, rad/s, of the maker's data sheet."""
+
+HIGHEST_SPEED_SHARE = 0.20
+"""No configuration makes this backend faster than this share of full speed."""
+
+HIGHEST_GRIP_EFFORT = 2.0
+"""Nm; the gripper itself goes to 5."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What the gate lets through: ``speed_share`` of full speed, targets every ``period`` seconds, ``grip_effort`` Nm.
+
+    A joint target is a step of at most ``step`` (6,) radians from the last one, or lies within ``near`` radians of
+    where the arm was measured; ``slack`` radians beyond the maker's limits are tolerated, because a parked arm
+    measures a little outside of them.
+    """
+
+    speed_share: float = 0.2
+    grip_effort: float = 1.0
+    period: float = 0.01
+    near: float = 0.05
+    slack: float = 0.05
+    step: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        share = min(self.speed_share, HIGHEST_SPEED_SHARE)
+        object.__setattr__(self, "speed_share", share)
+        object.__setattr__(self, "grip_effort", min(self.grip_effort, HIGHEST_GRIP_EFFORT))
+        object.__setattr__(self, "step", 1.25 * share * FULL_SPEED * self.period)
+
+    @property
+    def percent(self) -> int:
+        """The speed as the mode frame carries it."""
+        return max(1, round(100 * self.speed_share))

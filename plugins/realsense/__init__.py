@@ -1,0 +1,46 @@
+"""A depth camera that librealsense drives: aligned depth in metres, placed by its hand-eye calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.robot.camera import Camera
+
+
+@dataclass
+class RealsenseConfig(ComponentConfig):
+    """Options of ``realsense``.
+
+    ``calibration`` is the file that `gvla2 calibrate` writes; required, and the pictures get its size. ``serial`` is
+    needed only where several cameras are plugged in and the file's is not to be used. ``fps`` is pictures a second;
+    ``depth_width`` and ``depth_height`` are the depth sensor's own size, 0 for the one nearest to the colour's.
+    ``warm_up`` pictures are dropped at the start, while the exposure settles. ``timeout`` is how long to wait for a
+    picture, seconds. ``filters`` (decimation, spatial, temporal, hole_filling) are librealsense's, in the order
+    given; none by default, because they smear edges and invent depth.
+    """
+
+    calibration: str = ""
+    serial: str = ""
+    fps: int = 30
+    depth_width: int = 0
+    depth_height: int = 0
+    warm_up: int = 30
+    timeout: float = 5.0
+    filters: list[str] = field(default_factory=list)
+
+
+def _build(config: RealsenseConfig) -> Camera:
+    """Intel's RealSense and other librealsense depth cameras: live colour with aligned depth."""
+    from gvla2_plugins.realsense.camera import RealsenseCamera
+
+    return RealsenseCamera(config)
+
+
+@hookimpl
+def gvla2_cameras() -> list[Component[Camera]]:
+    """``camera=realsense camera.calibration=hand_eye.json``."""
+    return [Component("realsense", RealsenseConfig, _build)]

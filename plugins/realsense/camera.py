@@ -1,0 +1,126 @@
+"""The camera of a robot: a live stream, placed by the hand-eye calibration of the very same camera."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.camera import Camera as Pinhole
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import View
+from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.robot.camera import CameraFrames
+from gvla2_plugins.realsense import RealsenseConfig
+from gvla2_plugins.realsense.attached import choose, serial_of
+from gvla2_plugins.realsense.lens import lens_of, pinhole
+from gvla2_plugins.realsense.library import load
+from gvla2_plugins.realsense.stream import Stream
+
+TOLERANCE = 0.02
+"""How far the stream's focal length and principal point may be from the calibration's, as a share of its own."""
+
+
+class RealsenseCamera:
+    """Implements :class:`gvla2.robot.camera.Camera`; streams from the constructor on.
+
+    ``device`` is a librealsense device to be used instead of one that is plugged in, ``rs.software_device`` for
+    example. Raises :class:`ConfigurationError` for options that can't be, :class:`RobotError` for a camera that is
+    not there or silent, and for a calibration that is not of this camera.
+    """
+
+    def __init__(self, config: RealsenseConfig, device: Any = None) -> None:
+        _check(config)
+        path = Path(config.calibration).expanduser()
+        calibration = Calibration.load(path)
+        rs = load()
+        if device is None:
+            try:
+                self._context = rs.context()  # kept: it is what notices that a plug was pulled
+                devices = list(self._context.query_devices())
+            except RuntimeError as error:
+                raise RobotError(f"librealsense can't look for cameras: {error}.") from error
+            several = len(devices) > 1
+            device = choose(rs, devices, config.serial or (calibration.serial if several else ""))
+        self.calibration = Calibration.load(path, config.serial or serial_of(rs, device))
+        self.serial = serial_of(rs, device)
+        if config.serial and config.serial != self.serial:
+            raise RobotError(f"camera.serial is '{config.serial}', the camera in use is '{self.serial}'.")
+        size = (calibration.intrinsics.width, calibration.intrinsics.height)
+        depth_size = (config.depth_width, config.depth_height)
+        self._timeout = config.timeout
+        self._stream = Stream(rs, device, size, depth_size, config.fps, config.filters)
+        try:
+            self.intrinsics = pinhole(self._stream.intrinsics)
+            _agree(self.intrinsics, calibration, path)
+            self._lens = lens_of(rs, self._stream.intrinsics)
+            for _ in range(config.warm_up + 1):  # the last shows that pictures do come
+                self._stream.next(0.0, config.timeout)
+        except BaseException:
+            self.close()
+            raise
+
+    def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
+        """One view, exposed after the call began; ``base_from_tcp`` (4, 4) is needed by a camera on the hand.
+
+        Raises :class:`RobotError` when the camera was unplugged, stands still, or changes its pictures' size.
+        """
+        pose = self._pose(base_from_tcp)
+        picture = self._stream.next(time.time(), self._timeout)
+        image, depth = picture.image, picture.depth
+        if self._lens is not None:
+            image, depth = self._lens.image(image), self._lens.depth(depth)
+        i = self.intrinsics
+        camera = Pinhole(i.K, pose, i.width, i.height, f"realsense-{self.serial}")
+        return CameraFrames((View(camera, image, depth),), (picture.exposed,))
+
+    def close(self) -> None:
+        """Stop streaming; safe to call twice."""
+        self._stream.close()
+
+    def _pose(self, base_from_tcp: FloatArray | None) -> FloatArray:
+        if self.calibration.mount == "eye_to_hand":
+            return self.calibration.transform
+        if base_from_tcp is None:
+            raise RobotError(
+                f"The camera '{self.serial}' is on the hand: it sees only where the hand is known to be."
+            )
+        return base_from_tcp @ self.calibration.transform
+
+
+def _check(config: RealsenseConfig) -> None:
+    if not config.calibration:
+        raise ConfigurationError(
+            "camera=realsense needs to know where the camera stands: camera.calibration=FILE, made by "
+            "`gvla2 calibrate`."
+        )
+    if config.fps <= 0 or config.warm_up < 0 or not 0 < config.timeout < float("inf"):
+        raise ConfigurationError(
+            f"camera.fps={config.fps} and camera.timeout={config.timeout} must be above 0, and "
+            f"camera.warm_up={config.warm_up} not below."
+        )
+    if (config.depth_width > 0) != (config.depth_height > 0) or min(
+        config.depth_width, config.depth_height
+    ) < 0:
+        raise ConfigurationError(
+            f"camera.depth_width={config.depth_width} and depth_height={config.depth_height} go together; "
+            "both 0 for the size nearest to the colour's."
+        )
+
+
+def _agree(stream: Intrinsics, calibration: Calibration, path: Path) -> None:
+    """The camera must measure as it did when it was calibrated: another mode crops, and moves the axis."""
+    wanted = calibration.intrinsics
+    pairs = {
+        "fx": (stream.fx, wanted.fx, wanted.fx),
+        "fy": (stream.fy, wanted.fy, wanted.fy),
+        "cx": (stream.cx, wanted.cx, wanted.width),
+        "cy": (stream.cy, wanted.cy, wanted.height),
+    }
+    off = [f"{k} {a:.1f} for {b:.1f}" for k, (a, b, by) in pairs.items() if abs(a - b) > TOLERANCE * by]
+    if off:
+        raise RobotError(
+            f"The camera '{calibration.serial}' has other intrinsics than its calibration {path} says: "
+            f"{', '.join(off)} pixels. Calibrate again, in the mode that is to be used."
+        )

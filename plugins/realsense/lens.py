@@ -1,0 +1,67 @@
+"""A lens that bends straight lines, made straight: the core's cameras are pinholes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from gvla2.errors import RobotError
+from gvla2.robot.calibration import Intrinsics
+
+NEGLIGIBLE = 0.25
+"""Pixels; a lens that bends by less everywhere is left alone, its pictures stay exact."""
+
+
+def pinhole(given: Any) -> Intrinsics:
+    """Our intrinsics of a stream's. librealsense counts from the first pixel's centre, we from its corner."""
+    return Intrinsics(
+        float(given.fx),
+        float(given.fy),
+        float(given.ppx) + 0.5,
+        float(given.ppy) + 0.5,
+        int(given.width),
+        int(given.height),
+    )
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Where in the bent picture each pixel of the straight one lies: ``rows`` and ``columns`` (H, W), pixels."""
+
+    rows: NDArray[np.float64]
+    columns: NDArray[np.float64]
+
+    def image(self, bent: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The straight picture (H, W, 3); black where the bent one does not reach."""
+        channels = [
+            map_coordinates(bent[..., c].astype(np.float32), (self.rows, self.columns), order=1, cval=0.0)
+            for c in range(3)
+        ]
+        return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+
+    def depth(self, bent: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The straight depth (H, W), each from the nearest pixel: averages across an edge lie on no surface."""
+        height, width = bent.shape
+        rows, columns = np.rint(self.rows).astype(np.intp), np.rint(self.columns).astype(np.intp)
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        picked = bent[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)]
+        return np.where(inside, picked, np.float32(np.nan))
+
+
+def lens_of(rs: Any, given: Any) -> Lens | None:
+    """What makes a stream's pictures straight, by librealsense's own model of its lens; None when they are."""
+    if given.model == rs.distortion.none or not any(given.coeffs):
+        return None
+    columns, rows = np.meshgrid(np.arange(given.width, dtype=float), np.arange(given.height, dtype=float))
+    rays = np.stack([(columns - given.ppx) / given.fx, (rows - given.ppy) / given.fy, np.ones_like(rows)], -1)
+    project = rs.rs2_project_point_to_pixel
+    bent = np.array([project(given, ray) for ray in rays.reshape(-1, 3).tolist()]).reshape(*rows.shape, 2)
+    if not np.isfinite(bent).all():
+        raise RobotError(f"The camera reports a lens that can't be: {given.model}, {list(given.coeffs)}.")
+    if np.abs(bent - np.stack([columns, rows], -1)).max() < NEGLIGIBLE:
+        return None
+    return Lens(bent[..., 1], bent[..., 0])

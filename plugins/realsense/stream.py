@@ -1,0 +1,179 @@
+"""Colour and depth of one device, running: pairs of one moment, depth aligned to the colour picture."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2_plugins.realsense.attached import name_of, serial_of
+from gvla2_plugins.realsense.profiles import choose_profiles
+
+FILTERS = {
+    "decimation": "decimation_filter",
+    "spatial": "spatial_filter",
+    "temporal": "temporal_filter",
+    "hole_filling": "hole_filling_filter",
+}
+
+_SLICE_MS = 250
+"""How long one wait may last: between two, Ctrl-C is heard and the plug is looked at."""
+
+_TRUSTED = 1.0
+"""Seconds; a picture's own time that is further from now is of a clock that was set meanwhile, or of another one."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """``image`` (H, W, 3) uint8 RGB; ``depth`` (H, W) float32 metres, NaN unknown; ``exposed`` in ``time.time()``."""
+
+    image: NDArray[np.uint8]
+    depth: NDArray[np.float32]
+    exposed: float
+
+
+class Stream:
+    """Opens and starts the sensors of ``device``; any librealsense device will do, ``rs.software_device`` too.
+
+    ``size`` is width and height of the colour picture; ``intrinsics`` are that stream's. Raises
+    :class:`ConfigurationError` for unknown filters, :class:`RobotError` when the device has no such streams, or
+    they can't be started.
+    """
+
+    def __init__(
+        self,
+        rs: Any,
+        device: Any,
+        size: tuple[int, int],
+        depth_size: tuple[int, int] = (0, 0),
+        fps: int = 30,
+        filters: Sequence[str] = (),
+    ) -> None:
+        unknown = [name for name in filters if name not in FILTERS]
+        if unknown:
+            raise ConfigurationError(
+                f"camera.filters: there is no '{unknown[0]}'; there are {', '.join(FILTERS)}."
+            )
+        self._rs, self._device = rs, device
+        self.name = f"{name_of(rs, device)} '{serial_of(rs, device)}'"
+        chosen = choose_profiles(rs, device, size, depth_size, fps)
+        self._sizes = {"colour": _size(chosen.colour), "depth": _size(chosen.depth)}
+        self._swap = chosen.colour.format() == rs.format.bgr8
+        self._period = 1.0 / max(1, chosen.colour.fps())
+        self.intrinsics = chosen.colour.as_video_stream_profile().get_intrinsics()
+        self._filters = [getattr(rs, FILTERS[name])() for name in filters]
+        self._align = rs.align(rs.stream.color)
+        self._queue = rs.syncer()
+        self._running: list[Any] = []
+        self._last = (-1, -1)
+        try:
+            for sensor, profiles in chosen.by_sensor:
+                sensor.open(profiles)
+                self._running.append(sensor)
+                sensor.start(self._queue)
+        except RuntimeError as error:
+            self.close()
+            raise RobotError(f"The camera {self.name} can't be started: {error}.") from error
+
+    def next(self, began: float, timeout: float) -> Picture:
+        """The first pair that was exposed after ``began`` (``time.time()``), within ``timeout`` seconds.
+
+        Raises :class:`RobotError` for a camera that was closed or unplugged, gives nothing, or only half, or the
+        same over and over, or pictures of another size than it was started with.
+        """
+        if not self._running:
+            raise RobotError(f"The camera {self.name} is closed.")
+        deadline = time.monotonic() + timeout
+        seen: set[str] = set()
+        try:
+            while time.monotonic() < deadline:
+                waited, frames = self._queue.try_wait_for_frames(_SLICE_MS)
+                arrived = time.time()
+                if not waited:
+                    self._check_plug()
+                    continue
+                colour, depth = frames.get_color_frame(), frames.get_depth_frame()
+                seen |= {"colour"} if colour else set()
+                seen |= {"depth"} if depth else set()
+                if not (colour and depth) or not self._advanced(colour, depth):
+                    continue
+                exposed = min(self._exposed(frame, arrived) for frame in (colour, depth))
+                self._check_sizes(colour, depth)
+                if exposed >= began:
+                    return self._picture(frames, exposed)
+        except RuntimeError as error:  # all that librealsense ever raises
+            self._check_plug()
+            raise RobotError(f"The camera {self.name} failed: {error}.") from error
+        self._check_plug()
+        raise RobotError(f"The camera {self.name} {_lacking(seen)} within {timeout:g} s. Is its cable firm?")
+
+    def close(self) -> None:
+        """Stop the sensors; safe to call twice, and after the plug was pulled."""
+        for sensor in reversed(self._running):
+            for end in (sensor.stop, sensor.close):
+                try:
+                    end()
+                except RuntimeError:
+                    continue  # never started, or gone: there is nothing left to stop
+        self._running = []
+
+    def _check_plug(self) -> None:
+        if not self._device.is_connected():
+            raise RobotError(f"The camera {self.name} was unplugged.")
+
+    def _advanced(self, colour: Any, depth: Any) -> bool:
+        """Whether both are other frames than those of the last pair: a camera that stands still sends old ones."""
+        numbers = (colour.get_frame_number(), depth.get_frame_number())
+        fresh = numbers[0] != self._last[0] and numbers[1] != self._last[1]
+        if fresh:
+            self._last = numbers
+        return fresh
+
+    def _exposed(self, frame: Any, arrived: float) -> float:
+        """When the picture was taken: by its own time where that is the computer's, else a period before it came."""
+        stamp = frame.get_timestamp() / 1e3
+        own = frame.get_frame_timestamp_domain() != self._rs.timestamp_domain.hardware_clock
+        return float(min(stamp, arrived) if own and abs(arrived - stamp) < _TRUSTED else arrived - self._period)
+
+    def _check_sizes(self, colour: Any, depth: Any) -> None:
+        for what, frame in (("colour", colour), ("depth", depth)):
+            size = (frame.get_width(), frame.get_height())
+            if size != self._sizes[what]:
+                raise RobotError(
+                    f"The camera {self.name} sent a {what} picture of {size[0]}x{size[1]} pixels among those of "
+                    "{}x{}.".format(*self._sizes[what])
+                )
+
+    def _picture(self, frames: Any, exposed: float) -> Picture:
+        for step in self._filters:
+            frames = step.process(frames).as_frameset()
+        aligned = self._align.process(frames)
+        colour, depth = aligned.get_color_frame(), aligned.get_depth_frame()
+        unit = depth.get_units()  # metres
+        if not 0.0 < unit < 1.0:
+            raise RobotError(f"The camera {self.name} says that its unit of depth is {unit} m.")
+        metres = np.asanyarray(depth.get_data()).astype(np.float32) * np.float32(unit)
+        image = np.array(np.asanyarray(colour.get_data())[..., :3])  # a copy: the frame's memory goes back
+        return Picture(
+            np.ascontiguousarray(image[..., ::-1]) if self._swap else image,
+            np.where(metres > 0, metres, np.float32(np.nan)),
+            exposed,
+        )
+
+
+def _size(profile: Any) -> tuple[int, int]:
+    video = profile.as_video_stream_profile()
+    return video.width(), video.height()
+
+
+def _lacking(seen: set[str]) -> str:
+    if not seen:
+        return "gave no picture at all"
+    if len(seen) == 1:
+        return f"gave {next(iter(seen))} pictures, and no {'depth' if 'colour' in seen else 'colour'},"
+    return "stands still: it gave no new pair of colour and depth"

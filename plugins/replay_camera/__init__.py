@@ -1,0 +1,61 @@
+"""Recorded RGB-D frames in place of a camera: a folder of pictures, or the views that a run kept.
+
+A folder of pictures is one camera's; or it has a folder of pictures for each of several cameras, named after them:
+
+    000.rgb.png     8 bit colour
+    000.depth.png   16 bit, in units of ``depth_scale``; or 000.depth.npy: metres if it holds floats, units otherwise
+    001.rgb.png ...
+    camera.json     the hand-eye calibration that `gvla2 calibrate` writes, and optionally ``depth_scale``, metres a
+                    unit (0.001 by default)
+
+Depth is measured along the camera's z and aligned to the colour picture; 0 and NaN are where nothing was measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.robot.camera import Camera
+
+
+class AtEnd(Enum):
+    """What comes after the last frame: the last again, the first again, or an error."""
+
+    stay = "stay"
+    again = "again"
+    stop = "stop"
+
+
+@dataclass
+class ReplayConfig(ComponentConfig):
+    """Options of ``replay``.
+
+    ``path`` is a folder of pictures, a run's folder, or a ``views.npz``. Each observation shows the next frame;
+    ``at_end`` says what comes after the last. ``serial`` refuses recordings of another camera, "" takes any. The
+    views of a run are in its world: the robot's base stood there at ``base_position`` (metres), turned by ``base_yaw``
+    (radians); give the robot's own options of these names.
+    """
+
+    path: str = ""
+    at_end: AtEnd = AtEnd.stay
+    serial: str = ""
+    base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    base_yaw: float = 0.0
+
+
+def _build(config: ReplayConfig) -> Camera:
+    """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: what is moved stays where it was."""
+    from gvla2_plugins.replay_camera.camera import ReplayCamera
+
+    return ReplayCamera(config)
+
+
+@hookimpl
+def gvla2_cameras() -> list[Component[Camera]]:
+    """``camera=replay camera.path=FOLDER``."""
+    return [Component("replay", ReplayConfig, _build)]

@@ -1,0 +1,69 @@
+"""Close a box whose lid hangs open behind it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.task import Layout, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, draw_box, hook_path
+from gvla2_plugins.tabletop.demonstrations.lids import FALLS, hook_from, push_shut
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import sample_until
+from gvla2_plugins.tabletop.wording import sentence_of
+
+EASED, STRICT = 2.4, 2.6
+"""Travel of the lid that counts, radians out of 2.618."""
+
+MOST_SCALE = 1.05
+"""The edge of a larger lid is out of the arm's reach when it hangs open."""
+
+
+class CloseBox:
+    """Close the box. eased: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
+
+    def __init__(self, config: ScaledConfig) -> None:
+        self._scale = min(config.factor("close_box"), MOST_SCALE)
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{colour}`` is the box's colour."""
+        return (
+            "close the box",
+            "shut the lid of the {colour} box",
+            "close the {colour} box's lid",
+            "swing the lid over so that the box is closed",
+            "please shut the box",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; there is one box, whatever ``instruction`` says."""
+        angles = np.linspace(TRAVEL, FALLS, 5)
+
+        def draw() -> LidBox | None:
+            box = draw_box(rng, site, self._scale)
+            for sign in () if box is None else (1.0, -1.0):
+                if site.follows(hook_from(box, hook_path(box, angles, sign))):
+                    return box
+            return None
+
+        box = sample_until(draw, "an open box")
+        colour, lid_colour = sample_colours(rng, site, 2)
+        bodies = box.bodies(TRAVEL, (COLOURS[colour], COLOURS[lid_colour]), f"{colour} box")
+
+        def eased(world: WorldState) -> bool:
+            return world.joint("hinge") > EASED
+
+        def strict(world: WorldState) -> bool:
+            return world.joint("hinge") > STRICT
+
+        return TaskInstance(
+            Layout(bodies, (box.joint(opens=False),)),
+            sentence_of(rng, self.instructions, instruction, colour=colour),
+            {"eased": eased, "strict": strict},
+            f"eased: the lid has come {EASED} rad of its {TRAVEL:.3f}; strict: {STRICT} rad",
+            solution=push_shut(box),
+        )

@@ -1,0 +1,102 @@
+"""Slip a square ring over one of three pillars, which is named by its colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.shapes import square_ring
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.demonstrations.rings import slip_over
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import at, in_reach, inside, sample_root, sample_until
+from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
+
+PILLAR, PILLARS_AT = (0.025, 0.025, 0.12), (-0.125, 0.0, 0.125)
+RING, HOLE, MASS = (0.05, 0.05, 0.01), 0.03, 0.02
+SPAWN, SPAWN_AT = (0.40, 0.20), (0.0, -0.20)
+"""Metres, kilograms, in the root's frame. The hole leaves 2.5 mm about the pillar."""
+
+SMOOTH = 0.2
+"""Friction of ring and pillars: a wooden ring on a lacquered pillar slides down by itself."""
+
+LOW = 0.005
+"""A ring lies at the foot when it is no more than this above where it would lie flat, metres."""
+
+IMAGE_SIZE = 512
+
+
+class InsertBlock:
+    """Put the ring over the named pillar. eased: it lies about the pillar's foot. strict: so it does, let go of."""
+
+    def __init__(self, config: ScaledConfig) -> None:
+        self._scale = config.factor("insert_block")
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{colour}`` is the pillar's colour."""
+        return (
+            "put the ring on the {colour} pillar",
+            "slide the square ring over the {colour} peg",
+            "insert the ring onto the {colour} pillar",
+            "place the ring around the {colour} post",
+            "drop the ring over the {colour} pillar",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; a given ``instruction`` decides the pillar if it names the colour of exactly one."""
+        k = self._scale
+        root, start = sample_until(lambda: self._draw(rng, site), "a ring and three pillars")
+        ring_colour, *colours = sample_colours(rng, site, 4)
+        named = int(rng.integers(3))
+        target, aside = named_by_colour(instruction, colours, named)
+        x, y, z = (k * side for side in PILLAR)
+        pillars = tuple(
+            Body(
+                f"pillar_{i}", (Primitive("box", (x, y, z), COLOURS[c]),), at(root, k * place, 0.0, z / 2), fixed=True,
+                friction=SMOOTH, label=f"{c} pillar",
+            )
+            for i, (place, c) in enumerate(zip(PILLARS_AT, colours, strict=True))
+        )  # fmt: skip
+        outer = tuple(k * side for side in RING)
+        walls = square_ring(outer, k * (RING[0] - HOLE) / 2, COLOURS[ring_colour], -outer[2] / 2)
+        ring = Body("ring", walls, start, MASS, friction=SMOOTH, label=f"{ring_colour} ring", shape="other")
+        pillar = pillars[target]
+        room = k * (HOLE - PILLAR[0]) / 2
+
+        def eased(world: WorldState) -> bool:
+            pose = world.pose("ring")
+            off = transform_points(invert_rigid(pillar.world_from_body), pose[:3, 3])
+            at_foot = pose[2, 3] < site.table_height + outer[2] / 2 + LOW
+            return bool(np.abs(off[:2]).max() < np.sqrt(2) * room and at_foot)
+
+        def strict(world: WorldState) -> bool:
+            return eased(world) and world.resting("ring")
+
+        return TaskInstance(
+            Layout((*pillars, ring)),
+            sentence_of(rng, self.instructions, instruction, colour=colours[named]),
+            {"eased": eased, "strict": strict},
+            f"eased: the ring lies about the foot of the {colours[target]} pillar; strict: let go of, at rest{aside}",
+            image_size=IMAGE_SIZE,
+            solution=slip_over(pillar.name, z, outer[0], outer[2], [p.name for p in pillars]),
+        )
+
+    def _draw(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, FloatArray] | None:
+        k, root = self._scale, sample_root(rng, site)
+        half = 0.5 * np.asarray(SPAWN) - k * RING[0] / np.sqrt(2)
+        x, y = np.asarray(SPAWN_AT) + rng.uniform(-half, half)
+        start = at(root, x, y, k * RING[2] / 2, float(rng.uniform(-np.pi, np.pi)))
+        ends = [at(root, k * place, 0.0)[:2, 3] for place in PILLARS_AT]
+        if not all(inside(site, xy, k * PILLAR[0]) for xy in ends) or not inside(
+            site, start[:2, 3], k * RING[0]
+        ):
+            return None
+        if not in_reach(site, start[:2, 3], (0.011, 0.1)):
+            return None
+        top = k * PILLAR[2]
+        return (root, start) if all(in_reach(site, xy, (top - 0.03, top + 0.06)) for xy in ends) else None

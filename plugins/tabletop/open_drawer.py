@@ -1,0 +1,128 @@
+"""Pull a drawer open by its handle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import grasp_rotation
+from gvla2.robot.shapes import tray
+from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.demonstrations.handles import pull_handle
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import at, inside, sample_root, sample_until
+from gvla2_plugins.tabletop.wording import sentence_of
+
+CABINET, BOARD = (0.24, 0.28, 0.16), 0.012
+INNER_GAP = 0.004
+TRAVEL, OPEN = 0.18, 0.10
+BAR, BAR_LENGTH, BAR_OUT, BAR_HEIGHT = 0.012, 0.11, 0.040, 0.125
+YAW = np.pi / 8
+"""Metres. The cabinet's front looks to -x of its root; the bar of the handle runs across it, ``BAR_OUT`` before it."""
+
+STANDOFF, PULL = 0.06, 0.15
+
+
+class OpenDrawer:
+    """Open the drawer. eased: it was pulled out by more than 10 cm at some time. strict: it still is."""
+
+    def __init__(self, config: ScaledConfig) -> None:
+        self._scale = config.factor("open_drawer")
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{colour}`` is the drawer's colour."""
+        return (
+            "open the drawer",
+            "pull the {colour} drawer open",
+            "open the {colour} drawer by its handle",
+            "slide the drawer out of the cabinet",
+            "please pull the drawer open",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; there is one drawer, whatever ``instruction`` says."""
+        root = sample_until(lambda: self._draw(rng, site), "a cabinet")
+        colour, body_colour = sample_colours(rng, site, 2)
+        layout = Layout(*self._furniture(root, colour, body_colour))
+
+        def eased(world: WorldState) -> bool:
+            return world.peak("slide") > OPEN
+
+        def strict(world: WorldState) -> bool:
+            return world.joint("slide") > OPEN
+
+        return TaskInstance(
+            layout,
+            sentence_of(rng, self.instructions, instruction, colour=colour),
+            {"eased": eased, "strict": strict},
+            f"eased: the drawer was pulled out by more than {OPEN:g} m; strict: it still is",
+            solution=pull_handle("drawer", ("cabinet",), [handle_path(root, self._scale, s) for s in (1.0, -1.0)]),
+        )  # fmt: skip
+
+    def _furniture(
+        self, root: FloatArray, colour: str, body_colour: str
+    ) -> tuple[tuple[Body, Body], tuple[Joint]]:
+        k = self._scale
+        x, y, z = (k * side for side in CABINET)
+        rgb, front = COLOURS[body_colour], COLOURS[colour]
+        board = (
+            ((x, y, BOARD), (0.0, 0.0, BOARD / 2)),
+            ((x, y, BOARD), (0.0, 0.0, z - BOARD / 2)),
+            ((x, BOARD, z - 2 * BOARD), (0.0, (y - BOARD) / 2, z / 2)),
+            ((x, BOARD, z - 2 * BOARD), (0.0, (BOARD - y) / 2, z / 2)),
+            ((BOARD, y - 2 * BOARD, z - 2 * BOARD), ((x - BOARD) / 2, 0.0, z / 2)),
+        )
+        carcass = tuple(Primitive("box", size, rgb, rigid(translation=place)) for size, place in board)
+        inner = (x - 2 * BOARD, y - 2 * BOARD - 2 * INNER_GAP, z - 2 * BOARD - 2 * INNER_GAP)
+        bottom = BOARD + INNER_GAP
+        face = Primitive(
+            "box",
+            (BOARD, inner[1], inner[2]),
+            front,
+            rigid(translation=(-x / 2 + BOARD / 2, 0, bottom + inner[2] / 2)),
+        )
+        tub = tuple(
+            Primitive(s.kind, s.size, s.rgb, rigid(translation=(0.0, 0.0, bottom)) @ s.body_from_shape)
+            for s in tray((inner[0], inner[1], 0.7 * inner[2]), 0.006, front)
+        )
+        out, length, height = -x / 2 - k * BAR_OUT, k * BAR_LENGTH, k * BAR_HEIGHT
+        grey = (0.25, 0.25, 0.27)
+        bar = Primitive("box", (BAR, length, BAR), grey, rigid(translation=(out, 0.0, height)))
+        posts = tuple(
+            Primitive(
+                "box",
+                (k * BAR_OUT, BAR, BAR),
+                grey,
+                rigid(translation=(-x / 2 - k * BAR_OUT / 2, end, height)),
+            )
+            for end in ((length - BAR) / 2, -(length - BAR) / 2)
+        )
+        return (
+            Body("cabinet", carcass, root, 3.0, fixed=True, label=f"{body_colour} cabinet", shape="box"),
+            Body("drawer", (face, *tub, bar, *posts), root, 0.6, label=f"{colour} drawer", shape="box"),
+        ), (
+            Joint(
+                "slide", "prismatic", "cabinet", "drawer", axis=-root[:3, 0], origin=root[:3, 3],
+                limits=(0.0, TRAVEL), damping=8.0, friction=0.5,
+            ),
+        )  # fmt: skip
+
+    def _draw(self, rng: np.random.Generator, site: TaskSite) -> FloatArray | None:
+        root, k = sample_root(rng, site, YAW), self._scale
+        x, y = k * CABINET[0] / 2, k * CABINET[1] / 2
+        corners = [at(root, sx * x, sy * y)[:2, 3] for sx in (-1, 1) for sy in (-1, 1)]
+        if not all(inside(site, corner, 0.0) for corner in corners):
+            return None
+        return root if any(site.follows(handle_path(root, k, sign)) for sign in (1.0, -1.0)) else None
+
+
+def handle_path(root: FloatArray, k: float, sign: float) -> list[FloatArray]:
+    """Tool poses (4, 4): before the bar, at it with a finger above and one below, pulled out."""
+    turned = grasp_rotation(root[:3, 0], sign * np.array([0.0, 0.0, 1.0]))
+    bar = at(root, -k * (CABINET[0] / 2 + BAR_OUT), 0.0, k * BAR_HEIGHT)[:3, 3]
+    return [rigid(turned, bar - back * root[:3, 0]) for back in (STANDOFF, 0.0, PULL)]

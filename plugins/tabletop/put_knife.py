@@ -1,0 +1,132 @@
+"""Draw a knife from its block and lay it on a chopping board."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2.robot.volumes import on
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.demonstrations.knives import draw_knife, knife_paths
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import at, clear, inside, sample_root, sample_until
+from gvla2_plugins.tabletop.wording import sentence_of
+
+BLOCK, TILT = (0.041, 0.08, 0.155), np.deg2rad(5.0)
+SLOT = (0.027, 0.006, 0.125)
+GRIP, BLADE = (0.023, 0.015, 0.084), (0.020, 0.002, 0.110)
+MASS = 0.06
+BOARD = (0.408, 0.26, 0.015)
+SPAWN = (0.50, 0.25)
+VOLUME = (0.25, 0.20, 0.02)
+"""Metres, kilograms: depth, width, height. The block leans to its +x; the slot is open above. The board is about the
+root; blocks stand in the spawning area about a point beside it."""
+
+SPAWN_AT = (0.0, 0.30)
+BLOCK_RGB, STEEL, BOARD_RGB = (0.35, 0.20, 0.10), (0.80, 0.82, 0.85), (0.95, 0.93, 0.88)
+
+
+class PutKnife:
+    """Lay the knife on the board. eased: some part of it is within 2 cm over the board's middle, let go of. strict:
+    and it lies still.
+    """
+
+    def __init__(self, config: ScaledConfig) -> None:
+        self._scale = config.factor("put_knife")
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{colour}`` is the colour of the knife's grip."""
+        return (
+            "put the knife on the chopping board",
+            "take the {colour} knife out of the block and lay it on the board",
+            "pull the knife from the knife block and place it on the cutting board",
+            "move the knife with the {colour} handle onto the chopping board",
+            "lay the knife down on the chopping board",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; there is one knife, whatever ``instruction`` says."""
+        k = self._scale
+        root, stand = sample_until(lambda: self._draw(rng, site), "a knife block and a board")
+        (colour,) = sample_colours(rng, site, 1, beside=(BLOCK_RGB, STEEL, BOARD_RGB))
+        board = Primitive("box", BOARD, BOARD_RGB, rigid(translation=(0, 0, BOARD[2] / 2)))
+        bodies = (
+            Body("board", (board,), root, fixed=True, label="white chopping board", shape="plate"),
+            Body("block", _block(k), stand, fixed=True, label="brown knife block", shape="box"),
+            Body(
+                "knife",
+                _knife(k, COLOURS[colour]),
+                _in_slot(stand, k),
+                MASS,
+                label=f"{colour} knife",
+                shape="other",
+            ),
+        )
+        volume = on(at(root, 0.0, 0.0, BOARD[2]), VOLUME[:2], VOLUME[2])
+
+        def eased(world: WorldState) -> bool:
+            met = volume.meets(bodies[2], world.pose("knife"))
+            return met and "robot" not in world.touching("knife")
+
+        def strict(world: WorldState) -> bool:
+            return eased(world) and world.resting("knife")
+
+        return TaskInstance(
+            Layout(bodies),
+            sentence_of(rng, self.instructions, instruction, colour=colour),
+            {"eased": eased, "strict": strict},
+            "eased: the knife is on the middle of the board, let go of; strict: and lies still",
+            solution=draw_knife(root, k, BOARD[2], BLADE[2]),
+        )
+
+    def _draw(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, FloatArray] | None:
+        """Poses (4, 4) of the board's and of the leaning block's underside."""
+        root, k = sample_root(rng, site), self._scale
+        x, y = np.asarray(SPAWN_AT) + rng.uniform(-0.5, 0.5, size=2) * SPAWN
+        foot = at(root, x, y, 0.0, float(rng.uniform(-np.pi, np.pi)))
+        spots = np.stack([root[:2, 3], foot[:2, 3]])
+        if not clear(spots, (BOARD[1] / 2, k * BLOCK[1]), 0.02) or not inside(site, foot[:2, 3], k * 0.05):
+            return None
+        beside = np.abs(np.linalg.inv(root) @ foot[:, 3])[:2]
+        if (beside < np.array(BOARD[:2]) / 2 + k * 0.05).all() or not inside(site, root[:2, 3], BOARD[1] / 2):
+            return None
+        # The lower edge of the leaning block is on the table.
+        lean = rigid(Rotation.from_euler("y", TILT).as_matrix(), (0, 0, k * BLOCK[0] / 2 * np.sin(TILT)))
+        stand = foot @ lean
+        paths = knife_paths(_in_slot(stand, k), root, k, BOARD[2], BLADE[2])
+        feasible = any(site.follows(out) and site.follows(lay) for out, lay in paths)
+        return (root, stand) if feasible else None
+
+
+def _in_slot(stand: FloatArray, k: float) -> FloatArray:
+    """world_from_knife (4, 4): its grip stands on the block's top, its blade in the slot."""
+    return stand @ rigid(translation=(0.0, 0.0, k * (BLOCK[2] + GRIP[2] / 2) + 0.0005))
+
+
+def _knife(k: float, rgb: tuple[float, float, float]) -> tuple[Primitive, ...]:
+    """Grip about the origin, blade below it along -z."""
+    below = rigid(translation=(0.0, 0.0, -k * (GRIP[2] + BLADE[2]) / 2))
+    return (
+        Primitive("box", (k * GRIP[0], k * GRIP[1], k * GRIP[2]), rgb),
+        Primitive("box", (k * BLADE[0], k * BLADE[1], k * BLADE[2]), STEEL, below),
+    )
+
+
+def _block(k: float) -> tuple[Primitive, ...]:
+    """A block that stands on z = 0 with a slot from above, out of its floor and four walls."""
+    (x, y, z), (deep, wide, down) = ([k * side for side in sides] for sides in (BLOCK, SLOT))
+    cheek, end, middle = (y - wide) / 2, (x - deep) / 2, z - down / 2
+    parts = (
+        ((x, y, z - down), (0.0, 0.0, (z - down) / 2)),
+        ((x, cheek, down), (0.0, (wide + cheek) / 2, middle)),
+        ((x, cheek, down), (0.0, -(wide + cheek) / 2, middle)),
+        ((end, wide, down), ((deep + end) / 2, 0.0, middle)),
+        ((end, wide, down), (-(deep + end) / 2, 0.0, middle)),
+    )
+    return tuple(Primitive("box", size, BLOCK_RGB, rigid(translation=place)) for size, place in parts)

@@ -1,0 +1,113 @@
+"""Sort three things into two bins by colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.arm import Arm
+from gvla2.planning.colours import COLOURS
+from gvla2.planning.trajectory import Waypoint
+from gvla2.robot.shapes import tray
+from gvla2.robot.task import Body, Layout, Primitive, Solution, TaskInstance, TaskSite, WorldState
+from gvla2.robot.volumes import on
+from gvla2_plugins.tabletop import ScaledConfig
+from gvla2_plugins.tabletop.demonstrations.placing import put_on
+from gvla2_plugins.tabletop.painting import sample_colours
+from gvla2_plugins.tabletop.placing import at, clear, in_reach, inside, planar, sample_root, sample_until
+from gvla2_plugins.tabletop.wording import sentence_of
+
+BIN, WALL = (0.17, 0.17, 0.05), 0.006
+CUBE, CAN, BAR = (0.045, 0.045, 0.045), (0.045, 0.045, 0.07), (0.035, 0.07, 0.04)
+MASS = 0.1
+GAP = 0.05
+OVER = 0.10
+ASIDE = 0.035
+"""Metres, kilograms: a thing is in a bin when its middle is within its walls, no higher than ``OVER``.
+Two things of one colour have room ``ASIDE`` of the bin's middle, on either side."""
+
+
+class SortObject:
+    """Put each thing into the bin of its own colour. eased: all three are in. strict: and let go of, at rest."""
+
+    def __init__(self, config: ScaledConfig) -> None:
+        k = config.factor("sort_object")
+        self._sizes = [np.array(size) * k for size in (CUBE, CAN, BAR)]
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """Paraphrases; ``{one}`` and ``{other}`` are the bins' colours."""
+        return (
+            "sort the objects into the bins of the same colour",
+            "put every object into the bin that has its colour",
+            "put the {one} things in the {one} bin and the {other} things in the {other} bin",
+            "sort the {one} and {other} objects into the bins of their own colour",
+            "place each object in the box of matching colour",
+        )
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; all things are to be sorted, whatever ``instruction`` says."""
+        poses = sample_until(lambda: self._draw(rng, site), "two bins and three things")
+        colours = sample_colours(rng, site, 2)
+        belongs = [0, 1, int(rng.integers(2))]
+        bins = tuple(
+            Body(f"bin_{i}", tray(BIN, WALL, COLOURS[c]), poses[i], fixed=True, label=f"{c} bin", shape="box")
+            for i, c in enumerate(colours)
+        )
+        things = []
+        for i, (name, size) in enumerate(zip(("cube", "can", "bar"), self._sizes, strict=True)):
+            colour = colours[belongs[i]]
+            x, y, z = (float(side) for side in size)
+            solid = Primitive("cylinder" if name == "can" else "box", (x, y, z), COLOURS[colour])
+            pose = poses[2 + i] @ rigid(translation=(0, 0, z / 2))
+            things.append(Body(name, (solid,), pose, MASS, label=f"{colour} {name}"))
+        inner = BIN[0] - 2 * WALL
+        volumes = [on(poses[i], (inner, inner), OVER) for i in range(2)]
+
+        def eased(world: WorldState) -> bool:
+            return all(
+                volumes[k].holds(world.pose(thing.name)[:3, 3]) and not world.held(thing.name)
+                for thing, k in zip(things, belongs, strict=True)
+            )
+
+        def strict(world: WorldState) -> bool:
+            return eased(world) and all(world.resting(thing.name) for thing in things)
+
+        return TaskInstance(
+            Layout((*bins, *things)),
+            sentence_of(rng, self.instructions, instruction, one=colours[0], other=colours[1]),
+            {"eased": eased, "strict": strict},
+            "eased: each thing is in the bin of its colour; strict: at rest there, let go of",
+            solution=self._solution(belongs),
+        )
+
+    def _solution(self, belongs: list[int]) -> Solution:
+        def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+            for i, name in enumerate(("cube", "can", "bar")):
+                shares = belongs.count(belongs[i]) > 1
+                aside = ASIDE * (1 if belongs.index(belongs[i]) == i else -1) * shares
+                goal = f"bin_{belongs[i]}"
+                offset = np.array([aside, 0.0, 0.0])
+                others = ("bin_0", "bin_1", "cube", "can", "bar")
+                put = put_on(name, goal, self._sizes[i], rise=WALL, offset=offset, contacts=others)
+                yield from put(world, arm)
+
+        return solve
+
+    def _draw(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:
+        """Poses (4, 4) of the undersides of both bins and the three things."""
+        roots = [sample_root(rng, site) for _ in range(5)]
+        spots = np.stack([root[:2, 3] for root in roots])
+        radii = [BIN[0] / np.sqrt(2)] * 2 + [float(np.hypot(*size[:2])) / 2 for size in self._sizes]
+        if not clear(spots, radii, GAP):
+            return None
+        if not all(inside(site, xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True)):
+            return None
+        drops = [at(root, side * ASIDE, 0.0)[:2, 3] for root in roots[:2] for side in (-1.0, 1.0)]
+        if not all(in_reach(site, xy, (0.02, 0.24)) for xy in (*spots[2:], *drops)):
+            return None
+        return [planar(r[:2, 3], site.table_height, float(np.arctan2(r[1, 0], r[0, 0]))) for r in roots]

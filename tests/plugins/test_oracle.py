@@ -1,0 +1,38 @@
+"""The oracle perceiver: true, said to be so, and out of reach of what has no truth to tell."""
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2_plugins.oracle import OracleConfig, gvla2_perceivers
+from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.tabletop import gvla2_tasks
+
+
+def oracle(robot):
+    (component,) = gvla2_perceivers()
+    assert component.needs == ("robot",)
+    return component.build(OracleConfig(), robot=robot)
+
+
+def test_it_tells_the_true_scene_without_the_names_of_bodies():
+    robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))
+    task = next(c for c in gvla2_tasks() if c.name == "open_jar")
+    instance = robot.reset(task.build(task.config()), 2)
+    scene = oracle(robot).perceive(robot.observe(), instance.instruction, robot.arm.workspace)
+    assert scene.perceiver == "oracle"
+    assert "no measure" in scene.notes[0]
+    assert [o.id for o in scene.objects] == [f"o{i + 1}" for i in range(5)]
+    names = {body.name for body in instance.layout.bodies}
+    assert not names & {o.id for o in scene.objects}
+    assert sum(o.parent != "" for o in scene.objects) == 2
+    for thing in scene.objects:
+        assert not thing.parent or scene[thing.parent].label.endswith("jar")
+    true = sorted(body.world_from_body[0, 3] for body in instance.layout.bodies)
+    np.testing.assert_allclose(sorted(o.centre[0] for o in scene.objects), true, atol=2e-3)
+    robot.close()
+
+
+def test_a_robot_without_truth_is_refused():
+    with pytest.raises(ConfigurationError, match="perceiver=oracle needs a simulated robot"):
+        oracle(object())

@@ -1,0 +1,279 @@
+"""The Piper's description, gate, lock, log and camera: what needs no moving arm."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.planning.scene import Box, Scene
+from gvla2.testing.component import check_component
+from gvla2_plugins import piper
+from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
+from gvla2_plugins.piper.backend import Piper
+from gvla2_plugins.piper.command_log import CommandLog, read_log
+from gvla2_plugins.piper.description import HOME, TCP_OFFSET, make_arm, urdf_text
+from gvla2_plugins.piper.feedback import Feedback
+from gvla2_plugins.piper.gate import CommandGate
+from gvla2_plugins.piper.limits import FULL_SPEED, HIGH, LOW, Bounds
+from gvla2_plugins.piper.link import PiperLink, import_sdk
+from gvla2_plugins.piper.lock import WriterLock
+from gvla2_plugins.piper.scenery import Scenery
+from gvla2_plugins.piper.virtual_arm import PARKED, VirtualArm
+
+WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return make_arm(np.eye(4), WORKSPACE)
+
+
+def test_forward_kinematics_are_the_sdks(arm):
+    """Within 0.01 mm and 1e-6 of rotation over 1,000 random poses."""
+    import_sdk()
+    from piper_sdk.kinematics.piper_fk import C_PiperForwardKinematics
+
+    sdk, rng = C_PiperForwardKinematics(0x01), np.random.default_rng(0)
+    for joints in rng.uniform(LOW, HIGH, (1000, 6)):
+        x, y, z, *rpy = sdk.CalFK(joints.tolist())[-1]
+        tool = arm.forward(joints)
+        flange = 1e3 * (tool[:3, 3] - TCP_OFFSET * tool[:3, 2])
+        assert np.abs(flange - [x, y, z]).max() < 0.01
+        turn = Rotation.from_euler("xyz", rpy, degrees=True).as_matrix()
+        assert np.abs(turn - tool[:3, :3]).max() < 1e-6
+
+
+def test_the_urdf_names_limits_and_speeds(arm):
+    assert urdf_text().count('type="revolute"') == 6
+    low, high = arm.limits
+    assert np.allclose(low, LOW + 0.02)
+    assert np.allclose(high, HIGH - 0.02)
+    assert np.allclose(arm.velocity_limits, FULL_SPEED)
+
+
+def test_home_and_the_parked_pose_touch_nothing(arm):
+    scene = Scene((), 0.0, WORKSPACE)
+    for joints in (HOME, PARKED):
+        assert arm.clearance(np.array(joints), 1.0, scene).distance > 0.005
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**31))
+def test_inverse_kinematics_come_back_inside_the_limits(arm, seed):
+    low, high = arm.limits
+    joints = np.random.default_rng(seed).uniform(low + 0.1, high - 0.1)
+    found = arm.inverse(arm.forward(joints), joints + 0.05)
+    assert found is not None
+    assert found.limit_margin >= 0
+    assert np.linalg.norm((arm.forward(found.joints) - arm.forward(joints))[:3, 3]) < 5e-4
+
+
+def message(arbitration_id, data):
+    return can.Message(arbitration_id=arbitration_id, data=data, is_extended_id=False)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    """A virtual arm, and a link to it whose gate is open."""
+    channel = f"test-{tmp_path.name}-{time.monotonic_ns()}"
+    log = CommandLog(tmp_path / "log.jsonl")
+    with VirtualArm("virtual", channel, joints=HOME, enabled=True) as arm:
+        link = PiperLink("virtual", channel, Bounds(), log)
+        link.wait_for_feedback()
+        yield arm, link
+        link.close()
+        log.close()
+
+
+FORBIDDEN = {
+    "ResetPiper": (),
+    "EmergencyStop": (0x01,),
+    "MotionCtrl_1": (0x00, 0x00, 0x01),
+    "DisablePiper": (),
+    "DisableArm": (7,),
+    "EnableArm": (7, 0x01),
+    "MotionCtrl_2": (0x00, 0x01, 10),
+    "ModeCtrl": (0x01, 0x00, 10),
+    "GripperCtrl": (0, 0, 0x00),
+    "JointConfig": (7, 0xAE),
+    "MasterSlaveConfig": (0xFA, 0, 0, 0),
+    "EndPoseCtrl": (200000, 0, 200000, 0, 0, 0),
+    "JointMitCtrl": (1, 0.0, 0.0, 10.0, 0.8, 0.0),
+    "MotorAngleLimitMaxSpdSet": (1,),
+    "CrashProtectionConfig": (0, 0, 0, 0, 0, 0),
+    "ArmParamEnquiryAndConfig": (0x01,),
+    "ReqMasterArmMoveToHome": (1,),
+}
+"""Methods of the SDK that would release, reset or reconfigure an arm, or move it by other means."""
+
+
+@pytest.mark.parametrize("method", FORBIDDEN)
+def test_what_the_sdk_could_do_wrong_never_leaves_the_gate(bench, method):
+    arm, link = bench
+    link.open_gate()
+    getattr(link._sdk, method)(*FORBIDDEN[method])
+    time.sleep(0.03)
+    assert not arm.heard
+    assert link.gate.refused
+    assert link.gate.trouble
+    assert arm.enabled
+
+
+def test_a_shut_gate_lets_nothing_out(bench):
+    arm, link = bench
+    link.move_joints(np.array(HOME))
+    link.enable()
+    link.joint_mode()
+    link.move_gripper(0.03)
+    link.ask()
+    time.sleep(0.03)
+    assert not arm.heard
+    assert len(link.gate.refused) == 7
+
+
+def test_the_gate_bounds_speed_steps_limits_and_effort(bench):
+    arm, link = bench
+    link.open_gate()
+    home = np.array(HOME)
+
+    def lets(function, *arguments):
+        before, refused = len(arm.heard), len(link.gate.refused)
+        function(*arguments)
+        time.sleep(0.02)
+        assert (len(arm.heard) > before) != (len(link.gate.refused) > refused)
+        return len(arm.heard) > before
+
+    assert lets(link._sdk.MotionCtrl_2, 1, 1, 20)
+    assert not lets(link._sdk.MotionCtrl_2, 1, 1, 21)
+    assert not lets(link._sdk.MotionCtrl_2, 1, 1, 20, 0xAD)
+    assert lets(link.move_joints, home)
+    step = np.array([*link.bounds.step[:2], 0, 0, 0, 0])
+    assert lets(link.move_joints, home + 0.9 * step)
+    link._sdk.JointCtrl(*[frames.millidegrees(v) for v in home + 0.3 * np.eye(6)[0]])
+    assert "joint 1 would jump" in link.gate.refused[-1]
+    time.sleep(0.05)
+    assert not lets(link._sdk.GripperCtrl, 20_000, 1_001, 1, 0)
+    assert not lets(link._sdk.GripperCtrl, 80_000, 500, 1, 0)
+    assert not lets(link._sdk.GripperCtrl, 20_000, 500, 1, 0xAE)
+    assert lets(link._sdk.GripperCtrl, 20_000, 1_000, 1, 0)
+
+
+def test_limits_hold_even_when_the_arm_stands_outside_of_them(tmp_path):
+    inner = can.Bus("limits", interface="virtual")
+    gate = CommandGate(inner, Bounds(), CommandLog(tmp_path / "log.jsonl"), lambda: np.full(6, 3.0))
+    gate.open_gate()
+    assert "joint 1 would leave its limits" in gate.objection(0x155, frames.pair(171_000, 100_000))
+    gate.shutdown()
+
+
+def test_no_code_calls_what_drops_an_arm():
+    """The gate would refuse it; the code does not even ask."""
+    banned = re.compile(r"\.(ResetPiper|EmergencyStop|MotionCtrl_1|DisablePiper|DisableArm|JointConfig)\b")
+    folder = Path(piper.__file__).parent
+    found = [p.name for p in folder.glob("*.py") if banned.search(p.read_text())]
+    assert not found
+
+
+def test_echoes_are_told_from_other_programs():
+    feedback, data = Feedback(), frames.pair(1, 2)
+    feedback.take(0x155, data, own=True)
+    assert not feedback.snapshot().foreign
+    feedback.take(0x155, data)
+    assert feedback.snapshot().foreign.startswith("155")
+
+
+def test_leaps_and_impossible_angles_are_not_believed():
+    feedback = Feedback()
+    for index, frame in enumerate(frames.JOINTS):
+        raw = [frames.millidegrees(v) for v in HOME[2 * index : 2 * index + 2]]
+        feedback.take(frame, frames.pair(*raw), now=1.0)
+    feedback.take(0x2A5, frames.pair(0, 0), now=1.005)
+    seen = feedback.snapshot(1.01)
+    assert "joint 2 seems to have leapt" in seen.unbelievable
+    assert np.allclose(seen.joints, HOME, atol=1e-4)
+    feedback.take(0x2A6, frames.pair(90_000, 0), now=1.01)
+    assert "joint 3 reads" in feedback.snapshot().unbelievable
+
+
+def test_one_process_holds_the_lock(tmp_path):
+    first = WriterLock("socketcan", "can7", tmp_path)
+    first.acquire()
+    code = (
+        "import sys; from pathlib import Path; from gvla2_plugins.piper.lock import WriterLock\n"
+        "from gvla2.errors import RobotError\n"
+        "try: WriterLock('socketcan', 'can7', Path(sys.argv[1])).acquire(); print('taken')\n"
+        "except RobotError as error: print(error)"
+    )
+
+    def other():
+        return subprocess.run(
+            [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True
+        ).stdout
+
+    assert f"already commanded by process {os.getpid()}" in other()
+    first.release()
+    first.release()
+    assert other() == "taken\n"
+
+
+def test_the_log_is_appended_to_and_read_back(tmp_path):
+    path = tmp_path / "deep" / "log.jsonl"
+    for session in range(2):
+        log = CommandLog(path)
+        log.session(bus="virtual", number=session)
+        log.frame(0x155, frames.pair(1, -2))
+        log.event("hold", why="tested")
+        log.close()
+    with path.open("ab") as stream:
+        stream.write(b'{"t": 1, "m"')
+    entries = list(read_log(path))
+    assert [e.kind for e in entries] == ["session", "frame", "event"] * 2
+    assert (entries[1].arbitration_id, frames.unpack_pair(entries[1].data)) == (0x155, (1, -2))
+    with pytest.raises(RobotError, match="is closed"):
+        log.event("late")
+    with pytest.raises(RobotError, match="can't be written"):
+        CommandLog(tmp_path / "deep")
+    path.write_text("nonsense\nmore\n")
+    with pytest.raises(RobotError, match="line 1, is no line of a command log"):
+        list(read_log(path))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"speed": 0.3}, "robot.speed=0.3"),
+        ({"speed": 0.0}, "robot.speed"),
+        ({"grip_effort": 4.0}, "robot.grip_effort"),
+        ({"workspace_low": [0.0, 0.0]}, "three numbers"),
+        ({"workspace_low": [0.7, -0.4, 0.0]}, "low below high"),
+        ({"bus": "none", "armed": True}, "needs an arm"),
+    ],
+)
+def test_options_are_checked(options, message):
+    with pytest.raises(ConfigurationError, match=message):
+        Piper(PiperConfig(**options), Scenery(SceneryConfig(image_size=8)))
+
+
+def test_a_bus_that_is_not_there_says_how_to_bring_it_up():
+    robot = Piper(PiperConfig(channel="can93"), Scenery(SceneryConfig(image_size=8)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)  # python-can's half-open socket
+        with pytest.raises(RobotError, match=r"can93.* can't be opened.*ip link set can93 up"):
+            robot.reset(None, 0)
+    robot.close()
+
+
+def test_components_conform():
+    check_component(piper.gvla2_cameras()[0], "camera")
+    check_component(piper.gvla2_robots()[0])

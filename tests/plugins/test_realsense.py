@@ -1,0 +1,395 @@
+"""The RealSense camera, by the real librealsense and a device of software: frames, refusals, trouble in mid-run."""
+
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.commands.run import build_parts
+from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
+from gvla2.geometry.transform import rigid
+from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.testing.camera import check_camera
+from gvla2.testing.component import check_component
+from gvla2_plugins import realsense
+from gvla2_plugins.piper import PiperConfig, SceneryConfig
+from gvla2_plugins.piper.backend import Piper
+from gvla2_plugins.piper.scenery import Scenery
+from gvla2_plugins.realsense import RealsenseConfig, attached
+from gvla2_plugins.realsense.camera import RealsenseCamera
+from gvla2_plugins.realsense.library import load, version
+from gvla2_plugins.realsense.software import Optics, SoftwareCamera
+
+POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))
+
+
+@pytest.fixture
+def rs():
+    return load()
+
+
+@pytest.fixture
+def device():
+    """``device(**options)`` makes a camera of software that sends, until the test is over."""
+    made = []
+
+    def make(**options):
+        made.append(SoftwareCamera(**{"fps": 60, **options}))
+        made[-1].depth[:] = 500
+        return made[-1].start()
+
+    yield make
+    for camera in made:
+        camera.stop()
+
+
+@pytest.fixture
+def calibrate(tmp_path):
+    """``calibrate(optics)`` writes the hand-eye file of a camera and returns its path."""
+
+    def make(optics=None, transform=POSE, serial="f0123", mount="eye_to_hand", K=None):
+        o = optics or Optics(64, 48, 60.0)
+        fx, fy, cx, cy = K or (o.f, o.f, o.width / 2, o.height / 2)
+        path = tmp_path / "hand_eye.json"
+        size = Intrinsics(fx, fy, cx, cy, o.width, o.height)
+        Calibration(transform, size, serial, 12, 0.001, mount=mount).save(path)
+        return path
+
+    return make
+
+
+@pytest.fixture
+def opened(calibrate):
+    """``opened(software, **options)`` is the camera component on that device, calibrated for it."""
+    made = []
+
+    def make(software, path=None, **options):
+        config = RealsenseConfig(
+            **{
+                "calibration": str(path or calibrate(software.colour)),
+                "fps": 60,
+                "warm_up": 2,
+                "timeout": 2.0,
+            }
+            | options
+        )
+        made.append(RealsenseCamera(config, software.device))
+        return made[-1]
+
+    yield make
+    for camera in made:
+        camera.close()
+
+
+def test_the_plugin_offers_a_camera_that_answers_without_librealsense():
+    (component,) = realsense.gvla2_cameras()
+    check_component(component)
+    assert component.name == "realsense"
+
+
+def test_it_keeps_the_contract_of_cameras(device, opened):
+    check_camera(opened(device()))
+
+
+def test_colour_pose_and_intrinsics_are_the_streams(device, opened):
+    software = device()
+    software.image[:] = (200, 100, 50)
+    frames = opened(software).observe()
+    (view,) = frames.views
+    assert view.name == "realsense-f0123"
+    assert (view.image == (200, 100, 50)).all()
+    assert np.allclose(view.camera.world_from_camera, POSE)
+    # librealsense has the middle of 64x48 pixels at (31.5, 23.5), counted from the first pixel's centre.
+    assert np.allclose(view.camera.K, [[60, 0, 32], [0, 60, 24], [0, 0, 1]])
+    assert abs(frames.timestamps[0] - time.time()) < 1.0
+
+
+def test_blue_comes_before_red_in_some_formats(device, opened):
+    software = device(colour_format="bgr8")
+    software.image[:] = (50, 100, 200)
+    assert (opened(software).observe().views[0].image == (200, 100, 50)).all()
+
+
+def test_depth_is_metres_in_the_colour_pictures_pixels(device, opened):
+    """A step seen by a coarser sensor, 5 cm aside and 2 cm behind, lies where the colour camera sees it."""
+    software = device(
+        colour=Optics(128, 96, 120.0),
+        eye=Optics(64, 48, 60.0),
+        unit=0.00025,
+        colour_from_depth=(0.05, 0.0, 0.02),
+    )
+    software.depth[:] = 4000  # 1 m
+    software.depth[:, 32:] = 2000  # 0.5 m from x = 0 on
+    depth = opened(software).observe().views[0].depth
+    row = depth[48]
+    edge = 64 + 120 * (0.05 - 0.5 / 120) / 0.52  # the near part begins half a coarse pixel before its centre
+    near = np.flatnonzero(np.abs(row - 0.52) < 1e-4)
+    assert near[0] == pytest.approx(edge, abs=1.5)
+    assert row[near[0] + 5 :][np.isfinite(row[near[0] + 5 :])] == pytest.approx(0.52, abs=1e-4)
+    left = row[: near[0] - 2]
+    assert left[np.isfinite(left)] == pytest.approx(1.02, abs=1e-4)
+    assert np.isnan(row[:5]).all()  # the depth sensor sees nothing there
+
+
+@pytest.mark.parametrize("domain", ["system_time", "hardware_clock"])
+def test_frames_are_taken_after_the_call(device, opened, domain):
+    software = device(domain=domain)
+    camera = opened(software)
+    for step in range(8):
+        software.depth[:] = 600 + step
+        began = time.time()
+        frames = camera.observe()
+        assert np.nanmax(frames.views[0].depth) == pytest.approx(0.6 + 0.001 * step)
+        assert frames.timestamps[0] >= began
+
+
+def test_a_camera_on_the_hand_moves_with_it(device, opened, calibrate):
+    camera = opened(device(), calibrate(mount="eye_in_hand"))
+    hand = rigid(translation=(0.0, 0.0, 1.0))
+    assert np.allclose(camera.observe(hand).views[0].camera.world_from_camera, hand @ POSE)
+    with pytest.raises(RobotError, match="on the hand"):
+        camera.observe()
+
+
+@pytest.mark.parametrize("model", ["brown_conrady", "inverse_brown_conrady"])
+def test_a_bending_lens_is_made_straight(device, opened, rs, model):
+    """Each pixel of the bent picture shows the column and row that its ray has in a pinhole's picture."""
+    optics = Optics(64, 48, 40.0, model, (0.2, -0.05, 0.002, -0.002, 0.01))
+    software = device(colour=optics, eye=replace(optics, model="none"))
+    given = optics.intrinsics(rs)
+    for v in range(48):
+        for u in range(64):
+            x, y, _ = rs.rs2_deproject_pixel_to_point(given, [u, v], 1.0)
+            software.image[v, u, :2] = np.clip(100 + 2 * np.array([40 * x, 40 * y]), 0, 255)
+    camera = opened(software)
+    image = camera.observe().views[0].image.astype(float)
+    seen = image[4:-4, 4:-4, :2]
+    v, u = np.mgrid[4:44, 4:60]
+    straight = 100 + 2 * np.stack([u - 31.5, v - 23.5], -1)
+    assert np.abs(seen - straight).max() <= 2.0  # one pixel
+    bent = software.image[4:-4, 4:-4, :2].astype(float)
+    assert np.abs(bent - straight).max() > 4.0
+    depth = camera.observe().views[0].depth[10:-10, 10:-10]
+    assert np.nanmin(depth) == pytest.approx(0.5)
+    assert np.nanmax(depth) == pytest.approx(0.5)
+
+
+def test_filters_are_librealsenses_and_off_by_default(device, opened):
+    software = device()
+    rng = np.random.default_rng(0)
+    software.depth[:] = rng.integers(480, 520, software.depth.shape)
+    plain = opened(software)
+    assert np.nanstd(plain.observe().views[0].depth) > 0.01
+    plain.close()
+    smooth = opened(software, filters=["spatial", "temporal", "hole_filling"])
+    assert np.nanstd(smooth.observe().views[0].depth) < 0.009
+    smooth.close()
+    coarse = opened(software, filters=["decimation"])
+    assert coarse.observe().views[0].depth.shape == (48, 64)
+
+
+TROUBLE = {
+    "silent": ({"sends": ()}, "gave no picture at all within 0.4 s"),
+    "blind": ({"sends": ("colour",)}, "gave colour pictures, and no depth"),
+    "colourless": ({"sends": ("depth",)}, "gave depth pictures, and no colour"),
+    "frozen": ({"counting": False}, "stands still"),
+    "of mixed sizes": ({"other_size": True}, "a depth picture of 32x24 pixels among those of 64x48"),
+    "unplugged": ({"sends": (), "plugged": False}, "'f0123' was unplugged"),
+}
+
+
+@pytest.mark.parametrize("case", TROUBLE)
+def test_trouble_in_mid_run_is_named_and_passes(device, opened, case):
+    changes, told = TROUBLE[case]
+    software = device()
+    camera = opened(software, timeout=0.4)
+    camera.observe()
+    before = {name: getattr(software, name) for name in changes}
+    vars(software).update(changes)
+    with pytest.raises(RobotError, match=told):
+        for _ in range(3):  # a picture or two may have been on their way
+            camera.observe()
+    vars(software).update(before)
+    assert camera.observe().views
+    camera.close()
+    with pytest.raises(RobotError, match="is closed"):
+        camera.observe()
+
+
+def test_a_camera_that_never_sends_is_refused_at_the_start(device, opened):
+    with pytest.raises(RobotError, match="gave no picture at all within 0.3 s"):
+        opened(device(sends=()), timeout=0.3)
+
+
+UNFIT = {
+    "another camera": ({"serial": "f9999"}, "of camera 'f9999', the camera in use is 'f0123'"),
+    "another size": ({"optics": Optics(80, 60, 60.0)}, r"no colour of 80x60 at 60 a second; it has 64x48@60"),
+    "another focal length": ({"optics": Optics(64, 48, 70.0)}, "fx 60.0 for 70.0"),
+    "another axis": ({"K": (60.0, 60.0, 40.0, 24.0)}, "cx 32.0 for 40.0"),
+}
+
+
+@pytest.mark.parametrize("case", UNFIT)
+def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, case):
+    options, told = UNFIT[case]
+    with pytest.raises(RobotError, match=told):
+        opened(device(), calibrate(**options))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"T_base_camera": np.diag([1.0, 1, -1, 1]).tolist()}, "mirrored"),
+        ({"rmse": 0.0061}, "off by 6.1 mm"),
+        ({"serial": None}, "of camera 'None'"),
+    ],
+)
+def test_a_bad_calibration_is_refused(device, opened, calibrate, change, told):
+    import json
+
+    path = calibrate()
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(RobotError, match=told):
+        opened(device(), path)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"calibration": ""}, r"camera\.calibration=FILE"),
+        ({"fps": 0}, "above 0"),
+        ({"timeout": 0.0}, "above 0"),
+        ({"warm_up": -1}, "above 0"),
+        ({"depth_width": 64}, "go together"),
+        ({"filters": ["sharpen"]}, "no 'sharpen'; there are decimation, spatial"),
+    ],
+)
+def test_options_that_cannot_be(device, opened, options, told):
+    with pytest.raises(ConfigurationError, match=told):
+        opened(device(), **options)
+
+
+def test_the_depth_sensors_own_size_can_be_chosen(device, opened):
+    software = device(other_size=True)
+    assert np.nanmax(opened(software, depth_width=32, depth_height=24).observe().views[0].depth) == 0.5
+    with pytest.raises(RobotError, match="no depth of 10x10 at 60 a second; it has 32x24@60, 64x48@60"):
+        opened(software, depth_width=10, depth_height=10)
+
+
+def test_a_device_without_depth_is_no_camera_for_this(rs, calibrate):
+    lone = rs.software_device()
+    lone.register_info(rs.camera_info.name, "Webcam")
+    config = RealsenseConfig(calibration=str(calibrate(serial="")))
+    with pytest.raises(RobotError, match="Webcam '' has no depth stream"):
+        RealsenseCamera(config, lone)
+
+
+def test_which_camera_is_taken(rs, tmp_path):
+    one, two = SoftwareCamera(serial="a").device, SoftwareCamera(serial="b").device
+    assert attached.choose(rs, [one], usb=tmp_path) is one
+    assert attached.choose(rs, [one, two], "b", usb=tmp_path) is two
+    with pytest.raises(RobotError, match=r"Several cameras.*'a'.*'b'.*camera\.serial"):
+        attached.choose(rs, [one, two], usb=tmp_path)
+    with pytest.raises(RobotError, match="No camera with the serial 'c' is plugged in; there is .*'a'"):
+        attached.choose(rs, [one], "c", usb=tmp_path)
+    webcam = SoftwareCamera(name="Platform Camera").device
+    with pytest.raises(RobotError, match="finds no camera"):
+        attached.choose(rs, [webcam], usb=tmp_path)
+
+
+def plug(usb, name, vendor, product):
+    (usb / name).mkdir(parents=True)
+    (usb / name / "idVendor").write_text(f"{vendor}\n")
+    (usb / name / "idProduct").write_text(f"{product}\n")
+
+
+def test_the_end_of_the_l515_is_named_when_one_is_met(rs, tmp_path, monkeypatch):
+    usb = tmp_path / "usb"
+    plug(usb, "1-1", "8086", "0b07")  # a D435
+    plug(usb, "1-2", "1d6b", "0b64")  # somebody else's product of that number
+    assert attached.retired_models(usb) == []
+    plug(usb, "2-1", "8086", "0B64")
+    (usb / "2-1:1.0").mkdir()  # an interface has no numbers of its own
+    assert attached.retired_models(usb) == ["L515"]
+    assert version() > attached.LAST_WITH_L515
+    with pytest.raises(RobotError, match=r"An Intel L515 is plugged in: librealsense 2\.54 was the last"):
+        attached.choose(rs, [], usb=usb)
+    with pytest.raises(RobotError, match="If it is an L515"):
+        attached.choose(rs, [], usb=tmp_path / "not linux")
+    monkeypatch.setattr(attached, "version", lambda: (2, 54))
+    with pytest.raises(RobotError, match=r"access to it\.$"):
+        attached.choose(rs, [], usb=usb)
+
+
+def test_the_real_library_is_asked_for_what_is_plugged_in(calibrate):
+    config = RealsenseConfig(calibration=str(calibrate()), serial="no-such-serial")
+    with pytest.raises(RobotError, match="no-such-serial"):
+        RealsenseCamera(config)
+
+
+def test_without_the_library_it_says_what_to_install(calibrate, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyrealsense2", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'gvla2\[realsense\]'"):
+        RealsenseCamera(RealsenseConfig(calibration=str(calibrate())))
+
+
+@pytest.fixture
+def table(device, opened, tmp_path):
+    """A made-up table with cubes, whose pictures go through librealsense, and the camera component that gets them."""
+    view = Scenery(SceneryConfig(image_size=240)).observe().views[0]
+    optics = Optics(240, 240, float(view.camera.K[0, 0]))
+    software = device(colour=optics, eye=optics, unit=0.0001, fps=30)
+    software.image[:] = view.image
+    software.depth[:] = np.nan_to_num(np.round(view.depth / 0.0001))
+    path = tmp_path / "table.json"
+    size = Intrinsics(optics.f, optics.f, 120.0, 120.0, 240, 240)
+    Calibration(view.camera.world_from_camera, size, "f0123", 12, 0.001).save(path)
+    return software, opened(software, path, fps=30, timeout=1.0)
+
+
+@pytest.fixture
+def episode(compose_run, registry, tmp_path):
+    """Run one episode of the Piper on its virtual bus; afterwards, the robot is still there to be looked at."""
+    made = []
+
+    def run(camera, **options):
+        config = compose_run("robot=sapien_panda", "memory=none", "planner.lift_height=0.05")
+        config.robot.image_size = 16
+        parts = build_parts(config, registry)
+        robot = Piper(PiperConfig(bus="virtual", log=str(tmp_path / "log.jsonl"), **options), camera)
+        made.append(robot)
+        request = EpisodeRequest(0, "push the green cube to the red cube")
+        return run_episode(replace(parts, task=None, robot=robot), request), robot
+
+    yield run
+    for robot in made:
+        robot.close()
+
+
+def test_an_episode_of_the_piper_sees_through_librealsense(table, episode):
+    record, _ = episode(table[1])
+    assert record.checks.passed
+    assert "Dry run: all" in record.failure.message
+    cubes = {thing.label for thing in record.scene.objects}
+    assert {"red cube", "green cube"} <= cubes
+
+
+def test_unplugged_in_mid_run_the_arm_is_held(table, episode):
+    software, camera = table
+    observe = camera.observe
+
+    def pulled(base_from_tcp=None):
+        seen = observe(base_from_tcp)
+        software.stop()
+        software.plugged = False
+        return seen
+
+    camera.observe = pulled
+    record, robot = episode(camera, armed=True, speed=0.2, tool_speed=0.25, acceleration=4.0)
+    assert "was unplugged" in str(record.failure.message) + " ".join(record.notes)
+    assert record.report.completed  # what was planned by the last good picture was carried out
+    assert not robot.session.loop.moving
+    assert robot.session.virtual.enabled

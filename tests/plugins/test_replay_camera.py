@@ -1,0 +1,298 @@
+"""Recorded frames in place of a camera: what is read, what is refused, and a whole run that is fed with them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gvla2.cli import main
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import rigid
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.view_archive import write_views
+from gvla2.robot.calibration import Calibration, Intrinsics
+from gvla2.testing.camera import check_camera
+from gvla2_plugins.piper import SceneryConfig
+from gvla2_plugins.piper.scenery import Scenery
+from gvla2_plugins.replay_camera import AtEnd, ReplayConfig
+from gvla2_plugins.replay_camera.camera import ReplayCamera
+
+SIZE = (12, 8)  # width, height
+POSE = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.1, 0.2, 0.3))
+
+
+def calibrated(folder, transform=POSE, size=SIZE, mount="eye_to_hand", K=None, **more):
+    fx, fy, cx, cy = (60.0, 60.0, size[0] / 2, size[1] / 2) if K is None else K[(0, 1, 0, 1), (0, 1, 2, 2)]
+    intrinsics = Intrinsics(float(fx), float(fy), float(cx), float(cy), *size)
+    Calibration(transform, intrinsics, "f0123", 12, 0.001, mount=mount).save(folder / "camera.json")
+    if more:
+        file = folder / "camera.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | more))
+
+
+def depth_of(number, size=SIZE):
+    return np.full((size[1], size[0]), 0.5 + 0.1 * number, np.float32)
+
+
+def frame(folder, number, size=SIZE, kind="npy"):
+    rng = np.random.default_rng(number)
+    colour = rng.integers(0, 255, (size[1], size[0], 3), dtype=np.uint8)
+    Image.fromarray(colour).save(folder / f"{number:03d}.rgb.png")
+    if kind == "npy":
+        np.save(folder / f"{number:03d}.depth.npy", depth_of(number, size))
+    else:
+        units = np.round(1000 * depth_of(number, size)).astype(np.uint16)
+        Image.fromarray(units).save(folder / f"{number:03d}.depth.png")
+    return colour
+
+
+@pytest.fixture
+def folder(tmp_path):
+    calibrated(tmp_path)
+    for number in range(3):
+        frame(tmp_path, number)
+    return tmp_path
+
+
+def replay(path, **options):
+    return ReplayCamera(ReplayConfig(path=str(path), **options))
+
+
+def depths(camera, times):
+    return [round(float(camera.observe().views[0].depth[0, 0]), 3) for _ in range(times)]
+
+
+def test_it_keeps_the_contract_of_cameras(folder):
+    check_camera(replay(folder))
+
+
+def test_frames_come_in_the_order_of_their_numbers_and_stay_at_the_last(folder):
+    for number in (9, 10):  # the alphabet has "10" before "9"
+        frame(folder, number)
+        for kind in ("rgb.png", "depth.npy"):
+            (folder / f"{number:03d}.{kind}").rename(folder / f"{number}.{kind}")
+    assert depths(replay(folder), 6) == pytest.approx([0.5, 0.6, 0.7, 1.4, 1.5, 1.5])
+
+
+def test_a_frame_has_the_pictures_the_pose_and_the_lens_of_the_folder(folder):
+    colour = frame(folder, 0)
+    seen = replay(folder).observe().views[0]
+    assert np.array_equal(seen.image, colour)
+    assert np.allclose(seen.camera.world_from_camera, POSE)
+    assert np.allclose(seen.camera.K, [[60, 0, 6], [0, 60, 4], [0, 0, 1]])
+    assert seen.depth.dtype == np.float32
+    assert seen.name == "replay"
+
+
+@pytest.mark.parametrize(("at_end", "then"), [(AtEnd.stay, 0.7), (AtEnd.again, 0.5)])
+def test_what_comes_after_the_last_frame(folder, at_end, then):
+    assert depths(replay(folder, at_end=at_end), 4)[-1] == pytest.approx(then)
+
+
+def test_the_end_can_be_an_error(folder):
+    camera = replay(folder, at_end=AtEnd.stop)
+    depths(camera, 3)
+    with pytest.raises(RobotError, match="at its end, after 3 frames"):
+        camera.observe()
+    camera.close()
+    with pytest.raises(RobotError, match="is closed"):
+        camera.observe()
+
+
+def test_depth_in_units_and_what_was_not_measured(tmp_path):
+    calibrated(tmp_path, depth_scale=0.0005)
+    frame(tmp_path, 0, kind="png")
+    units = np.full((8, 12), 3000, np.uint16)
+    units[0, 0] = 0
+    Image.fromarray(units).save(tmp_path / "000.depth.png")
+    frame(tmp_path, 1)
+    np.save(tmp_path / "001.depth.npy", units.astype(np.int32))
+    metres = np.full((8, 12), 1.5, np.float64)
+    metres[0, :3] = (-1.0, np.inf, np.nan)
+    frame(tmp_path, 2)
+    np.save(tmp_path / "002.depth.npy", metres)
+    camera = replay(tmp_path)
+    first, second, third = (camera.observe().views[0].depth for _ in range(3))
+    for depth in (first, second, third):
+        assert np.isnan(depth[0, 0])
+        assert depth[5, 5] == pytest.approx(1.5)
+    assert np.isnan(third).sum() == 3
+
+
+def test_several_cameras_lie_side_by_side(tmp_path):
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        calibrated(tmp_path / name)
+        frame(tmp_path / name, 0)
+    assert [view.name for view in replay(tmp_path).observe().views] == ["left", "right"]
+    frame(tmp_path / "left", 1)
+    with pytest.raises(RobotError, match=r"left has 2, .*right has 1"):
+        replay(tmp_path)
+
+
+def test_a_camera_on_the_hand_moves_with_it(tmp_path):
+    calibrated(tmp_path, mount="eye_in_hand")
+    frame(tmp_path, 0)
+    camera = replay(tmp_path)
+    hand = rigid(translation=(0.0, 0.0, 1.0))
+    assert np.allclose(camera.observe(hand).views[0].camera.world_from_camera, hand @ POSE)
+    with pytest.raises(RobotError, match="recorded from the hand"):
+        camera.observe()
+
+
+def test_a_runs_own_views_are_moved_into_the_base_frame(tmp_path):
+    pinhole = Camera.from_fov(0.7, POSE, *SIZE, "front")
+    image = np.full((8, 12, 3), 9, np.uint8)
+    view = View(pinhole, image, depth_of(0), mask=depth_of(0), robot_mask=np.ones((8, 12), bool))
+    write_views(tmp_path, Views((view,)))
+    turned = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    base = rigid(turned, (0.4, 0.0, 0.1))
+    for path in (tmp_path, tmp_path / "views.npz"):
+        camera = replay(path, base_position=[0.4, 0.0, 0.1], base_yaw=np.pi / 2)
+        seen = camera.observe().views[0]
+        assert np.allclose(base @ seen.camera.world_from_camera, POSE)
+        assert np.array_equal(seen.depth, view.depth)
+        assert seen.mask is None
+        assert seen.robot_mask is None
+    with pytest.raises(ConfigurationError, match="does not say whose"):
+        replay(tmp_path, serial="f0123")
+    with pytest.raises(ConfigurationError, match="three numbers"):
+        replay(tmp_path, base_position=[1.0])
+    write_views(tmp_path, Views((replace(view, depth=None),)))
+    with pytest.raises(RobotError, match="'front' has no depth"):
+        replay(tmp_path)
+    (tmp_path / "views.npz").write_bytes(b"PK broken")
+    with pytest.raises(RobotError, match="Cannot read the views"):
+        replay(tmp_path)
+
+
+def rewritten(**changes):
+    def spoil(folder):
+        file = folder / "camera.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+
+    return spoil
+
+
+SPOILT = {
+    "no frames": (lambda f: [p.unlink() for p in f.glob("0*")], "holds no frames"),
+    "no depth": (lambda f: (f / "001.depth.npy").unlink(), "001.rgb.png is half a frame"),
+    "no colour": (lambda f: (f / "001.rgb.png").unlink(), "no 001.rgb.png"),
+    "two depths": (
+        lambda f: Image.fromarray(np.ones((8, 12), np.uint16)).save(f / "001.depth.png"),
+        "same frame",
+    ),
+    "mixed sizes": (lambda f: frame(f, 1, size=(10, 8)), "has 10x8 pixels"),
+    "depth of another size": (
+        lambda f: np.save(f / "002.depth.npy", np.ones((8, 13), np.float32)),
+        "002.depth.npy has 13x8 pixels",
+    ),
+    "depth with channels": (
+        lambda f: np.save(f / "002.depth.npy", np.ones((8, 12, 1), np.float32)),
+        "depth map",
+    ),
+    "depth of words": (lambda f: np.save(f / "002.depth.npy", np.full((8, 12), "far")), "of numbers"),
+    "eight bits": (
+        lambda f: (
+            (f / "001.depth.npy").unlink(),
+            Image.fromarray(np.ones((8, 12), np.uint8)).save(f / "001.depth.png"),
+        ),
+        "mode L; depth is stored in one channel of 16 bits",
+    ),
+    "no picture": (lambda f: (f / "001.rgb.png").write_bytes(b"GIF99"), "001.rgb.png is no picture"),
+    "no array": (lambda f: (f / "001.depth.npy").write_bytes(b"x"), "001.depth.npy is no array"),
+    "no calibration": (lambda f: (f / "camera.json").unlink(), "is no recording"),
+    "half a calibration": (rewritten(rmse=None), "incomplete or damaged"),
+    "a mirror": (rewritten(T_base_camera=np.diag([1.0, 1, -1, 1]).tolist()), "mirrored"),
+    "inexact": (rewritten(rmse=0.006), "off by 6.0 mm"),
+    "another convention": (rewritten(convention="y up"), "another convention"),
+    "a scale of nothing": (rewritten(depth_scale=0), "depth_scale is 0"),
+    "a scale of words": (rewritten(depth_scale="mm"), "depth_scale is 'mm'"),
+}
+
+
+@pytest.mark.parametrize("case", SPOILT)
+def test_a_spoilt_recording_is_refused_before_anything_is_shown(folder, case):
+    spoil, told = SPOILT[case]
+    spoil(folder)
+    with pytest.raises(RobotError, match=told):
+        replay(folder)
+
+
+def test_another_cameras_recording_is_refused(folder):
+    replay(folder, serial="f0123")
+    with pytest.raises(RobotError, match="'f0123', the camera in use is 'f9999'"):
+        replay(folder, serial="f9999")
+
+
+def test_what_only_the_pixels_tell_is_told_when_they_are_shown(folder):
+    picture = folder / "000.rgb.png"
+    picture.write_bytes(picture.read_bytes()[:-60])
+    np.save(folder / "001.depth.npy", 1000 * depth_of(1))
+    camera = replay(folder)
+    with pytest.raises(RobotError, match=r"000\.rgb\.png is damaged"):
+        camera.observe()
+    camera = replay(folder)
+    camera._next = 1
+    with pytest.raises(RobotError, match=r"001\.depth\.npy.*farther than 600 m"):
+        camera.observe()
+
+
+def test_a_path_is_needed_and_must_be_there(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"camera\.path=FOLDER"):
+        replay("")
+    with pytest.raises(ConfigurationError, match="nothing at"):
+        replay(tmp_path / "gone")
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Two cameras' pictures of a table with cubes, as a person would lay them down."""
+    for view in Scenery(SceneryConfig(image_size=160)).observe().views:
+        folder = tmp_path / "recorded" / view.name
+        folder.mkdir(parents=True)
+        calibrated(folder, view.camera.world_from_camera, (160, 160), K=view.camera.K, depth_scale=0.0001)
+        Image.fromarray(view.image).save(folder / "000.rgb.png")
+        units = np.nan_to_num(np.round(view.depth / 0.0001)).astype(np.uint16)
+        Image.fromarray(units).save(folder / "000.depth.png")
+    return tmp_path / "recorded"
+
+
+def ran(tmp_path, *overrides):
+    folder = tmp_path / "run"
+    code = main(
+        [
+            "run",
+            "robot=piper",
+            "camera=replay",
+            "memory=none",
+            "planner.lift_height=0.05",
+            "instruction='lift the red cube'",
+            "quiet=true",
+            f"hydra.run.dir={folder}",
+            *overrides,
+        ]
+    )
+    return code, folder
+
+
+def test_a_run_of_the_piper_sees_by_recorded_frames(tmp_path, recorded, capfd):
+    _, folder = ran(tmp_path, "robot.bus=virtual", f"camera.path={recorded}")
+    result = json.loads((folder / "result.json").read_text())
+    assert "Dry run: all 4 waypoints can be reached" in result["failure"]["message"]
+    assert (folder / "index.html").is_file()
+    # And what that run has seen replays in turn: the same cube in the same place.
+    again = replay(folder)
+    original = {view.name: view for view in replay(recorded).observe().views}
+    for view in again.observe().views:
+        assert np.allclose(view.camera.world_from_camera, original[view.name].camera.world_from_camera)
+        assert np.array_equal(view.depth, original[view.name].depth, equal_nan=True)
+
+
+def test_a_run_without_a_recording_says_so_before_the_arm_is_asked_for(tmp_path, capfd):
+    code, _ = ran(tmp_path, "robot.bus=virtual", f"camera.path={tmp_path / 'gone'}")
+    assert code != 0
+    assert "there is nothing at" in "".join(capfd.readouterr())

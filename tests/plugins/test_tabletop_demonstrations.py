@@ -1,0 +1,50 @@
+"""Some tasks solved by their demonstrations; ``tests/benchmarks/demonstrations.py`` solves all, over seeds."""
+
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2.robot.demonstration import demonstrate
+from gvla2.robot.task import TaskInstance
+from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.tabletop import gvla2_tasks
+
+TASKS = {component.name: component for component in gvla2_tasks()}
+
+
+@pytest.fixture(scope="module")
+def panda():
+    robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))
+    yield robot
+    robot.close()
+
+
+def laid(panda, name: str, seed: int, **options) -> TaskInstance:
+    component = TASKS[name]
+    return panda.reset(component.build(component.config(**options)), seed)
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"), [("take_umbrella", 1), ("close_box", 6), ("open_wine", 3), ("pickup_cup", 1)]
+)
+def test_it_can_be_done(panda, name, seed):
+    instance = laid(panda, name, seed)
+    before = panda.judge()
+    assert (before.eased, before.strict) == (False, False)
+    reports = demonstrate(panda, instance)
+    assert all(report.completed for report in reports), reports[-1].abort
+    after = panda.judge()
+    assert (after.eased, after.strict) == (True, True)
+
+
+def test_every_task_has_a_demonstration(panda):
+    for name in TASKS:
+        assert laid(panda, name, 0).solution is not None, name
+
+
+def test_without_solution_or_truth_there_is_no_demonstration(panda):
+    instance = laid(panda, "take_umbrella", 1)
+    with pytest.raises(ConfigurationError, match="does not tell the true state"):
+        demonstrate(object(), instance)
+    bare = TaskInstance(instance.layout, "-", instance.succeeded)
+    with pytest.raises(ConfigurationError, match="without a demonstration"):
+        demonstrate(panda, bare)

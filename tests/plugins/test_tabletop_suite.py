@@ -1,0 +1,135 @@
+"""What all tasks of the suite share: words, sizes, places, and not being done before they begin."""
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.task import TaskInstance, TaskSite
+from gvla2.robot.volumes import extent
+from gvla2.testing.robot import check_task
+from gvla2_plugins.tabletop import gvla2_tasks
+
+TASKS = {component.name: component for component in gvla2_tasks()}
+SUITE = (
+    "put_block", "push_block", "play_jenga", "open_jar", "close_box", "open_box", "pickup_cup", "take_umbrella",
+    "sort_mustard", "open_wine", "lamp_on", "put_knife", "pick_and_lift", "insert_block",
+)  # fmt: skip
+TABLETOP = ("move_spray_bottle", "open_drawer", "open_jar", "sort_object")
+NAMED = {"open_jar": ("jar_", "jar"), "pickup_cup": ("cup_", "cup"), "insert_block": ("pillar_", "pillar")}
+TABLE = 0.752
+
+
+def near_the_base(point: np.ndarray) -> bool:
+    return bool(np.linalg.norm(point[:2] - (-0.268, 0.0)) < 0.75)
+
+
+def site(**changes) -> TaskSite:
+    what = {"centre": (0.25, 0.0), "size": (0.65, 0.91), "table_height": TABLE, "reachable": near_the_base}
+    return TaskSite(**{**what, "table_rgb": (0.76, 0.61, 0.43), **changes})
+
+
+def task(name: str, **options):
+    return TASKS[name].build(TASKS[name].config(**options))
+
+
+def sample(name: str, seed: int, instruction: str | None = None, **options) -> TaskInstance:
+    return task(name, **options).sample(np.random.default_rng(seed), site(), instruction)
+
+
+def size_of(body) -> np.ndarray:
+    low, high = extent(body.solids)
+    return high - low
+
+
+def test_the_suite_is_whole():
+    assert set(SUITE) | set(TABLETOP) == set(TASKS)
+    assert all(component.summary.endswith(".") for component in TASKS.values())
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_tasks_keep_the_contract(name):
+    check_task(task(name), site())
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_every_wording_is_used_and_filled_in(name):
+    wordings = task(name).instructions
+    assert len({w.split()[0] for w in wordings}) >= 3
+    said = {sample(name, seed).instruction for seed in range(40)}
+    for wording in wordings:
+        start = wording.partition("{")[0]
+        assert any(sentence.startswith(start) for sentence in said), wording
+    assert not any("{" in sentence for sentence in said)
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("scale", [0.8, 1.2])
+def test_scale_changes_sizes(name, scale):
+    plain, scaled = (sample(name, 3, scale=k).layout.bodies for k in (1.0, scale))
+    pairs = [(size_of(one), size_of(other)) for one, other in zip(plain, scaled, strict=True)]
+    ratios = np.concatenate([other / one for one, other in pairs])
+    expected = min(scale, 1.05) if name == "close_box" else scale  # the arm reaches no larger lid
+    assert np.isclose(ratios, expected, atol=0.01).any()
+    assert (np.abs(ratios - 1) <= abs(scale - 1) + 0.06).all()  # boards and walls keep their thickness
+
+
+@pytest.mark.parametrize(("name", "body"), [("open_jar", "lid_0"), ("sort_mustard", "bottle"), ("put_block", "block"),
+                                            ("play_jenga", "loose"), ("insert_block", "ring")])  # fmt: skip
+def test_at_the_largest_scale_the_hand_still_spans_it(name, body):
+    assert size_of(sample(name, 3, scale=1.2).layout[body])[:2].min() < 0.078
+
+
+@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("scale", [0.5, 1.3, float("nan")])
+def test_a_scale_beyond_the_hand_is_refused(name, scale):
+    with pytest.raises(ConfigurationError, match=f"task={name} takes task.scale"):
+        task(name, scale=scale)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_sentence_chooses_by_colour(name):
+    prefix, noun = NAMED[name]
+    own = sample(name, 5)
+    palette = [b.label.removesuffix(f" {noun}") for b in own.layout.bodies if b.name.startswith(prefix)]
+    assert len(palette) == len(set(palette)) >= 2
+    assert set(palette) <= set(COLOURS)
+    assert len(set(colours_in(own.instruction)) & set(palette)) == 1
+    goals = {colour: sample(name, 5, f"the {colour.upper()} one").goal for colour in palette}
+    for colour, goal in goals.items():
+        assert f" {colour} " in goal
+        assert not any(f" {other} " in goal for other in set(palette) - {colour})
+    assert "names none" in sample(name, 5, "any of them").goal
+
+
+def test_defaults_are_the_published_sizes():
+    def of(name, body):
+        layout = sample(name, 1).layout
+        return size_of(layout[body])
+
+    near = {"atol": 1e-9, "rtol": 0}
+    np.testing.assert_allclose(of("put_block", "block"), 0.0608, **near)
+    np.testing.assert_allclose(of("play_jenga", "brick_0_0"), (0.2, 0.067, 0.033), **near)
+    np.testing.assert_allclose(of("play_jenga", "loose"), (0.18, 0.0603, 0.0297), **near)
+    np.testing.assert_allclose(of("open_jar", "lid_0"), (0.074, 0.074, 0.021), **near)
+    np.testing.assert_allclose(of("close_box", "box"), (0.25, 0.35, 0.15), **near)
+    np.testing.assert_allclose(of("open_box", "lid"), (0.268, 0.35, 0.01), **near)
+    np.testing.assert_allclose(of("take_umbrella", "stand"), (0.10, 0.10, 0.20), **near)
+    np.testing.assert_allclose(of("sort_mustard", "tray"), (0.318, 0.318, 0.05), **near)
+    np.testing.assert_allclose(of("open_wine", "cap"), (0.028, 0.028, 0.008), **near)
+    np.testing.assert_allclose(of("put_knife", "board"), (0.408, 0.26, 0.015), **near)
+    np.testing.assert_allclose(of("insert_block", "ring"), (0.05, 0.05, 0.01), **near)
+    masses = {"lid": ("open_box", 0.938), "loose": ("play_jenga", 0.327), "ring": ("insert_block", 0.02)}
+    for body, (name, mass) in masses.items():
+        assert sample(name, 1).layout[body].mass == pytest.approx(mass, abs=5e-4)
+
+
+def test_the_tower_is_fourteen_bricks_and_a_loose_one():
+    layout = sample("play_jenga", 2).layout
+    assert sum(b.name.startswith("brick") for b in layout.bodies) == 14
+    assert layout["loose"].world_from_body[2, 3] - TABLE == pytest.approx(0.118, abs=0.005)
+
+
+def test_where_the_hand_cannot_follow_nothing_is_laid_out():
+    with pytest.raises(ConfigurationError, match="No place was found for a cabinet"):
+        task("open_drawer").sample(np.random.default_rng(0), site(follows=lambda poses: False))
