@@ -33,7 +33,7 @@ from gvla2.reconstruction.contracts import (
 )
 from gvla2.reconstruction.gate import accept
 from gvla2.reconstruction.guidance import guide
-from gvla2.reconstruction.rim import Shell, alpha_iou, inset
+from gvla2.reconstruction.rim import Shell, alpha_iou, inset, largest
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.visual_hull import soft_hull
@@ -141,11 +141,15 @@ def _guided(source: _Source, views: Views, prior: GeometryPrior) -> _Source:
     guided = guide(_points(thing) if shell is None else shell.feet, views, estimate)
     if guided.report.status not in ("applied", "partial"):
         return source.after(thing, guided.report)
-    moved = _moved(thing, guided.move)
-    if shell is not None and moved.gaussians is not None:
-        # Centres lie inside the surface that they paint; it's the surface that the prior sees.
-        centres = guided.points + shell.heights[:, None] * shell.normals
-        moved = replace(moved, gaussians=moved.gaussians.with_centres(centres))
+    if shell is None or thing.gaussians is None or thing.mesh is None:
+        return source.after(_moved(thing, guided.move), guided.report)
+    # Centres lie inside the surface that they paint; it's the surface that the prior sees.
+    centres = guided.points + shell.heights[:, None] * shell.normals
+    moved = replace(
+        thing,
+        gaussians=thing.gaussians.with_centres(centres),
+        mesh=thing.mesh.with_vertices(guided.move(thing.mesh.vertices)),
+    )
     return source.after(moved, guided.report)
 
 
@@ -236,7 +240,8 @@ def _unless_refuted(out: _Source, g0: Reconstruction, views: Views, renderer: Re
     """
     began = time.perf_counter()
     if out.state.gaussians is not None and g0.gaussians is not None:
-        now, was = (alpha_iou(thing, views, renderer) for thing in (out.state.gaussians, g0.gaussians))
+        judges = largest(views)
+        now, was = (alpha_iou(thing, judges, renderer) for thing in (out.state.gaussians, g0.gaussians))
     else:
         now, was = _iou(out.state, views), _iou(g0, views)
     if not now < was - MUCH:

@@ -32,10 +32,10 @@ def calibrate_colours(
     began = time.perf_counter()
     if thing.gaussians is None:
         return thing, StageReport("appearance", "skipped", "There are no Gaussians to render.")
-    before = colour_errors(thing.gaussians, views, renderer)
+    shots = [renderer.render(thing.gaussians, view.camera) for view in views]
+    before = [_error(view, *shot) for view, shot in zip(views, shots, strict=True)]
     fits = []
-    for view in views:
-        rendered, alpha = renderer.render(thing.gaussians, view.camera)
+    for view, (rendered, alpha) in zip(views, shots, strict=True):
         fit = fit_affine(rendered, view.image, _solid(view, alpha), beta)
         if not fit.reason:
             fits.append((fit.gain, fit.bias))
@@ -58,13 +58,13 @@ def calibrate_colours(
 
 def colour_errors(gaussians: Gaussians, views: Views, renderer: Renderer) -> FloatArray:
     """(S,) mean absolute colour error of the solid pixels of each view, in [0, 1]; NaN where there are none."""
-    errors = []
-    for view in views:
-        rendered, alpha = renderer.render(gaussians, view.camera)
-        solid = _solid(view, alpha)
-        error = np.abs(rendered[solid] - view.image[solid] / 255.0)
-        errors.append(float(error.mean()) if error.size else float("nan"))
-    return np.asarray(errors)
+    return np.asarray([_error(view, *renderer.render(gaussians, view.camera)) for view in views])
+
+
+def _error(view: View, rendered: np.ndarray, alpha: np.ndarray) -> float:
+    solid = _solid(view, alpha)
+    error = np.abs(rendered[solid] - view.image[solid] / 255.0)
+    return float(error.mean()) if error.size else float("nan")
 
 
 def _solid(view: View, alpha: np.ndarray) -> np.ndarray:

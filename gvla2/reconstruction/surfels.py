@@ -33,7 +33,7 @@ def surfels(mesh: Mesh, normals: FloatArray | None = None, count: int = 15_000) 
     spacing = float(np.sqrt(mesh.areas.sum() / count))
     kept = _darts(candidates, _PACKING * spacing)
     points, face = candidates[kept], face[kept]
-    weights = _barycentric(points, mesh, face)
+    weights = barycentric(points, mesh, face)
     corners = mesh.faces[face]
     across = mesh.normals[face] if normals is None else _mix(weights, normals[corners])
     colours = _GREY if mesh.colours is None else _mix(weights, mesh.colours[corners])
@@ -55,7 +55,7 @@ def _mix(weights: FloatArray, values: FloatArray) -> FloatArray:
     return mixed
 
 
-def _barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
+def barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
     """(N, 3) weights of the corners of the face (N,) that each point (N, 3) lies on."""
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     full = np.cross(b - a, c - a)

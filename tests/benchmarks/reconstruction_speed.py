@@ -159,7 +159,7 @@ def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     for number in (100_000, count):
         some = surfels(closed, count=number)
         camera = views[0].camera
-        time_of = milliseconds(lambda g=some: parts["renderer"].render(g, camera), 10)
+        time_of = milliseconds(lambda g=some, c=camera: parts["renderer"].render(g, c), 10)
         show(f"render {SIZE} x {SIZE}, {len(some)} Gaussians", time_of, None)
 
 

@@ -36,7 +36,8 @@ REFERENCE = [
     (kind, name)
     for kind in CHECKS
     for name in load_plugins().components(kind)
-    if (kind, name) not in OWN and name != "gsplat"  # gsplat's own test knows whether there is a GPU
+    # Their own tests know whether there is a GPU, and give the arm its bus.
+    if (kind, name) not in OWN and name not in ("gsplat", "piper")
 ]
 
 
