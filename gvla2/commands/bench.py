@@ -23,7 +23,7 @@ SUITES = {
 }
 """The suites by name, and the module of each.
 
-It has ``run(config, registry, results, run_id, folder) -> cells``, and ``DATA`` where it is measured on one thing alone.
+It has ``run(config, registry, results, run_id, folder) -> cells``, and ``DATA`` where that is always the same.
 """
 
 log = logging.getLogger(__name__)

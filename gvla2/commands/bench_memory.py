@@ -41,6 +41,7 @@ class _Planned:
     test: Test
     size: int
     keys: tuple[str, ...]
+    order: int
 
 
 def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
@@ -79,7 +80,7 @@ def _planned(
     test: Test, config: BenchConfig, released: ReleasedPeer | None, questions: Path | None
 ) -> _Planned:
     """The keys name what could change the numbers: the test, its size, the code, the machine, the peer, the data."""
-    from gvla2.evaluation.memory.suite import SUITE, VERSION
+    from gvla2.evaluation.memory.suite import SUITE, VERSION, all_tests
     from gvla2.evaluation.provenance import code_digest, versions
     from gvla2.evaluation.results import cell_key
 
@@ -89,12 +90,10 @@ def _planned(
     if test.name == "quality" and questions is not None:
         data = (str(questions), questions.stat().st_size)
     peer = None if released is None else str(released.folder)
-    place = config.memory.folder
-    keys = tuple(
-        cell_key(SUITE, test.name, row.name, size, test.on, config.memory.scale, config.memory.seed, around, peer, data, place)
-        for row in test.rows
-    )  # fmt: skip
-    return _Planned(test, size, keys)
+    options = config.memory
+    chosen = (size, test.on, options.scale, options.seed, options.folder, peer, data)
+    keys = tuple(cell_key(SUITE, test.name, row.name, *chosen, around) for row in test.rows)
+    return _Planned(test, size, keys, [known.label for known in all_tests()].index(test.label))
 
 
 def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
@@ -135,6 +134,8 @@ def _cell(key: str, planned: _Planned, row: Row, figure: Figure, status: str) ->
     }
     notes: dict[str, Any] = {
         "status": status,
+        "size": planned.size,
+        "order": planned.order,
         "title": row.title,
         "unit": row.unit,
         "better": row.better,

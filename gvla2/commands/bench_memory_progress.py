@@ -54,7 +54,7 @@ class MemoryProgress:
             self._bar.stop()
 
     def begin(self, test: Test) -> None:
-        """This test is measured from now on."""
+        """From now on this test is measured."""
         self._test, self._now = test.label, self._seconds[test]
         self.tell(0.0, "")
 

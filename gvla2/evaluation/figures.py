@@ -46,10 +46,10 @@ def make_figure_table(cells: Iterable[Cell], layout: FigureLayout) -> list[Figur
     """One table, or none for no cells; of one figure measured twice the later counts."""
     latest: dict[tuple[str, ...], Cell] = {}
     for cell in sorted(cells, key=lambda cell: cell.run):
-        place = tuple(str(cell.factors.get(name, "")) for name in ("test", "on", "n"))
-        # Where its size is not known, because nothing was measured, an earlier word on it is out of date.
-        latest[place] = cell
-    kept = list(latest.values())
+        # By the size that was asked for: of what could not be measured no other is known.
+        size = cell.notes.get("size", cell.factors.get("n"))
+        latest[str(cell.factors["test"]), str(cell.factors.get("on", "")), str(size)] = cell
+    kept = sorted(latest.values(), key=lambda cell: (cell.notes.get("order", 0), cell.notes.get("size", 0)))
     if not kept:
         return []
     return [FigureTable(layout, tuple(kept), tuple(sorted({cell.run for cell in kept})))]

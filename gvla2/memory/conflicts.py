@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 from gvla2.memory.contracts import RecordType
 from gvla2.memory.quantities import Quantity
-from gvla2.memory.statements import Clause, Statement, alike, read, split_alike
+from gvla2.memory.statements import Clause, Statement, read
+from gvla2.memory.word_forms import alike, begin_apart, split_alike
 
 ConflictKind = Literal["number", "opposite", "forbidden", "order", "effect"]
 
@@ -89,6 +90,8 @@ def _clauses(first: Clause, second: Clause) -> Conflict | None:
         return None
     if first.forbidden != second.forbidden:
         return _forbidding(first, second) if first.forbidden else _forbidding(second, first)
+    if begin_apart(first.matter, second.matter) and begin_apart(second.matter, first.matter):
+        return None  # each has something of its own, and so it is with most pairs
     both, left, right = split_alike(first.matter, second.matter)
     agreed = _agreed(first, second)
     if (left and right) or not (both or agreed) or max(len(left), len(right)) > MOST_DETAILS:

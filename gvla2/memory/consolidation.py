@@ -56,11 +56,12 @@ def consolidate(
         for entry in near
         if entry[0].dedup_key == candidate.dedup_key or max(entry[1].match, entry[2]) >= options.match
     ]
+    mine = _said(candidate)
     against = [
         (rival, like, found)
         for rival, like, cosine in near
         if (like.comparable or cosine >= _CLOSE or (candidate.effect and rival.effect))
-        and (found := conflict_of(candidate, rival))
+        and (found := conflict(mine, _said(rival)))
     ]
     if against:
         return _settle(candidate, against)
@@ -125,5 +126,5 @@ def _settle(candidate: Record, against: Sequence[tuple[Record, Likeness, Conflic
 
 
 def _said(record: Record) -> Said:
-    effect: Mapping[str, Any] | None = record.effect_json()
+    effect: Mapping[str, Any] | None = record.effect_json() if record.effect else None
     return Said(record.record_type, record.content, record.skill, effect)

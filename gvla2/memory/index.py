@@ -96,6 +96,18 @@ class Index:
         finally:
             self._served.clear()
 
+    def count(self, state: str, ids: Sequence[str] | None = None) -> int:
+        """How many of the records held, or of those with these ids, are in a state."""
+        place = STATES.index(state)
+        if ids is None:
+            return int(self._rows.postings.documents[place])
+        states = self._rows.column("state")
+        return int(np.count_nonzero(states[self.rows(ids)] == place)) if len(states) else 0
+
+    def expect(self, vectors: Sequence[NDArray[np.float32]]) -> None:
+        """Unit (D,) vectors that :meth:`nearest` will be asked for in this order, while nothing changes here."""
+        self._rows.vectors.expect(vectors)
+
     def candidates(
         self, states: Sequence[str] = SERVED, skill: str = "", *, now: float | None = None
     ) -> RowCandidates:

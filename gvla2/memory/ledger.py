@@ -97,6 +97,10 @@ class Ledger:
         ]
         return self.transaction.view.links(self.transaction.bank, id) + own
 
+    def expect(self, vectors: Sequence[NDArray[np.float32]]) -> None:
+        """Unit (D,) vectors that :meth:`nearest` will be asked for, one after the other: together they take less."""
+        self._index.expect(vectors)
+
     def nearest(self, vector: NDArray[np.float32], k: int) -> list[tuple[Record, float]]:
         """The served records nearest to a unit (D,) vector with their cosines, best first, equal ones by id.
 
@@ -190,9 +194,11 @@ class Ledger:
 
     def beyond(self, state: str, budget: int) -> tuple[list[Record], int]:
         """By how many records a state exceeds its budget, and those from which to choose as many; [] and 0 if not."""
+        if self._index.count(state) + len(self._latest) <= budget:
+            return [], 0
         held = self._index.candidates((state,), now=self.now)
         latest = [record for record in self._latest.values() if record.state == state]
-        decided = sum(self._index.record(row).state == state for row in self._index.rows(list(self._latest)))
+        decided = self._index.count(state, list(self._latest))
         excess = len(held.ids) - decided + len(latest) - budget
         if excess <= 0:
             return [], 0

@@ -12,8 +12,9 @@ from typing import Any
 from gvla2.memory.quantities import Quantity
 from gvla2.memory.records import Record
 from gvla2.memory.scoring import signature_distance
-from gvla2.memory.statements import read, split_alike
+from gvla2.memory.statements import read
 from gvla2.memory.words import topic_words
+from gvla2.memory.word_forms import begin_apart, split_alike
 
 MAX_COMPARED = 1000
 """Characters of two texts that are aligned with one another."""
@@ -47,12 +48,16 @@ class Likeness:
         return {"query": self.query, "content": self.content, "scene": self.scene}
 
 
+_NOTHING = Likeness(0.0, 0.0, 0.0, 0.0)
+
+
 def likeness(first: Record, second: Record) -> Likeness:
     """Compare two records."""
     one, two = words_of(first.content), words_of(second.content)
     shared = len(one & two)
-    content = shared / (len(one) + len(two) - shared) if shared else 0.0
-    held = shared / min(len(one), len(two)) if shared else 0.0
+    if not shared:
+        return _NOTHING
+    content, held = shared / (len(one) + len(two) - shared), shared / min(len(one), len(two))
     if content < COMPARABLE and held < HELD:
         return Likeness(0.0, content, held, 0.0)  # about something else, whatever else it shares
     query = max((jaccard(a, b) for a in _lines(first.query) for b in _lines(second.query)), default=0.0)
@@ -93,15 +98,15 @@ def same_subject(first: Record, second: Record) -> bool:
     """
     if first.type != second.type or first.skill != second.skill:
         return False
+    one, two = about(first.content), about(second.content)
+    if one.sides != two.sides or begin_apart(one.words, two.words) or begin_apart(two.words, one.words):
+        return False
     if not _same_effect(_effect(first.effect), _effect(second.effect)):
         return False
-    one, two = about(first.content), about(second.content)
     _, left, right = split_alike(one.words, two.words)
     if left or right or not (one.words or one.sides):
         return False  # one word more may be another object, and there is no telling
-    return (
-        one.sides == two.sides and one.forbidden == two.forbidden and _figures_agree(one.figures, two.figures)
-    )
+    return one.forbidden == two.forbidden and _figures_agree(one.figures, two.figures)
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,8 @@ class Operations:
         """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
         changes: list[Change] | None = None
         with self._store.writing(self._index.bank, actor=actor, now=self._clock()) as transaction:
-            self._index.refresh()  # nobody else can write from here on
+            if self._index.rev != transaction.rev - 1:
+                self._index.refresh()  # nobody else can write from here on
             before = self._index.rev
             ledger = Ledger(transaction, self._index, self._embedder.model)
             yield ledger
@@ -137,6 +138,7 @@ class Operations:
         stored = self._stored(ledger, {episode.source for episode, _, _ in episodes if episode.source})
         last: Verdict | None = None
         streak = Streak({})
+        ledger.expect([candidate.vector for _, _, candidates in episodes for candidate in candidates])
         for episode, verdict, candidates in episodes:
             if verdict is not last:
                 streak = self._streaks.advance(verdict)
@@ -179,6 +181,8 @@ class Operations:
         for record in [r for r in ledger.changed() if r.state == "active" and not r.effect]:
             if ledger.decided(record).state == "active":
                 near = [r for r in ledger.rivals(record.id) if r.state == "active" and not r.effect]
+                if len(near) + 1 < options.summary_size:
+                    continue
                 group = [record, *(r for r in near if r.id != record.id and alike(record, r, options))]
                 if summable(group, options):
                     governing.sum_up(group)

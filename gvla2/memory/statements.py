@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Sequence, Set
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -46,6 +46,8 @@ _NEEDLESS = re.compile(
     r"|\bdo not (?:need|have) to\b|\bnot enough\b|\bnicht genug\b|\bne suffit pas\b|\bno basta\b"
     r"|\bnicht nötig\b|\bpas (?:nécessaire|besoin)\b|\bno (?:es necesario|hace falta)\b|不必|无需|不需要"
 )
+_MAY_NEGATE = re.compile(r"no[t ]|n['’]|need|never|nicht|ne |verg[ie]ss|pas|[别不无]")
+"""What any idiom and any needlessness has in it: most sentences have none of it, and need not be searched for them."""
 _DOUBLE = re.compile(
     r"\b(?:do not|don't|never|cannot|nicht|nie|niemals)\b(?=.*\b(?:without|ohne)\b)"
     r"|\bne\b(?=.*\bsans\b)|\b(?:no|nunca)\b(?=.*\bsin\b)"
@@ -111,8 +113,9 @@ def read(text: str) -> Statement:
     for sentence in _SENTENCE.split(plain):
         if not sentence.strip():
             continue
-        needless = bool(_NEEDLESS.search(sentence))
-        sentence = _DOUBLE.sub(" ", IDIOMS.sub(" ", sentence))
+        negates = _MAY_NEGATE.search(sentence) is not None
+        needless = negates and _NEEDLESS.search(sentence) is not None
+        sentence = _DOUBLE.sub(" ", IDIOMS.sub(" ", sentence) if negates else sentence)
         parts = [part for piece in _NOT_CLAUSE.split(sentence) for part in _steps(piece)]
         made: list[Clause] = []
         for part in parts:
@@ -135,6 +138,7 @@ _THEN = re.compile(
     )
     + r")\s*"
 )
+_THEN_WORDS = re.compile("|".join(map(re.escape, sorted(THEN))))
 _ACTS = "|".join(
     sorted(
         re.escape(w)
@@ -150,13 +154,14 @@ _AND = re.compile(rf",?\s+(?:and|und|et|y)\s+(?=(?:{_ACTS})\b)|(?<=[\u3400-\u9ff
 
 
 def _is_sequence(sentence: str) -> bool:
-    return bool(_THEN.search(sentence)) or any(
+    return bool(_THEN_WORDS.search(sentence) and _THEN.search(sentence)) or any(
         word in sentence for word in ("first", "zuerst", "先", "primero")
     )
 
 
 def _steps(text: str) -> list[str]:
-    return [part for step in _THEN.split(text) for part in _AND.split(step) if part and part.strip()]
+    steps = _THEN.split(text) if _THEN_WORDS.search(text) else [text]
+    return [part for step in steps for part in _AND.split(step) if part and part.strip()]
 
 
 def _clause(text: str) -> tuple[Clause, tuple[frozenset[str], frozenset[str]] | None]:
@@ -270,7 +275,7 @@ def concept_of(word: str) -> str:
 
 
 def _stem(word: str) -> str:
-    """English endings off; other languages are compared by their beginnings (:func:`alike`)."""
+    """English endings off; other languages are compared by their beginnings (:func:`gvla2.memory.word_forms.alike`)."""
     for ending in ("ings", "ing", "ies", "ed", "es", "s"):
         if word.endswith(ending) and len(word) - len(ending) >= 3 and not word.endswith("ss"):
             stem = word[: -len(ending)]
@@ -280,22 +285,6 @@ def _stem(word: str) -> str:
                 return stem + "e" if stem + "e" in CONCEPTS else stem
             return stem[:-1] if ending in ("ing", "ed") and len(stem) > 3 and stem[-1] == stem[-2] else stem
     return word
-
-
-def alike(first: str, second: str) -> bool:
-    """Whether two concepts are the same or forms of one word."""
-    if first == second:
-        return True
-    if first[-1] in "+-" or second[-1] in "+-" or first.startswith("nr") or second.startswith("nr"):
-        return False
-    shared = 0
-    for a, b in zip(first, second, strict=False):
-        if a != b:
-            break
-        shared += 1
-    return shared >= 3 and shared >= max(len(first), len(second)) - (
-        3 if shared >= 6 else 2 if shared >= 4 else 1
-    )
 
 
 def _is_soft(word: str) -> bool:
@@ -381,16 +370,3 @@ def _items(clause: Clause) -> frozenset[str]:
         if axis != _ORDERED
     }
     return frozenset(clause.matter | sides)
-
-
-def split_alike(first: Set[str], second: Set[str]) -> tuple[list[str], list[str], list[str]]:
-    """What both have, what only the first has, and what only the second has, sorted; forms of a word are one."""
-    both, left, right = set(first & second), first - second, second - first
-    if left and right:
-        fitting = {
-            (word, other) for word in left for other in right if word[:3] == other[:3] and alike(word, other)
-        }
-        both |= {word for word, _ in fitting}
-        left = left - {word for word, _ in fitting}
-        right = right - {other for _, other in fitting}
-    return sorted(both), sorted(left), sorted(right)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import simsimd
 from numpy.typing import NDArray
 
 from gvla2.memory.growing import grown
+
+
+_TOGETHER = 64
+_HELD = 1 << 20
+_ROWS = 1024
+"""Rows that are multiplied by many queries in a row: half a megabyte of codes, which a processor keeps at hand."""
 
 
 class Vectors:
@@ -21,12 +27,21 @@ class Vectors:
         self.scale = np.zeros(0, np.float64)  # (N,)
         self._last: tuple[bytes, tuple[NDArray[np.int8], float, float]] | None = None
         self.error = 0.0  # largest |exact - scale * codes| of any row
+        self._expected: list[NDArray[np.float32]] = []
+        self._ahead: dict[bytes, NDArray[np.float64]] = {}
 
     def put(self, first: int, rows: NDArray[np.float32]) -> None:
         """Set rows ``first``, ``first + 1``, ... to ``rows`` (K, D), in place or behind the last."""
         last = first + len(rows)
+        asked = self._last
+        self.expect(())
         self.exact, self.codes = grown(self.exact, last), grown(self.codes, last)
         self.scale = grown(self.scale, last)
+        if len(rows) == 1 and asked is not None and asked[0] == rows.tobytes():
+            codes, one, error = asked[1]  # what is learnt was compared with the others just before
+            self.exact[first], self.codes[first], self.scale[first] = rows[0], codes[0], one
+            self.error = max(self.error, error)
+            return
         codes, scale = quantised(rows)
         self.exact[first:last], self.codes[first:last], self.scale[first:last] = rows, codes, scale
         for start in range(0, len(rows), 4096):  # a few megabytes at a time
@@ -35,6 +50,8 @@ class Vectors:
 
     def near(self, vector: NDArray[np.float32], rows: int) -> NDArray[np.float64]:
         """(N,) cosines of the first ``rows`` rows with a unit (D,) vector, to within :meth:`slack`."""
+        if self._expected and (found := self._foreseen(vector, rows)) is not None:
+            return found
         codes, scale, _ = self._asked(vector)
         if not rows or not scale:
             return np.zeros(rows)
@@ -42,6 +59,32 @@ class Vectors:
         products *= self.scale[:rows]
         products *= scale
         return products
+
+    def expect(self, vectors: Sequence[NDArray[np.float32]]) -> None:
+        """Unit (D,) vectors that :meth:`near` will be asked for in this order, while no row changes."""
+        self._expected = list(vectors) if len(vectors) > 1 else []
+        self._ahead = {}
+
+    def _foreseen(self, vector: NDArray[np.float32], rows: int) -> NDArray[np.float64] | None:
+        """What :meth:`near` gives, computed for many expected vectors at a time: rows are then fetched once."""
+        key = vector.tobytes()
+        found = self._ahead.get(key)
+        if found is not None:
+            return found if len(found) == rows else None
+        place = next((i for i, other in enumerate(self._expected) if other.tobytes() == key), None)
+        if place is None or not rows:
+            return None
+        some = self._expected[place : place + max(1, min(_TOGETHER, _HELD // rows))]
+        self._expected = self._expected[place:]
+        codes, scale = quantised(np.stack(some))
+        products = np.empty((len(some), rows))
+        for first in range(0, rows, _ROWS):
+            part = slice(first, min(first + _ROWS, rows))
+            products[:, part] = simsimd.cdist(codes, self.codes[part], metric="dot")
+            products[:, part] *= self.scale[part]
+        products *= scale[:, None]
+        self._ahead = {other.tobytes(): row for other, row in zip(some, products, strict=True)}
+        return self._ahead[key]
 
     def slack(self, vector: NDArray[np.float32]) -> float:
         """The most that :meth:`near` may be off, by the inequality of Cauchy and Schwarz."""
@@ -67,6 +110,7 @@ class Vectors:
 
     def compact(self, kept: NDArray[np.int64]) -> None:
         """Keep these rows alone, in this order."""
+        self.expect(())
         self.exact, self.codes, self.scale = self.exact[kept], self.codes[kept], self.scale[kept]
 
     def arrays(self, rows: int) -> dict[str, NDArray[np.generic]]:

@@ -14,6 +14,7 @@ from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2.robot.camera import CameraFrames
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.attached import choose, serial_of
+from gvla2_plugins.realsense.axis import colour_axis
 from gvla2_plugins.realsense.lens import lens_of, pinhole
 from gvla2_plugins.realsense.library import load
 from gvla2_plugins.realsense.stream import Stream
@@ -54,6 +55,7 @@ class RealsenseCamera:
         try:
             self.intrinsics = pinhole(self._stream.intrinsics)
             _agree(self.intrinsics, calibration, path)
+            self._axis = colour_axis(self._stream.extrinsics, self.intrinsics)
             self._lens = lens_of(rs, self._stream.intrinsics)
             for _ in range(config.warm_up + 1):  # the last shows that pictures do come
                 self._stream.next(0.0, config.timeout)
@@ -71,6 +73,7 @@ class RealsenseCamera:
         image, depth = picture.image, picture.depth
         if self._lens is not None:
             image, depth = self._lens.image(image), self._lens.depth(depth)
+        depth = self._axis.depth(depth)
         i = self.intrinsics
         camera = Pinhole(i.K, pose, i.width, i.height, f"realsense-{self.serial}")
         return CameraFrames((View(camera, image, depth),), (picture.exposed,))

@@ -40,7 +40,9 @@ class SoftwareCamera:
     """Sends its two pictures ``fps`` times a second once :meth:`start` was called, until :meth:`stop`.
 
     ``image`` (H, W, 3) uint8 and ``depth`` (H, W) uint16, in ``unit`` metres, may be changed at any time.
-    ``colour_from_depth`` is where the depth sensor sits, metres. ``plugged`` is what the device says of its plug;
+    ``colour_from_depth`` is where the depth sensor sits seen from the colour camera (metres; None for a device that
+    does not say), and
+    ``tilt`` its turn about y, radians. ``plugged`` is what the device says of its plug;
     ``sends`` are the streams that send; ``counting`` is whether frames get new numbers; ``domain`` is the name of the
     clock that stamps them; ``other_size`` sends depth of half the size that was asked for.
     """
@@ -52,7 +54,8 @@ class SoftwareCamera:
     unit: float = 0.001
     fps: int = 30
     colour_format: str = "rgb8"
-    colour_from_depth: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    colour_from_depth: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
+    tilt: float = 0.0
     domain: str = "system_time"
     plugged: bool = True
     counting: bool = True
@@ -80,10 +83,13 @@ class SoftwareCamera:
         self._add("half", "Stereo Module", half, rs.stream.depth, rs.format.z16, 2)
         self._add("colour", "RGB Camera", self.colour, rs.stream.color, colour_format, 3)
         self._sensors["depth"].add_read_only_option(rs.option.depth_units, self.unit)
-        offset = rs.extrinsics()
-        offset.rotation = np.eye(3).ravel().tolist()
-        offset.translation = list(self.colour_from_depth)
-        self._profiles["depth"].register_extrinsics_to(self._profiles["colour"], offset)
+        if self.colour_from_depth is not None:
+            offset = rs.extrinsics()
+            cos, sin = np.cos(self.tilt), np.sin(self.tilt)
+            offset.rotation = [cos, 0.0, -sin, 0.0, 1.0, 0.0, sin, 0.0, cos]  # column after column
+            offset.translation = list(self.colour_from_depth)
+            for key in ("depth", "half"):
+                self._profiles[key].register_extrinsics_to(self._profiles["colour"], offset)
         self.device.create_matcher(rs.matchers.dlr_c)
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None

@@ -30,7 +30,10 @@ _TRUSTED = 1.0
 
 @dataclass(frozen=True)
 class Picture:
-    """``image`` (H, W, 3) uint8 RGB; ``depth`` (H, W) float32 metres, NaN unknown; ``exposed`` in ``time.time()``."""
+    """``image`` (H, W, 3) uint8 RGB; ``depth`` (H, W) float32 metres along the depth sensor's axis, NaN unknown.
+
+    ``exposed`` is when, in ``time.time()``.
+    """
 
     image: NDArray[np.uint8]
     depth: NDArray[np.float32]
@@ -40,7 +43,8 @@ class Picture:
 class Stream:
     """Opens and starts the sensors of ``device``; any librealsense device will do, ``rs.software_device`` too.
 
-    ``size`` is width and height of the colour picture; ``intrinsics`` are that stream's. Raises
+    ``size`` is width and height of the colour picture; ``intrinsics`` are that stream's, ``extrinsics`` from depth to
+    colour. Raises
     :class:`ConfigurationError` for unknown filters, :class:`RobotError` when the device has no such streams, or
     they can't be started.
     """
@@ -66,6 +70,13 @@ class Stream:
         self._swap = chosen.colour.format() == rs.format.bgr8
         self._period = 1.0 / max(1, chosen.colour.fps())
         self.intrinsics = chosen.colour.as_video_stream_profile().get_intrinsics()
+        try:
+            self.extrinsics = chosen.depth.get_extrinsics_to(chosen.colour)
+        except RuntimeError as error:
+            raise RobotError(
+                f"The camera {self.name} does not say how its two sensors stand to each other, so that depth can't be "
+                f"aligned to colour: {error}"
+            ) from error
         self._filters = [getattr(rs, FILTERS[name])() for name in filters]
         self._align = rs.align(rs.stream.color)
         self._queue = rs.syncer()
@@ -103,8 +114,8 @@ class Stream:
                 if not (colour and depth) or not self._advanced(colour, depth):
                     continue
                 exposed = min(self._exposed(frame, arrived) for frame in (colour, depth))
-                self._check_sizes(colour, depth)
                 if exposed >= began:
+                    self._check_sizes(colour, depth)
                     return self._picture(frames, exposed)
         except RuntimeError as error:  # all that librealsense ever raises
             self._check_plug()
@@ -138,7 +149,9 @@ class Stream:
         """When the picture was taken: by its own time where that is the computer's, else a period before it came."""
         stamp = frame.get_timestamp() / 1e3
         own = frame.get_frame_timestamp_domain() != self._rs.timestamp_domain.hardware_clock
-        return float(min(stamp, arrived) if own and abs(arrived - stamp) < _TRUSTED else arrived - self._period)
+        return float(
+            min(stamp, arrived) if own and abs(arrived - stamp) < _TRUSTED else arrived - self._period
+        )
 
     def _check_sizes(self, colour: Any, depth: Any) -> None:
         for what, frame in (("colour", colour), ("depth", depth)):

@@ -1,5 +1,6 @@
 """The RealSense camera, by the real librealsense and a device of software: frames, refusals, trouble in mid-run."""
 
+import json
 import sys
 import time
 from dataclasses import replace
@@ -7,17 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError, MissingDependencyError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2.testing.camera import check_camera
 from gvla2.testing.component import check_component
 from gvla2_plugins import realsense
-from gvla2_plugins.piper import PiperConfig, SceneryConfig
-from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.realsense import RealsenseConfig, attached
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.library import load, version
@@ -134,6 +130,19 @@ def test_depth_is_metres_in_the_colour_pictures_pixels(device, opened):
     assert np.isnan(row[:5]).all()  # the depth sensor sees nothing there
 
 
+def test_depth_is_along_the_colour_cameras_axis_when_the_sensor_looks_aside(device, opened):
+    """A wall square to the depth sensor is a slanted plane to a colour camera that is turned by 0.1 rad."""
+    software = device(tilt=0.1, colour_from_depth=(0.0, 0.0, -0.01))
+    software.depth[:] = 1000
+    seen = opened(software).observe().views[0]
+    points = seen.points() - POSE[:3, 3]
+    local = points @ POSE[:3, :3]  # in the colour camera
+    normal = np.array([np.sin(0.1), 0.0, np.cos(0.1)])
+    distances = (local - (0.0, 0.0, -0.01)) @ normal
+    assert np.isfinite(distances).mean() > 0.8
+    assert np.nanmax(np.abs(distances - 1.0)) < 1e-5
+
+
 @pytest.mark.parametrize("domain", ["system_time", "hardware_clock"])
 def test_frames_are_taken_after_the_call(device, opened, domain):
     software = device(domain=domain)
@@ -209,9 +218,9 @@ def test_trouble_in_mid_run_is_named_and_passes(device, opened, case):
     camera.observe()
     before = {name: getattr(software, name) for name in changes}
     vars(software).update(changes)
+    time.sleep(0.05)  # a picture may be on its way
     with pytest.raises(RobotError, match=told):
-        for _ in range(3):  # a picture or two may have been on their way
-            camera.observe()
+        camera.observe()
     vars(software).update(before)
     assert camera.observe().views
     camera.close()
@@ -220,7 +229,7 @@ def test_trouble_in_mid_run_is_named_and_passes(device, opened, case):
 
 
 def test_a_camera_that_never_sends_is_refused_at_the_start(device, opened):
-    with pytest.raises(RobotError, match="gave no picture at all within 0.3 s"):
+    with pytest.raises(RobotError, match=r"gave no picture at all within 0\.3 s"):
         opened(device(sends=()), timeout=0.3)
 
 
@@ -248,8 +257,6 @@ def test_a_calibration_that_does_not_fit_is_refused(device, opened, calibrate, c
     ],
 )
 def test_a_bad_calibration_is_refused(device, opened, calibrate, change, told):
-    import json
-
     path = calibrate()
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(RobotError, match=told):
@@ -279,7 +286,9 @@ def test_the_depth_sensors_own_size_can_be_chosen(device, opened):
         opened(software, depth_width=10, depth_height=10)
 
 
-def test_a_device_without_depth_is_no_camera_for_this(rs, calibrate):
+def test_a_device_without_depth_or_that_cannot_be_aligned(device, opened, rs, calibrate):
+    with pytest.raises(RobotError, match="how its two sensors stand"):
+        opened(device(colour_from_depth=None))
     lone = rs.software_device()
     lone.register_info(rs.camera_info.name, "Webcam")
     config = RealsenseConfig(calibration=str(calibrate(serial="")))
@@ -293,7 +302,7 @@ def test_which_camera_is_taken(rs, tmp_path):
     assert attached.choose(rs, [one, two], "b", usb=tmp_path) is two
     with pytest.raises(RobotError, match=r"Several cameras.*'a'.*'b'.*camera\.serial"):
         attached.choose(rs, [one, two], usb=tmp_path)
-    with pytest.raises(RobotError, match="No camera with the serial 'c' is plugged in; there is .*'a'"):
+    with pytest.raises(RobotError, match=r"No camera with the serial 'c' is plugged in; there is .*'a'"):
         attached.choose(rs, [one], "c", usb=tmp_path)
     webcam = SoftwareCamera(name="Platform Camera").device
     with pytest.raises(RobotError, match="finds no camera"):
@@ -334,62 +343,3 @@ def test_without_the_library_it_says_what_to_install(calibrate, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyrealsense2", None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'gvla2\[realsense\]'"):
         RealsenseCamera(RealsenseConfig(calibration=str(calibrate())))
-
-
-@pytest.fixture
-def table(device, opened, tmp_path):
-    """A made-up table with cubes, whose pictures go through librealsense, and the camera component that gets them."""
-    view = Scenery(SceneryConfig(image_size=240)).observe().views[0]
-    optics = Optics(240, 240, float(view.camera.K[0, 0]))
-    software = device(colour=optics, eye=optics, unit=0.0001, fps=30)
-    software.image[:] = view.image
-    software.depth[:] = np.nan_to_num(np.round(view.depth / 0.0001))
-    path = tmp_path / "table.json"
-    size = Intrinsics(optics.f, optics.f, 120.0, 120.0, 240, 240)
-    Calibration(view.camera.world_from_camera, size, "f0123", 12, 0.001).save(path)
-    return software, opened(software, path, fps=30, timeout=1.0)
-
-
-@pytest.fixture
-def episode(compose_run, registry, tmp_path):
-    """Run one episode of the Piper on its virtual bus; afterwards, the robot is still there to be looked at."""
-    made = []
-
-    def run(camera, **options):
-        config = compose_run("robot=sapien_panda", "memory=none", "planner.lift_height=0.05")
-        config.robot.image_size = 16
-        parts = build_parts(config, registry)
-        robot = Piper(PiperConfig(bus="virtual", log=str(tmp_path / "log.jsonl"), **options), camera)
-        made.append(robot)
-        request = EpisodeRequest(0, "push the green cube to the red cube")
-        return run_episode(replace(parts, task=None, robot=robot), request), robot
-
-    yield run
-    for robot in made:
-        robot.close()
-
-
-def test_an_episode_of_the_piper_sees_through_librealsense(table, episode):
-    record, _ = episode(table[1])
-    assert record.checks.passed
-    assert "Dry run: all" in record.failure.message
-    cubes = {thing.label for thing in record.scene.objects}
-    assert {"red cube", "green cube"} <= cubes
-
-
-def test_unplugged_in_mid_run_the_arm_is_held(table, episode):
-    software, camera = table
-    observe = camera.observe
-
-    def pulled(base_from_tcp=None):
-        seen = observe(base_from_tcp)
-        software.stop()
-        software.plugged = False
-        return seen
-
-    camera.observe = pulled
-    record, robot = episode(camera, armed=True, speed=0.2, tool_speed=0.25, acceleration=4.0)
-    assert "was unplugged" in str(record.failure.message) + " ".join(record.notes)
-    assert record.report.completed  # what was planned by the last good picture was carried out
-    assert not robot.session.loop.moving
-    assert robot.session.virtual.enabled

@@ -32,13 +32,13 @@ def contradictions(setting: Setting, size: int, on: str) -> Mapping[str, Figure]
             if pair.held_out is (on == "hand-written, held out")
         ]
     mine = rates(lambda first, second: contradiction(first, second) is not None, judged)
-    theirs = [rates(peer.contradict, judged) for peer in setting.peers()]
+    theirs = {peer.name: rates(peer.contradict, judged) for peer in setting.peers()}
+    found = {name: one[0] for name, one in theirs.items()}
+    false = {name: one[1] for name, one in theirs.items()}
     real = sum(fact for _, _, fact in judged)
     return {
-        "contradictions_found": Figure(mine[0], setting.plain.name, *(one[0] for one in theirs), n=real),
-        "contradictions_false": Figure(
-            mine[1], setting.plain.name, *(one[1] for one in theirs), n=len(judged) - real
-        ),
+        "contradictions_found": Figure.beside(mine[0], found, n=real),
+        "contradictions_false": Figure.beside(mine[1], false, n=len(judged) - real),
     }
 
 

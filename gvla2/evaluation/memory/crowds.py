@@ -37,7 +37,8 @@ def writers(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     raised = stored.pop(SHARED).count - 1
     lost = len(set(ids) - stored.keys()) + max(len(ids) - raised, 0)
     twice = len(stored) - len({record.rev for record in stored.values()}) + max(raised - len(ids), 0)
-    note = f"{len(ids):,} of {PROCESSES * size:,} acknowledged, {len(ids) / answer['seconds']:,.0f}/s; {problems} problems"
+    rate = f"{len(ids) / answer['seconds']:,.0f}/s"
+    note = f"{len(ids):,} of {PROCESSES * size:,} acknowledged, {rate}; {problems} problems"
     setting.tell(0.7, "the bank's are done")
     peer = _plain_crowd(setting, min(size, PEER_EACH))
     waited = [seconds for _, seconds in answer["said"]]

@@ -65,7 +65,7 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     bytes_ = sum(path.stat().st_size for path in setting.folder.glob("flood.db*"))
     for path in setting.folder.glob("flood.db*"):
         path.unlink()
-    note = f"budget {budget:,}; {end['seconds']:.0f} s, {bytes_ / 1e9:.2f} GB on disk; the peer has no budget but by its pass"
+    note = f"{end['seconds']:.0f} s, {bytes_ / 1e9:.2f} GB on disk; the peer slows with each record"
     memory = (
         f"{half['resident']:.0f} MB half way, {end['resident']:.0f} MB at the end, peak {end['peak']:.0f} MB"
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from contextlib import closing
 from pathlib import Path
 
@@ -14,7 +14,11 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.index import Index
+from gvla2.memory.records import Record
 from gvla2.memory.store import Store
+from gvla2.memory.words import text_of
 
 KINDS = ("corrupt JSON", "not a number", "NaN vector", "short vector", "no vector at all")
 _ROWS = frozenset(KINDS[:2])
@@ -34,23 +38,33 @@ def quarantine(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     spoilt = {id for id, kind in damaged.items() if kind in _ROWS}
     sound = [record for record in records if record.id not in spoilt]
     with KnowledgeBank.open(f"sqlite:///{path}", clock=lambda: NOW) as bank:
-        bank.recall(records[0].query)
-        hits = [bank.search(record.content, 5) for record in sound]
-        served = sum(
-            any(h.record.id == record.id for h in hit) for record, hit in zip(sound, hits, strict=True)
-        )
-        shown = [h for hit in hits for h in hit]
-        wrong = sum(h.record.id in spoilt or not np.isfinite(h.score) for h in shown)
+        shown = [hit for record in records for hit in bank.search(record.content, 5)]
+        wrong = sum(hit.record.id in spoilt or not np.isfinite(hit.score) for hit in shown)
         named = {problem.id for problem in bank.verify()}
+    served = _found(path, sound)
     path.unlink()
     found = len(named & damaged.keys())
-    theirs = [100 * share for share in _peers_serve(setting, size, list(spoilt))]
+    theirs = _peers_serve(setting, size, spoilt)
     note = f"{len(damaged)} of {size:,} records damaged: " + ", ".join(KINDS)
     return {
-        "quarantine_served": Figure(100 * served / len(sound), setting.plain.name, *theirs, note=note),
+        "quarantine_served": Figure.beside(100 * served / len(sound), theirs, note=note),
         "quarantine_shown": Figure(100 * wrong / max(len(shown), 1), note=note, n=len(shown)),
         "quarantine_named": Figure(100 * found / len(damaged), note=note, n=len(damaged)),
     }
+
+
+def _found(path: Path, sound: Sequence[Record]) -> int:
+    """How many of these a new index offers, each as the nearest to its own words."""
+    embedder = HashEmbedder()
+    vectors = embedder.embed([text_of(record.query, record.content) for record in sound])
+    with Store.open(f"sqlite:///{path}") as store:
+        index = Index(store, "default", embedder)
+        index.refresh()
+        nearest = [index.nearest(vector, 1)[0] for vector in vectors]
+        return sum(
+            len(rows) > 0 and index.record(rows[0]).id == record.id
+            for rows, record in zip(nearest, sound, strict=True)
+        )
 
 
 def _spoil(connection: sqlite3.Connection, id: str, kind: str) -> None:
@@ -69,20 +83,19 @@ def _spoil(connection: sqlite3.Connection, id: str, kind: str) -> None:
         connection.execute("UPDATE memory_vector SET vector = x'' WHERE id = ?", (id,))
 
 
-def _peers_serve(setting: Setting, size: int, spoilt: Sequence[str]) -> list[float]:
-    """The share of sound records that each peer still reads with as many lines of its file damaged."""
-    shares = []
+def _peers_serve(setting: Setting, size: int, spoilt: Set[str]) -> dict[str, float]:
+    """Per cent of the sound records that each peer still reads with as many lines of its file damaged."""
+    shares = {}
     for place, peer in enumerate(setting.peers()):
-        folder: Path = setting.folder / f"damaged-{place}"
+        folder = setting.folder / f"damaged-{place}"
         peer.fill(folder, setting.peer_lessons(size))
         lines = (folder / FILE).read_text(encoding="utf-8").splitlines()
-        bad = set(spoilt)
-        lines = [line[: len(line) // 2] if _id(line) in bad else line for line in lines]
+        lines = [line[: len(line) // 2] if _id(line) in spoilt else line for line in lines]
         (folder / FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
         try:
-            shares.append(len(peer.load(folder)) / (size - len(bad)))
+            shares[peer.name] = 100 * len(peer.load(folder)) / (size - len(spoilt))
         except ValueError:  # json's, and pydantic's
-            shares.append(0.0)
+            shares[peer.name] = 0.0
     return shares
 
 

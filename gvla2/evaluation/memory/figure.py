@@ -20,7 +20,7 @@ class NotMeasuredError(Gvla2Error):
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the table: its ``name`` (``test`` of a result), what it says, its unit and its ``goal`` (None for none)."""
+    """A row of the table: its ``name`` (``test`` of a result), ``title`` and unit; ``goal`` is None for none."""
 
     name: str
     title: str
@@ -45,6 +45,14 @@ class Figure:
     note: str = ""
     n: int | None = None
     goal: float | None = None
+
+    @classmethod
+    def beside(
+        cls, value: float, peers: Mapping[str, float], *, note: str = "", n: int | None = None
+    ) -> Figure:
+        """A value beside those of peers by name: the plain one first, then the released code if it is here."""
+        first, second = (*peers.items(), ("", None), ("", None))[:2]
+        return cls(value, first[0], first[1], second[1], note, n)
 
 
 @dataclass(frozen=True)

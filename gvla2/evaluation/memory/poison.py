@@ -53,15 +53,15 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         shown += len(was)
         lost += len(set(was) - set(now))
     setting.tell(0.6, "the bank's are done")
-    theirs = [_peer(setting, peer, place, size, on, asked) for place, peer in enumerate(setting.peers())]
+    theirs = {
+        peer.name: _peer(setting, peer, place, size, on, asked) for place, peer in enumerate(setting.peers())
+    }
     note = f"10 records for each of {len(attacked)} queries, top {TOP}"
+    their_hits = {name: one[0] for name, one in theirs.items()}
+    their_losses = {name: one[1] for name, one in theirs.items()}
     return {
-        "poison_hit": Figure(
-            100 * hits / len(attacked), setting.plain.name, *(one[0] for one in theirs), note=note
-        ),
-        "poison_collateral": Figure(
-            100 * lost / max(shown, 1), setting.plain.name, *(one[1] for one in theirs), note=note
-        ),
+        "poison_hit": Figure.beside(100 * hits / len(attacked), their_hits, note=note),
+        "poison_collateral": Figure.beside(100 * lost / max(shown, 1), their_losses, note=note),
     }
 
 

