@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,7 @@ def _size(path: Path) -> tuple[int, int]:
         raise RobotError(f"{path} is no picture that can be read: {error}.") from error
 
 
-def _array(path: Path) -> NDArray:
+def _array(path: Path) -> NDArray[Any]:
     try:
         loaded = np.load(path, mmap_mode="r", allow_pickle=False)
         if not isinstance(loaded, np.ndarray):
