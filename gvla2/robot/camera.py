@@ -37,6 +37,11 @@ class Camera(Protocol):
     gives images of another size than it was calibrated for raises :class:`gvla2.errors.RobotError` that names it.
     """
 
+    @property
+    def live(self) -> bool:
+        """Whether it shows the present; a real arm does not move by pictures of the past, or by made-up ones."""
+        ...
+
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """Frames taken after the call began. A camera on the hand needs ``base_from_tcp`` (4, 4), where the tool is."""
         ...

@@ -13,6 +13,11 @@ _OFF = "memory is off"
 class NoCamera:
     """Has no eyes."""
 
+    @property
+    def live(self) -> bool:
+        """It shows nothing, and that is true."""
+        return True
+
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """No views."""
         return CameraFrames((), ())

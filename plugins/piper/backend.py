@@ -35,6 +35,8 @@ FILM_EVERY = 1.0
 """Seconds between pictures while the arm moves; drawing one holds the control loop up by some milliseconds."""
 
 _SILENT = ExecutionListener()
+SIMULATED = ("virtual", "udp_multicast")
+"""Buses on which no real arm hangs: within the process, and between processes of one machine."""
 
 
 class Piper:
@@ -49,6 +51,11 @@ class Piper:
         self._workspace = _workspace(config)
         if config.bus == "none" and config.armed:
             raise ConfigurationError("robot.armed=true needs an arm: choose a robot.bus other than none.")
+        if config.armed and config.bus not in SIMULATED and not camera.live:
+            raise ConfigurationError(
+                f"robot.armed=true on the bus '{config.bus}' moves a real arm, and the chosen camera shows recorded "
+                f"or made-up pictures. Choose a live camera, or a simulated arm: robot.bus={SIMULATED[0]}."
+            )
         self._config, self._camera, self._ask = config, camera, ask
         self._world_from_base = rigid(turn_z(config.base_yaw), config.base_position)
         self._arm = make_arm(self._world_from_base, self._workspace, config.tcp_offset)

@@ -51,6 +51,11 @@ class Scenery:
             View(camera, image.image, image.depth) for camera, image in zip(cameras, images, strict=True)
         )
 
+    @property
+    def live(self) -> bool:
+        """Never: what it shows is made up."""
+        return False
+
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """The same two views every time."""
         return CameraFrames(self._views, (time.time(),) * len(self._views))

@@ -63,6 +63,11 @@ class RealsenseCamera:
             self.close()
             raise
 
+    @property
+    def live(self) -> bool:
+        """Always."""
+        return True
+
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """One view, exposed after the call began; ``base_from_tcp`` (4, 4) is needed by a camera on the hand.
 

@@ -41,6 +41,11 @@ class ReplayCamera:
         self._next = 0
         self._closed = False
 
+    @property
+    def live(self) -> bool:
+        """Never: a recording shows the past."""
+        return False
+
     def observe(self, base_from_tcp: FloatArray | None = None) -> CameraFrames:
         """The next frame of every camera. Raises :class:`RobotError` after the last with ``at_end=stop``."""
         if self._closed:

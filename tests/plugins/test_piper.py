@@ -277,3 +277,8 @@ def test_a_bus_that_is_not_there_says_how_to_bring_it_up():
 def test_components_conform():
     check_component(piper.gvla2_cameras()[0], "camera")
     check_component(piper.gvla2_robots()[0])
+
+
+def test_a_real_arm_does_not_move_by_pictures_of_the_past():
+    with pytest.raises(ConfigurationError, match=r"live camera.*robot\.bus=virtual"):
+        Piper(PiperConfig(bus="socketcan", armed=True), Scenery(SceneryConfig(image_size=64)))
