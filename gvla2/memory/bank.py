@@ -14,6 +14,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -35,6 +36,7 @@ from gvla2.memory.governing import Governed
 from gvla2.memory.hashing import HashEmbedder
 from gvla2.memory.index import SERVED, Index
 from gvla2.memory.induction import RulesInducer
+from gvla2.memory.location import snapshot_path
 from gvla2.memory.operations import Operations
 from gvla2.memory.recalling import Hit, recall, search
 from gvla2.memory.records import Record
@@ -66,6 +68,7 @@ class KnowledgeBank:
         inducer: Inducer | None = None,
         verifier: Verifier | None = None,
         clock: Callable[[], float] = time.time,
+        snapshot: Path | str | None = None,
     ) -> None:
         self.bank = bank
         self.options = options or BankOptions()
@@ -74,7 +77,7 @@ class KnowledgeBank:
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
-        self._index = Index(store, bank, self._embedder)
+        self._index = Index(store, bank, self._embedder, snapshot=snapshot)
         self._operations = Operations(
             store, self._index, self._embedder, inducer or RulesInducer(), self.options, clock
         )
@@ -93,17 +96,24 @@ class KnowledgeBank:
         options: BankOptions | None = None,
         busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
+        snapshot: bool | Path | str = True,
     ) -> KnowledgeBank:
         """The bank in the database at ``sqlite:///path`` or ``postgresql://…``, created where there is none.
 
         By default it ranks by words, vectors, quality and geometry, embeds by character n-grams, and induces lessons
         by rules. ``verifier`` is who judges stored episodes again. Waits for other processes at most
         ``busy_seconds`` at a time.
+
+        A large bank starts fast from a snapshot of its index, which :meth:`close` writes: a file beside the
+        database's, or in the user's cache folder where there is none. It is derived data, readable by its owner
+        alone and deleted by :meth:`forget`. ``snapshot`` names another file; False does without.
         """
         store = Store.open(url, busy_seconds=busy_seconds)
+        place = snapshot_path(store.name, bank) if snapshot is True else snapshot or None
         return cls(
-            store, retriever, embedder, options, bank=bank, inducer=inducer, verifier=verifier, clock=clock
-        )
+            store, retriever, embedder, options, bank=bank, inducer=inducer, verifier=verifier, clock=clock,
+            snapshot=place,
+        )  # fmt: skip
 
     # The main job -------------------------------------------------------------------------------------------------
 
@@ -112,9 +122,7 @@ class KnowledgeBank:
         with self._lock:
             self._index.refresh()
             candidates = self._index.candidates(self._shown(), now=self._clock())
-            return recall(
-                _task(task), self._index, candidates, self._retriever, self._embedder, self.options, self.bank
-            )
+            return recall(_task(task), candidates, self._retriever, self._embedder, self.options, self.bank)
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Store what the episode teaches and credit what was recalled for it, in one transaction.
@@ -205,9 +213,10 @@ class KnowledgeBank:
         """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
         with self._lock:
             self._index.refresh()
-            states = (*SERVED, "provisional") if provisional else SERVED
-            candidates = self._index.candidates(states, now=self._clock())
-            return search(_task(text), self._index, candidates, self._retriever, self._embedder, k)
+            shown = (*SERVED, "provisional") if self.options.show_provisional else SERVED
+            states = (*SERVED, "provisional") if provisional else shown
+            served, found = (self._index.candidates(s, now=self._clock()) for s in (shown, states))
+            return search(_task(text), self._index, served, found, self._retriever, self._embedder, k)
 
     def history(self, id: str) -> list[Event]:
         """All decisions about a record, oldest first."""
@@ -237,11 +246,14 @@ class KnowledgeBank:
         """Give space back; with ``archived_before``, forget archived records not updated since, and count them."""
         if archived_before is None:
             return self._store.compact()
+        self._index.discard_snapshot()
         return self._store.compact(self.bank, archived_before=archived_before, now=self._clock())
 
     def close(self) -> None:
-        """Release the store; safe to call twice."""
-        self._store.close()
+        """Keep the index for the next start where that is worth it, and release the store; safe to call twice."""
+        with self._lock:
+            self._index.keep_snapshot()
+            self._store.close()
 
     def __enter__(self) -> KnowledgeBank:
         return self

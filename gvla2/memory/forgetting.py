@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.database import Connection, Database
+from gvla2.memory.location import snapshot_path
 from gvla2.memory.putting import replace_row
 from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, as_json, dump, load_object
 
@@ -87,8 +90,20 @@ def finish_forgetting(database: Database, bank: str, ids: Sequence[str]) -> None
     Raises :class:`~gvla2.errors.MemoryStoreError` where another process is in the way; what was forgotten stays
     so, and ``Store.compact`` does the rest later.
     """
+    discard_snapshot(snapshot_path(database.name, bank))
     database.forget_in_copies(bank, ids)
     finish_scrubbing(database)
+
+
+def discard_snapshot(path: Path) -> None:
+    """Delete the snapshot of an index: it may hold the text of a record that is to be forgotten."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise MemoryStoreError(
+            f"A record was forgotten, but the snapshot '{path}', which may hold its text, cannot be deleted "
+            f"({error.strerror or error}): delete it."
+        ) from error
 
 
 def finish_scrubbing(database: Database) -> None:

@@ -4,11 +4,9 @@ goes when there is too much. Decisions on plain data; nothing is ever deleted he
 
 from __future__ import annotations
 
-import zlib
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,17 +19,10 @@ from gvla2.memory.lexicon import CONCEPTS, NEGATORS, POLES
 from gvla2.memory.likeness import jaccard, words_of
 from gvla2.memory.merging import merge_signatures
 from gvla2.memory.records import Record, dedup_key, dump, record_id
+from gvla2.memory.resemblance import resembling
 
 SECONDS_PER_DAY = 86400.0
 SUMMARY_LINES = 6
-_HASHES = 4
-_FACTORS = np.array(
-    [0x9E3779B1, 0x85EBCA6B, 0xC2B2AE35, 0x27D4EB2F, 0x165667B1, 0xD3A2646D, 0xFD7046C5, 0xB55A4F09],
-    np.uint64,
-)
-_SHIFTS = np.arange(1, 9, dtype=np.uint64) * np.uint64(0x7FEB352D)
-_CROWD = 16
-"""How many neighbours in one bucket are compared."""
 
 
 def retention(records: Sequence[Record], now: float) -> NDArray[np.float64]:
@@ -93,14 +84,21 @@ class Resolved:
     conflict: Conflict
 
 
-def contradictions(records: Sequence[Record]) -> list[Resolved]:
-    """Contradictions within one type among many records, each loser once.
+def words_by_id(records: Iterable[Record]) -> dict[str, frozenset[str]]:
+    """The topic words of contents, for a pass over so many records that nothing else keeps them."""
+    return {record.id: words_of(record.content) for record in records}
+
+
+def contradictions(
+    records: Sequence[Record], words: Mapping[str, frozenset[str]] | None = None
+) -> list[Resolved]:
+    """Contradictions within one type among many records, each loser once; ``words`` as of :func:`words_by_id`.
 
     Records are compared where they are about the same parameter, or have the same words but for numbers, opposites
     and negations; what differs in more than that was compared when it was admitted.
     """
     found, lost = [], set()
-    for group in _comparable(records):
+    for group in _comparable(records, words_by_id(records) if words is None else words):
         ranked = sorted(group, key=lambda record: record.id)
         for i, first in enumerate(ranked):
             for second in ranked[i + 1 :]:
@@ -118,8 +116,9 @@ def contradictions(records: Sequence[Record]) -> list[Resolved]:
     return found
 
 
-def _comparable(records: Sequence[Record]) -> list[list[Record]]:
+def _comparable(records: Sequence[Record], words: Mapping[str, frozenset[str]]) -> list[list[Record]]:
     groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
+    telling: dict[str, bool] = {}
     for record in records:
         effect = record.effect_json() if record.effect else None
         if effect:
@@ -130,17 +129,15 @@ def _comparable(records: Sequence[Record]) -> list[list[Record]]:
                 str(effect.get("object", "")),
             )
         else:
-            key = (record.type, record.skill, *sorted(_matter(record.content)))
+            said = words[record.id]
+            for word in said - telling.keys():
+                telling[word] = _tells(word)
+            key = (record.type, record.skill, *sorted([word for word in said if telling[word]]))
         groups[key].append(record)
     # A crowd that differs in nothing but numbers is cut: it would take time in its square.
     return [sorted(group, key=lambda r: r.id)[:64] for group in groups.values() if len(group) > 1]
 
 
-def _matter(content: str) -> frozenset[str]:
-    return frozenset(word for word in words_of(content) if _tells(word))
-
-
-@lru_cache(maxsize=65536)
 def _tells(word: str) -> bool:
     """Whether a word says what a lesson is about, rather than how much, which way, or not."""
     if word in NEGATORS or any(c.isdigit() for c in word):
@@ -148,7 +145,9 @@ def _tells(word: str) -> bool:
     return CONCEPTS.get(word, "") not in POLES
 
 
-def clusters(records: Sequence[Record], options: BankOptions) -> list[list[Record]]:
+def clusters(
+    records: Sequence[Record], options: BankOptions, words: Mapping[str, frozenset[str]] | None = None
+) -> list[list[Record]]:
     """Groups of at least ``summary_size`` verified successes of two tasks or more that are alike; each record once.
 
     Only lessons in words are summed up: typed effects are pooled by merging, and a summary could carry only one.
@@ -158,29 +157,20 @@ def clusters(records: Sequence[Record], options: BankOptions) -> list[list[Recor
         key=lambda r: r.id,
     )
     rank = {r.id: i for i, r in enumerate(sorted(usable, key=lambda r: (-support(r), -r.count, r.id)))}
-    buckets: dict[tuple[str, str, int, int], list[Record]] = defaultdict(list)
-    words = {record.id: words_of(record.content) for record in usable}
-    hashes = {id: _least_hashes(said) for id, said in words.items()}
-    for record in usable:
-        for i, value in enumerate(hashes[record.id]):
-            bucket = buckets[record.type, record.skill, i, value]
-            if len(bucket) < _CROWD:
-                bucket.append(record)
+    words = words_by_id(usable) if words is None else words
+    near, counts = resembling(
+        [words[record.id] for record in usable],
+        [(record.type, record.skill) for record in usable],
+        options.summary_match,
+    )
+    enough = np.flatnonzero(counts + 1 >= options.summary_size).tolist()
     taken: set[str] = set()
     found = []
-    for record in sorted(usable, key=lambda r: rank[r.id]):
-        if record.id in taken:
+    for place in sorted(enough, key=lambda i: rank[usable[i].id]):
+        if usable[place].id in taken:
             continue
-        mine = words[record.id]
-        met = {
-            other.id: other
-            for i, value in enumerate(hashes[record.id])
-            for other in buckets[record.type, record.skill, i, value]
-            if other.id not in taken
-        }
-        near = {id: other for id, other in met.items() if jaccard(mine, words[id]) >= options.summary_match}
-        near[record.id] = record
-        group = sorted(near.values(), key=lambda r: rank[r.id])[: 2 * SUMMARY_LINES]
+        others = [usable[i] for i in near[place, : counts[place]].tolist() if usable[i].id not in taken]
+        group = sorted([usable[place], *others], key=lambda r: rank[r.id])[: 2 * SUMMARY_LINES]
         if summable(group, options):
             found.append(group)
             taken |= {r.id for r in group}
@@ -204,16 +194,6 @@ def summable(group: Sequence[Record], options: BankOptions) -> bool:
 def tasks_of(group: Sequence[Record]) -> list[str]:
     """The distinct instructions that a group comes from."""
     return sorted({line for record in group for line in record.query.casefold().split("\n") if line})
-
-
-def _least_hashes(words: frozenset[str]) -> list[int]:
-    """Pairs of min-hashes: of two texts with two thirds of their words in common, nine in ten share a pair."""
-    codes = np.fromiter((zlib.crc32(word.encode()) for word in words), np.uint64, len(words))
-    if not len(codes):
-        return [0] * _HASHES
-    mixed = (codes[:, None] * _FACTORS + _SHIFTS) & np.uint64(0xFFFFFFFF)
-    least = mixed.min(axis=0).astype(np.uint64)
-    return [int(value) for value in (least[::2] << np.uint64(32)) | least[1::2]]
 
 
 def summary_of(group: Sequence[Record], now: float) -> tuple[Record, list[Record]]:

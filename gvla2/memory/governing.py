@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from gvla2.memory import governance
@@ -37,8 +37,9 @@ class Governing:
     def whole(self, active: Sequence[Record], provisional: Sequence[Record]) -> None:
         """All of it, on all records."""
         self.retire(active)
-        self.resolve(self._still(active))
-        for group in governance.clusters(self._still(active), self._options):
+        words = governance.words_by_id(active)
+        self.resolve(self._still(active), words)
+        for group in governance.clusters(self._still(active), self._options, words):
             self.sum_up(group)
         for records, budget in (
             (self._still(active), self._options.active_budget),
@@ -53,9 +54,9 @@ class Governing:
             self._archive(record, "RETIRE", f"a failure that nobody used for {days:g} days")
             self.done.retired.append(record.id)
 
-    def resolve(self, records: Sequence[Record]) -> None:
+    def resolve(self, records: Sequence[Record], words: Mapping[str, frozenset[str]] | None = None) -> None:
         """Archive what is contradicted by more evidence, linked to what prevails; link what cannot be settled."""
-        for found in governance.contradictions(records):
+        for found in governance.contradictions(records, words):
             winner, loser, why = found.winner, found.loser, found.conflict.why
             if winner.type == loser.type:
                 self._archive(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from gvla2.memory.records import COLUMNS, Record
 
 _SPARE = 1 << 20
 _READ = 4096
+_VALUES = attrgetter(*COLUMNS)
 
 
 class Heap:
@@ -27,7 +29,7 @@ class Heap:
     def put(self, row: int, record: Record) -> None:
         """Set a row."""
         self._read.pop(row, None)
-        stored = json.dumps([getattr(record, name) for name in COLUMNS]).encode()
+        stored = json.dumps(_VALUES(record)).encode()
         self.start, self.size = grown(self.start, row + 1), grown(self.size, row + 1)
         self.waste += int(self.size[row])
         self.start[row], self.size[row] = len(self.data), len(stored)
@@ -39,12 +41,16 @@ class Heap:
         """The record of a row; the few that are asked for again and again are kept read."""
         record = self._read.get(row)
         if record is None:
-            start = int(self.start[row])
-            record = Record(*json.loads(self.data[start : start + int(self.size[row])]))
+            record = self.read(row)
             if len(self._read) >= _READ:
                 self._read.clear()
             self._read[row] = record
         return record
+
+    def read(self, row: int) -> Record:
+        """The record of a row, read and not kept."""
+        start = int(self.start[row])
+        return Record(*json.loads(self.data[start : start + int(self.size[row])]))
 
     def compact(self, kept: NDArray[np.int64]) -> None:
         """Keep these rows alone, in this order."""

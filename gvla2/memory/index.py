@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import MemoryStoreError
+from gvla2.errors import Gvla2Error
 from gvla2.memory.candidates import RowCandidates, Served
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
+from gvla2.memory.forgetting import discard_snapshot
 from gvla2.memory.ranking import best_first
 from gvla2.memory.records import Record
 from gvla2.memory.rows import STATES, Entry, Rows
@@ -24,6 +26,9 @@ from gvla2.memory.words import text_of
 SERVED = ("active", "summary")
 """The states that planners are told of, unless somebody asks for others."""
 _KEPT = 16
+_TOGETHER = 4096
+_WORTH_SAVING = 1000
+"""Changes that are quickly read from the store."""
 
 
 class Index:
@@ -44,6 +49,7 @@ class Index:
         self._snapshot = Path(snapshot) if snapshot is not None else None
         self._rows = Rows(self._dimension)
         self._served: dict[tuple[tuple[str, ...], str], Served] = {}
+        self._unsaved = 0
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -70,6 +76,8 @@ class Index:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
         dropped: list[str] = []
         kept: list[Change] = []
+        changes = list(changes)
+        self._unsaved += len(changes)
         for change in changes:
             record = change.record
             known = record.state in STATES and record.type in TYPES and record.outcome in OUTCOMES
@@ -79,7 +87,8 @@ class Index:
                 dropped.append(record.id)
                 if change.forgotten:
                     self.discard_snapshot()
-        missing = [i for i, change in enumerate(kept) if not self._usable(change)]
+        usable = self._usable(kept)
+        missing = [i for i in range(len(kept)) if not usable[i]]
         made = self._embed([kept[i].record for i in missing])
         fresh = dict(zip(missing, made, strict=True))
         try:
@@ -103,10 +112,6 @@ class Index:
             return int(self._rows.postings.documents[place])
         states = self._rows.column("state")
         return int(np.count_nonzero(states[self.rows(ids)] == place)) if len(states) else 0
-
-    def expect(self, vectors: Sequence[NDArray[np.float32]]) -> None:
-        """Unit (D,) vectors that :meth:`nearest` will be asked for in this order, while nothing changes here."""
-        self._rows.vectors.expect(vectors)
 
     def candidates(
         self, states: Sequence[str] = SERVED, skill: str = "", *, now: float | None = None
@@ -147,6 +152,11 @@ class Index:
         """The record of a row of :meth:`nearest` or :meth:`rows`."""
         return self._rows.record(int(row))
 
+    def records(self, state: str) -> list[Record]:
+        """The records held in a state, by id."""
+        rows = np.flatnonzero(self._rows.column("state") == STATES.index(state))
+        return sorted((self._rows.heap.read(row) for row in rows.tolist()), key=lambda record: record.id)
+
     def rows(self, ids: Sequence[str]) -> list[int]:
         """The rows of these ids; ids that the index does not hold are left out."""
         return [self._rows.row_of[id] for id in ids if id in self._rows.row_of]
@@ -154,6 +164,14 @@ class Index:
     def vector(self, row: int) -> NDArray[np.float32]:
         """(D,) the embedding of a row."""
         return np.array(self._rows.vectors.exact[int(row)])
+
+    def keep_snapshot(self) -> None:
+        """Write the snapshot anew where that will save the next start some time; quietly none where it cannot be."""
+        if self._snapshot is None or self._unsaved < max(_WORTH_SAVING, len(self) // 8):
+            return
+        with suppress(Gvla2Error, OSError):
+            self._snapshot.parent.mkdir(parents=True, exist_ok=True)
+            self.save()
 
     def save(self, path: Path | str | None = None) -> bool:
         """Write the snapshot for a fast start; whether it was: not for an empty bank, nor while others write.
@@ -177,6 +195,7 @@ class Index:
         }
         save(target, self._rows, about)
         self._served.clear()
+        self._unsaved = 0
         # What was forgotten while this was written must not live on in it.
         if any(change.forgotten for change in self._store.changes(self.bank, self.rev)):
             target.unlink(missing_ok=True)
@@ -185,15 +204,8 @@ class Index:
 
     def discard_snapshot(self) -> None:
         """Delete the snapshot: it may hold the text of a record that is to be forgotten."""
-        if self._snapshot is None:
-            return
-        try:
-            self._snapshot.unlink(missing_ok=True)
-        except OSError as error:
-            raise MemoryStoreError(
-                f"A record was forgotten, but the snapshot '{self._snapshot}', which may hold its text, cannot be "
-                f"deleted ({error.strerror or error}): delete it."
-            ) from error
+        if self._snapshot is not None:
+            discard_snapshot(self._snapshot)
 
     def _start(self, rev: int) -> None:
         """From the snapshot where it is sound and not ahead of the store, else from nothing."""
@@ -218,8 +230,17 @@ class Index:
             served = self._served[key] = Served(self._rows, states, skill)
         return served
 
-    def _usable(self, change: Change) -> bool:
-        return change.model == self._embedder.model and sound(change.vector, self._dimension)
+    def _usable(self, changes: Sequence[Change]) -> list[bool]:
+        """Which have a sound vector of this embedder's model."""
+        model, shape = self._embedder.model, (self._dimension,)
+        usable = [c.model == model and c.vector is not None and c.vector.shape == shape for c in changes]
+        given = [i for i, there in enumerate(usable) if there]
+        for start in range(0, len(given), _TOGETHER):
+            some = given[start : start + _TOGETHER]
+            stacked = np.stack([np.asarray(changes[i].vector) for i in some])
+            for i, fine in zip(some, sound(stacked).tolist(), strict=True):
+                usable[i] = fine
+        return usable
 
     def _embed(self, records: Sequence[Record]) -> NDArray[np.float32]:
         if not records:

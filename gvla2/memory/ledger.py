@@ -97,10 +97,6 @@ class Ledger:
         ]
         return self.transaction.view.links(self.transaction.bank, id) + own
 
-    def expect(self, vectors: Sequence[NDArray[np.float32]]) -> None:
-        """Unit (D,) vectors that :meth:`nearest` will be asked for, one after the other: together they take less."""
-        self._index.expect(vectors)
-
     def nearest(self, vector: NDArray[np.float32], k: int) -> list[tuple[Record, float]]:
         """The served records nearest to a unit (D,) vector with their cosines, best first, equal ones by id.
 
@@ -185,6 +181,10 @@ class Ledger:
     def wrote(self) -> bool:
         """Whether anything was decided."""
         return bool(self._puts or self._links or self._decisions or self._episodes)
+
+    def held(self, state: str) -> list[Record]:
+        """All records that the bank has in a served state, or provisional, by id."""
+        return self._index.records(state)
 
     def stale(self, days: float) -> list[Record]:
         """Active records not updated for so long, whatever they are."""

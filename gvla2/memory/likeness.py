@@ -13,8 +13,8 @@ from gvla2.memory.quantities import Quantity
 from gvla2.memory.records import Record
 from gvla2.memory.scoring import signature_distance
 from gvla2.memory.statements import read
-from gvla2.memory.words import topic_words
 from gvla2.memory.word_forms import begin_apart, split_alike
+from gvla2.memory.words import topic_words
 
 MAX_COMPARED = 1000
 """Characters of two texts that are aligned with one another."""

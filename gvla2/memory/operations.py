@@ -85,9 +85,7 @@ class Operations:
         """A pass over the whole bank."""
         done = Governed()
         with self._writing("govern") as ledger:
-            records = ledger.transaction.records(states=["active", "provisional"])
-            active = [record for record in records if record.state == "active"]
-            provisional = [record for record in records if record.state == "provisional"]
+            active, provisional = ledger.held("active"), ledger.held("provisional")
             Governing(ledger, self._options, done).whole(active, provisional)
             self._retired_at = ledger.now
         return done
@@ -138,7 +136,6 @@ class Operations:
         stored = self._stored(ledger, {episode.source for episode, _, _ in episodes if episode.source})
         last: Verdict | None = None
         streak = Streak({})
-        ledger.expect([candidate.vector for _, _, candidates in episodes for candidate in candidates])
         for episode, verdict, candidates in episodes:
             if verdict is not last:
                 streak = self._streaks.advance(verdict)

@@ -58,8 +58,10 @@ class Postings:
         last = first + len(texts)
         self.sizes = grown(self.sizes, last)
         self.sizes[first:last] = [len(text) for text in texts]
-        for group, bag, text in zip(groups, bags, texts, strict=True):
-            self._count(group, bag, len(text), 1)
+        owners = np.asarray(groups)
+        np.add.at(self.holders, (owners[rows - first], terms), 1)
+        np.add.at(self.documents, owners, 1)
+        np.add.at(self.total, owners, self.sizes[first:last])
 
     def remove(self, text: Sequence[str], group: int) -> None:
         """Take a row with these words out of the statistics; its places go at the next :meth:`compact`."""

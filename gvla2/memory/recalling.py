@@ -26,7 +26,6 @@ class Hit:
 
 def recall(
     task: MemoryTask,
-    index: Index,
     candidates: RowCandidates,
     retriever: Retriever,
     embedder: Embedder,
@@ -38,10 +37,7 @@ def recall(
         return MemoryContext(abstained=f"The bank '{bank}' holds no verified knowledge yet.")
     asked = bounded(task)
     ranked, reason = retriever.rank(asked, candidates, embedder.embed([asked.query])[0])
-    items = tuple(
-        _item(index.record(index.rows([candidates.ids[rank.row]])[0]), rank.score, rank.terms)
-        for rank in ranked
-    )
+    items = tuple(_item(candidates.record(rank.row), rank.score, rank.terms) for rank in ranked)
     if not items:
         return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
     return MemoryContext(items, render(items, options.max_chars))
@@ -50,20 +46,20 @@ def recall(
 def search(
     task: MemoryTask,
     index: Index,
+    served: RowCandidates,
     candidates: RowCandidates,
     retriever: Retriever,
     embedder: Embedder,
     k: int,
 ) -> list[Hit]:
-    """What the retriever ranks, with its score, then the nearest others with what they are found by."""
+    """What a recall would show of the ``served``, with its score; then the nearest of all others, and by what."""
     if not len(candidates.ids) or k < 1:
         return []
     asked = bounded(task)
     vector = embedder.embed([asked.query])[0]
-    ranked, _ = retriever.rank(asked, candidates, vector)
+    ranked, _ = retriever.rank(asked, served, vector)
     hits = [
-        Hit(_of(index, candidates.ids[rank.row]), rank.score, dict(rank.terms), reliable=True)
-        for rank in ranked
+        Hit(_of(index, served.ids[rank.row]), rank.score, dict(rank.terms), reliable=True) for rank in ranked
     ]
     known = {hit.record.id for hit in hits}
     lexical, coverage = candidates.lexical(asked.query), candidates.coverage(asked.query)
@@ -101,5 +97,5 @@ def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryIte
         terms=dict(terms),
         # What was never verified binds nobody, even where the bank is told to show it.
         binding=record.type == "failure_avoidance" and record.state != "provisional",
-        effect=record.effect_json(),
+        effect=record.effect_json() if record.effect else None,
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 from gvla2.memory.contracts import MemoryItem
@@ -95,6 +96,7 @@ def effect_words(effect: Mapping[str, Any] | None) -> str:
             return ""
 
 
+@lru_cache(maxsize=4096)
 def neutralised(text: str, limit: int) -> str:
     """``text`` on one line of at most ``limit`` characters, with nothing in it that could act as markup.
 

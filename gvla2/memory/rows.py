@@ -16,7 +16,7 @@ from gvla2.memory.heap import Heap
 from gvla2.memory.postings import Postings
 from gvla2.memory.records import Record
 from gvla2.memory.vectors import Vectors
-from gvla2.memory.words import text_of, topic_words, wording
+from gvla2.memory.words import read_once, text_of, topic_words
 
 STATES = ("provisional", "active", "summary")
 """The states held in RAM; a record of any other is dropped."""
@@ -69,18 +69,18 @@ class Rows:
 
     def put(self, entries: Sequence[Entry]) -> None:
         """Add records, or bring them up to date; those of no served state are dropped. Each id comes once."""
-        new: list[tuple[Entry, list[str]]] = []
+        new: list[Entry] = []
         for entry in entries:
             row = self.row_of.get(entry.record.id)
             if entry.record.state not in STATES:
                 self.drop([entry.record.id])
             elif row is None:
-                new.append((entry, self._words(entry.record)))
+                new.append(entry)
             else:
                 old = self.heap.get(row)
                 if (old.query, old.content) != (entry.record.query, entry.record.content):
                     self.drop([old.id])
-                    new.append((entry, self._words(entry.record)))
+                    new.append(entry)
                 else:
                     self._update(row, entry)
         self._append(new)
@@ -122,19 +122,22 @@ class Rows:
         """(N,) a column, dead rows included."""
         return self.columns[name][: self.size]
 
-    def _append(self, new: Sequence[tuple[Entry, list[str]]]) -> None:
+    def _append(self, new: Sequence[Entry]) -> None:
         if not new:
             return
+        read = [read_once(entry.record.query, entry.record.content) for entry in new]
         first, last = self.size, self.size + len(new)
         self.columns = {name: grown(column, last) for name, column in self.columns.items()}
         self.numbers = {name: grown(column, last, math.nan) for name, column in self.numbers.items()}
-        self.postings.add(first, [words for _, words in new], [STATES.index(e.record.state) for e, _ in new])
-        self.vectors.put(first, np.stack([entry.vector for entry, _ in new]))
-        for row, (entry, _) in enumerate(new, first):
+        self.postings.add(
+            first, [words for words, _ in read], [STATES.index(entry.record.state) for entry in new]
+        )
+        self.vectors.put(first, np.stack([entry.vector for entry in new]))
+        self.columns["wording"][first:last] = [number for _, number in read]
+        for row, entry in enumerate(new, first):
             self.ids.append(entry.record.id)
             self.row_of[entry.record.id] = row
             self.heap.put(row, entry.record)
-            self.columns["wording"][row] = wording(entry.record.content)
             self._describe(row, entry)
         self.size = last
 

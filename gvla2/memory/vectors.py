@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 
 import numpy as np
 import simsimd
 from numpy.typing import NDArray
 
 from gvla2.memory.growing import grown
-
-
-_TOGETHER = 64
-_HELD = 1 << 20
-_ROWS = 1024
-"""Rows that are multiplied by many queries in a row: half a megabyte of codes, which a processor keeps at hand."""
 
 
 class Vectors:
@@ -27,14 +22,11 @@ class Vectors:
         self.scale = np.zeros(0, np.float64)  # (N,)
         self._last: tuple[bytes, tuple[NDArray[np.int8], float, float]] | None = None
         self.error = 0.0  # largest |exact - scale * codes| of any row
-        self._expected: list[NDArray[np.float32]] = []
-        self._ahead: dict[bytes, NDArray[np.float64]] = {}
 
     def put(self, first: int, rows: NDArray[np.float32]) -> None:
         """Set rows ``first``, ``first + 1``, ... to ``rows`` (K, D), in place or behind the last."""
         last = first + len(rows)
         asked = self._last
-        self.expect(())
         self.exact, self.codes = grown(self.exact, last), grown(self.codes, last)
         self.scale = grown(self.scale, last)
         if len(rows) == 1 and asked is not None and asked[0] == rows.tobytes():
@@ -50,8 +42,6 @@ class Vectors:
 
     def near(self, vector: NDArray[np.float32], rows: int) -> NDArray[np.float64]:
         """(N,) cosines of the first ``rows`` rows with a unit (D,) vector, to within :meth:`slack`."""
-        if self._expected and (found := self._foreseen(vector, rows)) is not None:
-            return found
         codes, scale, _ = self._asked(vector)
         if not rows or not scale:
             return np.zeros(rows)
@@ -60,37 +50,11 @@ class Vectors:
         products *= scale
         return products
 
-    def expect(self, vectors: Sequence[NDArray[np.float32]]) -> None:
-        """Unit (D,) vectors that :meth:`near` will be asked for in this order, while no row changes."""
-        self._expected = list(vectors) if len(vectors) > 1 else []
-        self._ahead = {}
-
-    def _foreseen(self, vector: NDArray[np.float32], rows: int) -> NDArray[np.float64] | None:
-        """What :meth:`near` gives, computed for many expected vectors at a time: rows are then fetched once."""
-        key = vector.tobytes()
-        found = self._ahead.get(key)
-        if found is not None:
-            return found if len(found) == rows else None
-        place = next((i for i, other in enumerate(self._expected) if other.tobytes() == key), None)
-        if place is None or not rows:
-            return None
-        some = self._expected[place : place + max(1, min(_TOGETHER, _HELD // rows))]
-        self._expected = self._expected[place:]
-        codes, scale = quantised(np.stack(some))
-        products = np.empty((len(some), rows))
-        for first in range(0, rows, _ROWS):
-            part = slice(first, min(first + _ROWS, rows))
-            products[:, part] = simsimd.cdist(codes, self.codes[part], metric="dot")
-            products[:, part] *= self.scale[part]
-        products *= scale[:, None]
-        self._ahead = {other.tobytes(): row for other, row in zip(some, products, strict=True)}
-        return self._ahead[key]
-
     def slack(self, vector: NDArray[np.float32]) -> float:
         """The most that :meth:`near` may be off, by the inequality of Cauchy and Schwarz."""
         _, _, own = self._asked(vector)
         # |q.x - q'.x'| <= |q'| |x - x'| + |q - q'| |x|, and 1e-6 for the rounding of float32.
-        return (float(np.sqrt(vector @ vector)) + own) * self.error + own + 1e-6
+        return (math.sqrt(float(vector @ vector)) + own) * self.error + own + 1e-6
 
     def cosines(self, vector: NDArray[np.float32], rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """(K,) cosines of these rows, in float32's precision."""
@@ -103,14 +67,16 @@ class Vectors:
         """The (1, D) codes, the scale and the error of a query's vector; it is asked for several times in a row."""
         key = vector.tobytes()
         if self._last is None or self._last[0] != key:
-            codes, scale = quantised(vector[None])
-            error = float(_errors(vector[None], codes, scale)[0])
-            self._last = key, (codes, float(scale[0]), error)
+            # As in :func:`quantised`, without what only many rows need.
+            scale = float(np.abs(vector).max(initial=0.0)) / 127.0
+            inverse = np.float32(1.0 / scale if scale else 0.0)
+            codes = np.rint(vector * inverse).astype(np.int8)
+            rest = vector - codes * scale
+            self._last = key, (codes[None], scale, math.sqrt(float(rest @ rest)))
         return self._last[1]
 
     def compact(self, kept: NDArray[np.int64]) -> None:
         """Keep these rows alone, in this order."""
-        self.expect(())
         self.exact, self.codes, self.scale = self.exact[kept], self.codes[kept], self.scale[kept]
 
     def arrays(self, rows: int) -> dict[str, NDArray[np.generic]]:
@@ -140,9 +106,8 @@ def _errors(
     return np.asarray(np.linalg.norm(rows - codes * scale[:, None], axis=1))
 
 
-def sound(vector: NDArray[np.float32] | None, dimension: int) -> bool:
-    """Whether a stored vector may be used: its length right, finite, a unit row or zero."""
-    if vector is None or vector.shape != (dimension,) or not np.isfinite(vector).all():
-        return False
-    length = float(np.linalg.norm(vector))
-    return length == 0.0 or abs(length - 1.0) < 1e-2
+def sound(rows: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(K,) whether stored (K, D) vectors may be used: finite, and unit rows or zero."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.einsum("kd,kd->k", rows, rows, dtype=np.float64)
+    return np.asarray((squares == 0.0) | (np.abs(np.sqrt(squares) - 1.0) < 1e-2))

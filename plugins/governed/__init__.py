@@ -17,7 +17,8 @@ class GovernedConfig(ComponentConfig):
 
     ``url`` is ``sqlite:///path`` or ``postgresql://…``; "" is ``memory.db`` in ``$GVLA2_HOME``, else in
     ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``. ``bank`` names the bank in it. ``busy_seconds`` is how
-    long to wait for other processes. All other options are those of :class:`gvla2.memory.bank_options.BankOptions`,
+    long to wait for other processes. ``snapshot`` false keeps no copy of the index for a fast start of large banks.
+    All other options are those of :class:`gvla2.memory.bank_options.BankOptions`,
     with the same defaults; the ablations are ``admission``, ``replay``, ``governance`` and ``failures`` false, and
     ``retrieval`` semantic.
     """
@@ -25,6 +26,7 @@ class GovernedConfig(ComponentConfig):
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
+    snapshot: bool = True
     admission: bool = True
     replay: bool = True
     governance: bool = True
@@ -70,4 +72,6 @@ def _build(
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
     """The one memory of this plugin."""
-    return [Component("governed", GovernedConfig, _build, needs=("retriever", "embedder", "verifier", "inducer"))]
+    return [
+        Component("governed", GovernedConfig, _build, needs=("retriever", "embedder", "verifier", "inducer"))
+    ]

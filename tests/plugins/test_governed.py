@@ -12,6 +12,7 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.memory.induction import RulesInducer
 from gvla2.memory.location import default_url
 from gvla2.testing.component import check_component
 from gvla2_plugins import governed, hash_embedder, hybrid
@@ -174,7 +175,7 @@ def test_switches_reach_the_bank(path: Path) -> None:
     ours = {name: field.default for name, field in GovernedConfig.__dataclass_fields__.items()}
     theirs = {name: field.default for name, field in BankOptions.__dataclass_fields__.items()}
     assert {
-        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds")
+        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds", "snapshot")
     } == theirs
 
 
