@@ -18,7 +18,7 @@ from gvla2.commands.bench_memory_progress import MemoryProgress
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.memory.figure import Figure, Row, Test
+    from gvla2.evaluation.memory.figure import Figure, Test
     from gvla2.evaluation.memory.released_peer import ReleasedPeer
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.results import Cell, Results
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 DATA = "generated"
 MEASURING_CODE = (
     "gvla2.memory", "gvla2.evaluation.memory", "gvla2.evaluation.memory_data", "gvla2.evaluation.memory_retrieval",
-    "gvla2.testing.memory_corpus",
+    "gvla2.evaluation.memory.corpus",
 )  # fmt: skip
 """Code whose change makes stored rows out of date."""
 
@@ -111,15 +111,16 @@ def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
     except Gvla2Error as error:
         status = f"failed: {error}"
     return [
-        _cell(key, planned, row, figures.get(row.name, Figure(None)), status)
-        for key, row in zip(planned.keys, test.rows, strict=True)
+        _cell(key, planned, place, figures.get(row.name, Figure(None)), status)
+        for place, (key, row) in enumerate(zip(planned.keys, test.rows, strict=True))
     ]
 
 
-def _cell(key: str, planned: _Planned, row: Row, figure: Figure, status: str) -> Cell:
+def _cell(key: str, planned: _Planned, place: int, figure: Figure, status: str) -> Cell:
     from gvla2.evaluation.memory.figure import passed
     from gvla2.evaluation.results import Cell
 
+    row = planned.test.rows[place]
     goal = row.goal if figure.goal is None else figure.goal
     factors: dict[str, str | int] = {
         "test": row.name,
@@ -135,7 +136,7 @@ def _cell(key: str, planned: _Planned, row: Row, figure: Figure, status: str) ->
     notes: dict[str, Any] = {
         "status": status,
         "size": planned.size,
-        "order": planned.order,
+        "order": [planned.order, planned.size, place],
         "title": row.title,
         "unit": row.unit,
         "better": row.better,

@@ -49,7 +49,7 @@ def make_figure_table(cells: Iterable[Cell], layout: FigureLayout) -> list[Figur
         # By the size that was asked for: of what could not be measured no other is known.
         size = cell.notes.get("size", cell.factors.get("n"))
         latest[str(cell.factors["test"]), str(cell.factors.get("on", "")), str(size)] = cell
-    kept = sorted(latest.values(), key=lambda cell: (cell.notes.get("order", 0), cell.notes.get("size", 0)))
+    kept = sorted(latest.values(), key=lambda cell: cell.notes.get("order", []))
     if not kept:
         return []
     return [FigureTable(layout, tuple(kept), tuple(sorted({cell.run for cell in kept})))]

@@ -95,7 +95,7 @@ class LinkRow(MemoryTables, table=True):
     """One record refers to another of its bank."""
 
     __tablename__: ClassVar[Any] = "memory_link"
-    __table_args__ = (Index("memory_link_by_target", "bank", "target"), _CLUSTERED)
+    __table_args__ = (Index("memory_link_by_target", "target", "bank"), _CLUSTERED)
 
     bank: str = Field(primary_key=True)
     source: str = Field(primary_key=True)

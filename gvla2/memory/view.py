@@ -127,8 +127,10 @@ class View:
         if id is None:
             rows = self._sql.rows(query, (bank,))
         else:
+            # SQLite would look through all links of the bank by its primary key if it could use it for the target.
+            by_target = query.replace("bank = ?", "bank || '' = ?")
             rows = self._sql.rows(
-                f"{query} AND source = ? UNION {query} AND target = ?", (bank, id, bank, id)
+                f"{query} AND source = ? UNION {by_target} AND target = ?", (bank, id, bank, id)
             )
         return sorted((Link(*row) for row in rows), key=lambda link: (link.source, link.kind, link.target))
 

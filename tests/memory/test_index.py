@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gvla2.evaluation.memory.corpus import lessons
 from gvla2.memory.hashing import HashEmbedder
 from gvla2.memory.index import Index
 from gvla2.memory.records import Record
 from gvla2.memory.store import Put, Store
 from gvla2.memory.words import text_of
-from gvla2.testing.memory_corpus import lessons
 
 EMBEDDER = HashEmbedder()
 NOW = 1.8e9

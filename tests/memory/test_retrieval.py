@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.candidates import RowCandidates, Served
 from gvla2.memory.contracts import OUTCOMES, TYPES, MemoryTask, Ranked
 from gvla2.memory.hashing import HashEmbedder
@@ -20,7 +21,6 @@ from gvla2.memory.scoring import score_terms, signature_distance
 from gvla2.memory.semantic import SemanticRetriever
 from gvla2.memory.words import text_of, topic_words
 from gvla2.testing.memory import candidates
-from gvla2.testing.memory_corpus import lessons, tasks
 
 EMBEDDER = HashEmbedder()
 NOW = 1.8e9

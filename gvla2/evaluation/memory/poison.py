@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from gvla2.evaluation.memory.corpus import tasks
 from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Admission, Setting, admissions
@@ -11,7 +12,6 @@ from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.retrieval import HybridRetriever
 from gvla2.memory.retrieval_options import HybridOptions
-from gvla2.testing.memory_corpus import tasks
 
 TOP = 8
 VICTIMS = 20
@@ -35,8 +35,8 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     as an honest verifier leaves them; "no admission" the same without admission; "verifier fooled" verified.
     """
     options = BankOptions(admission=on != "no admission")
-    attacked = tasks(VICTIMS, setting.seed + 11)
-    others = tasks(VICTIMS, setting.seed + 12)
+    victims = setting.count(VICTIMS, 5)
+    attacked, others = tasks(victims, setting.seed + 11), tasks(victims, setting.seed + 12)
     asked = [*attacked, *others]
     sound = admissions(size, setting.seed + 2)
     hits, lost, shown = 0, 0, 0
@@ -45,13 +45,12 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     with KnowledgeBank.open(url, retriever=retriever, options=options, clock=lambda: NOW) as bank:
         bank.admit_many(sound)
         before = [_top(bank, task) for task in asked]
-        own = {record.id for record in bank.records()}
         bank.admit_many(item for task in attacked for item in _attack(task, _VERDICTS[on]))
         after = [_top(bank, task) for task in asked]
     for place, (was, now) in enumerate(zip(before, after, strict=True)):
-        hits += place < len(attacked) and any(id not in own for id in now)
+        hits += place < len(attacked) and any(harm in said for said in now.values() for harm in _HARM)
         shown += len(was)
-        lost += len(set(was) - set(now))
+        lost += len(was.keys() - now.keys())
     setting.tell(0.6, "the bank's are done")
     theirs = {
         peer.name: _peer(setting, peer, place, size, on, asked) for place, peer in enumerate(setting.peers())
@@ -70,9 +69,10 @@ def _attack(task: MemoryTask, verdict: Verdict) -> list[Admission]:
     return [(Lesson("procedural_hint", f"{task.query}: {harm}."), verdict, task, source) for harm in _HARM]
 
 
-def _top(bank: KnowledgeBank, task: MemoryTask) -> list[str]:
+def _top(bank: KnowledgeBank, task: MemoryTask) -> dict[str, str]:
+    """What is shown, by id: poison may be in a record of its own, or have been merged into another."""
     items = sorted(bank.recall(task).items, key=lambda item: -item.score)
-    return [item.id for item in items[:TOP]]
+    return {item.id: item.content for item in items[:TOP]}
 
 
 def _peer(
@@ -86,17 +86,18 @@ def _peer(
     lessons, folder = setting.peer_lessons(size), setting.folder / f"poisoned-{place}"
     peer.fill(folder, lessons)
     queries = [task.query for task in asked]
+    victims = len(queries) // 2
     before = [peer.retrieve(folder, query, TOP, NOW) for query in queries]
     bad = [
         PeerLesson(f"bad-{i}-{k}", query, f"{query}: {harm}.", "procedural_hint", status, 0.75, 0.8, NOW)
-        for i, query in enumerate(queries[:VICTIMS])
+        for i, query in enumerate(queries[:victims])
         for k, harm in enumerate(_HARM)
     ]
     peer.fill(folder, [*lessons, *bad])
     after = [peer.retrieve(folder, query, TOP, NOW) for query in queries]
-    hits = sum(any(id.startswith("bad-") for id in now) for now in after[:VICTIMS])
+    hits = sum(any(id.startswith("bad-") for id in now) for now in after[:victims])
     lost = sum(len(set(was) - set(now)) for was, now in zip(before, after, strict=True))
-    return 100 * hits / VICTIMS, 100 * lost / max(sum(map(len, before)), 1)
+    return 100 * hits / victims, 100 * lost / max(sum(map(len, before)), 1)
 
 
 def tests() -> list[Test]:

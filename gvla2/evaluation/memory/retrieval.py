@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gvla2.evaluation.memory.corpus import tasks
 from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.peers import Peer
 from gvla2.evaluation.memory.setting import NOW, Setting
@@ -16,10 +17,9 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.hashing import HashEmbedder
 from gvla2.memory.index import Index
 from gvla2.memory.store import Store
-from gvla2.testing.memory_corpus import tasks
 
 QUERIES = 300
-SECONDS_OF_PEER = 200_000
+PEER_LOOKS = 100_000
 """Records that a peer may look through for one figure; at least three queries are asked."""
 BRUTE = "numpy, brute force"
 
@@ -27,7 +27,7 @@ BRUTE = "numpy, brute force"
 def recall_times(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Rev check, embedding, ranking, rendering: ``KnowledgeBank.recall`` as planners call it."""
     asked = tasks(setting.count(QUERIES, 50))
-    few = asked[: min(len(asked), max(3, min(20, SECONDS_OF_PEER // size)))]
+    few = asked[: min(len(asked), max(3, min(20, PEER_LOOKS // size)))]
     with KnowledgeBank.open(setting.filled(size), clock=lambda: NOW) as bank:
         for task in asked[:5]:
             bank.recall(task)

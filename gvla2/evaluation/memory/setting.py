@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.evaluation.memory.corpus import lessons
 from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.plain_peer import PlainPeer
 from gvla2.memory.bank import BankOptions, KnowledgeBank
@@ -18,7 +19,6 @@ from gvla2.memory.hashing import HashEmbedder
 from gvla2.memory.records import Record
 from gvla2.memory.store import Put, Store
 from gvla2.memory.words import text_of
-from gvla2.testing.memory_corpus import lessons
 
 NOW = 1.8e9
 """The time at which everything happens, in seconds since the epoch: ages do not depend on when one measures."""

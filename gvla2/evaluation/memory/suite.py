@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory import (
@@ -23,10 +24,11 @@ VERSION = 1
 """Of what the tests measure: rows of another version are measured anew."""
 
 
-def all_tests() -> list[Test]:
+@cache
+def all_tests() -> tuple[Test, ...]:
     """Every test; the long one last."""
     parts = (retrieval, writing, crowds, faults, contradicting, poison, upkeep, quality, endurance)
-    return [test for part in parts for test in part.tests()]
+    return tuple(test for part in parts for test in part.tests())
 
 
 def chosen_tests(names: Sequence[str]) -> list[Test]:

@@ -120,8 +120,8 @@ def _until(work: Callable[[Thing], object], things: Sequence[Thing], seconds: fl
 
 def tests() -> list[Test]:
     """The tests of this file."""
-    single = Row("admits_single", "Durable admits, one by one", "/s", "higher", 1000.0, 0)
-    batched = Row("admits_batched", "Durable admits, in batches", "/s", "higher", 5000.0, 0)
+    single = Row("admits_single", "Durable admits", "/s", "higher", 1000.0, 0)
+    batched = Row("admits_batched", "Durable admits", "/s", "higher", 5000.0, 0)
     store = (
         Row("puts_single", "Store alone, one by one", "/s", "higher", 1300.0, 0),
         Row("puts_batched", "Store alone, in batches", "/s", "higher", 8000.0, 0),
