@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray, invert_rigid
-from gvla2.planning.arm import Arm, Attachment, Clearance, IKSolution
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.arm import Arm, Attachment, Clearance, Hand, IKSolution
 from gvla2.planning.check_limits import CheckLimits
 from gvla2.planning.checks_words import passed, where
 from gvla2.planning.findings import CheckName, Finding
@@ -227,11 +227,23 @@ def _grasp_width(leg: Leg, legs: Sequence[Leg], scene: Scene, arm: Arm) -> Findi
     if held is None:
         return None
     width, opening = width_along(held, leg.pose[:3, 1]), leg.opening * arm.hand.max_width
-    if width <= opening:
+    if width <= opening or part_fits(held, leg.pose, opening, arm.hand):
         return None
     return Finding("clearance", False, leg.index, "too_wide",
         f"{where(leg.index, leg.waypoint)}: '{held.label}' is {width * 1000:.0f} mm wide where the hand is open "
         f"{opening * 1000:.0f} mm; open it more or grasp another side.", width, opening)  # fmt: skip
+
+
+def part_fits(thing: SceneObject, world_from_tcp: FloatArray, opening: float, hand: Hand) -> bool:
+    """Whether the hand, at the tool pose (4, 4) and ``opening`` metres wide, has a part of the object between its
+    fingers and nothing of it where the fingers are: a nozzle, a handle, a wall. Told by the object's seen points.
+    """
+    points = transform_points(invert_rigid(world_from_tcp), thing.points)
+    points = points[np.abs(points[:, 0]) < 0.5 * hand.finger_breadth]
+    points = points[np.abs(points[:, 2]) < hand.tip_beyond_tcp]
+    off = np.abs(points[:, 1])
+    struck = (off > 0.5 * opening) & (off < 0.5 * opening + hand.finger_thickness)
+    return bool((off < 0.5 * opening).any() and not struck.any())
 
 
 def width_along(thing: SceneObject, direction: FloatArray) -> float:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray, transform_points
 
-Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "region", "other"]
-"""Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box."""
+Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
+"""Coarse geometry: a ``region`` is a patch painted on the table, a ``disc`` a flat cylinder, a ``plate`` a flat box,
+a ``ring`` a flat thing with a hole through it, a ``bar`` something long and thin."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class SceneObject:
     ``points`` (N, 3) seen surface points in the world, metres; ``rgb`` (3,) mean colour in [0, 1].
     ``label`` is what a person would call it ("red cube"), ``colour`` a colour word or "" where unsure.
     ``parent`` is the id of the object that this is a part of (a button of a lamp), or "".
-    ``confidence`` in [0, 1].
+    ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow thing at its top (a cup, an open
+    box) or of a ring's hole, metres; 0 where it is closed.
     """
 
     id: str
@@ -49,6 +51,7 @@ class SceneObject:
     rgb: FloatArray = field(default_factory=lambda: np.zeros(3))
     parent: str = ""
     confidence: float = 1.0
+    opening: float = 0.0
 
     @property
     def centre(self) -> FloatArray:
@@ -108,6 +111,17 @@ class Scene:
         """The scene with the object of the same id replaced (refined geometry)."""
         return replace(self, objects=tuple(changed if o.id == changed.id else o for o in self.objects))
 
+    def parts_of(self, object_id: str) -> tuple[SceneObject, ...]:
+        """The parts of an object and the parts of those, in the scene's order."""
+        within = {object_id}
+        for _ in self.objects:
+            grown = within | {o.id for o in self.objects if o.parent in within}
+            if grown == within:
+                break
+            within = grown
+        return tuple(o for o in self.objects if o.id in within and o.id != object_id)
+
     def obstacles(self, ignore: frozenset[str] = frozenset()) -> tuple[SceneObject, ...]:
-        """Objects that can be bumped into: all but painted regions and the ids in ``ignore``."""
-        return tuple(o for o in self.objects if o.shape != "region" and o.id not in ignore)
+        """Objects that can be bumped into: all but painted regions, the ids in ``ignore`` and the parts of those."""
+        ignored = ignore | {part.id for one in ignore if one for part in self.parts_of(one)}
+        return tuple(o for o in self.objects if o.shape != "region" and o.id not in ignored)

@@ -199,11 +199,15 @@ class _Query:
         return [goals[i] for i in order if (broken[i], close[i]) == best]
 
     def _can_continue(self, joints: FloatArray, then: Sequence[FloatArray]) -> bool:
+        """Whether the straight moves work from here, the arm staying clear of itself."""
+        own = slice(self.checker.n_world, None)
         for pose in then:
             line = self.arm.line(joints, pose, step=0.02)
             if line is None:
                 return False
             joints = line[-1]
+            if self.checker.distances(joints)[own].min(initial=np.inf) < 0:
+                return False
         return True
 
     def _away(self, goal: _Goal) -> float:

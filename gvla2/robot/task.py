@@ -35,7 +35,8 @@ class Body:
     """A rigid body. ``world_from_body`` (4, 4) at reset; ``mass`` in kg (of all its solids); ``fixed`` to the world.
 
     ``label`` is what a person calls it ("red cup") and ``shape`` what a body of several solids looks like as a whole
-    (see :data:`gvla2.planning.scene.Shape`); only a scene made from true state reads them.
+    (see :data:`gvla2.planning.scene.Shape`); ``parts`` are labels of those of its solids, by their numbers, that have
+    a name of their own ("handle"). Only a scene made from true state reads them.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Body:
     friction: float = 0.8
     label: str = ""
     shape: str = ""
+    parts: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike
 from gvla2_plugins.classical.frames import Frame, seen_through
+from gvla2_plugins.classical.leaning import leaning_plate
 from gvla2_plugins.classical.levels import split_by_height
+from gvla2_plugins.classical.openings import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
 from gvla2_plugins.classical.things import Thing
@@ -33,7 +35,8 @@ def assemble(
     things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
-        parts += [replace(p, group=group) for p in _take_apart(frames, pixels, thing, min_points, gap)]
+        taken = _take_apart(frames, pixels, thing, min_points, gap)
+        parts += [replace(opened(frames, p), group=group) for p in taken]
     return rest_on_each_other(parts, hand)
 
 
@@ -89,6 +92,8 @@ def _take_apart(
     """The parts of a thing that one solid does not explain, when the parts' solids explain it better."""
     if thing.hollow or (thing.kind != "other" and thing.agreement >= GOOD):
         return [thing]
+    if (plate := leaning_plate(thing)) is not None:
+        return [plate]
     cuts = split_by_height(thing.points, max(12, min_points // 2))
     if len(cuts) < 2:
         return [thing]

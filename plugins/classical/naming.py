@@ -40,6 +40,8 @@ def colour_word(rgb: FloatArray) -> tuple[str, float]:
 def shape_of(thing: Thing) -> Shape:
     """The scene's coarse shape."""
     width, depth, height = thing.extents
+    if thing.noun == "ring":
+        return "ring"
     if thing.kind == "box" and height < 0.025 and height < 0.3 * min(width, depth):
         return "plate"
     if thing.kind == "cylinder" and height < 0.6 * width:
@@ -71,10 +73,14 @@ def parents(things: Sequence[Thing]) -> list[int]:
     """Index of the thing that each is a part of, or -1.
 
     A button belongs to what it stands on, a post on a foot to the foot, what is held up to what the post belongs
-    to, a lid to the round thing under it, and what a split by height made to the lowest of its parts.
+    to, a lid to the round thing under it, and what a split by height made to the lowest of its parts. What is already
+    known to be a part, or to be a thing of its own, stays that.
     """
     found = []
     for k, thing in enumerate(things):
+        if thing.part_of >= 0 or thing.noun:
+            found.append(thing.part_of)
+            continue
         carrier = things[thing.on] if thing.on >= 0 else None
         siblings = [j for j, other in enumerate(things) if other.group == thing.group and j != k]
         lowest = min(siblings, key=lambda j: things[j].bottom, default=-1)
@@ -90,7 +96,7 @@ def parents(things: Sequence[Thing]) -> list[int]:
             parent = lowest
         found.append(parent)
     for k in range(len(found)):  # parts of parts belong to the whole, save a button's own housing
-        for _ in range(len(found)):
+        for _ in range(0 if things[k].part_of >= 0 else len(found)):
             above = found[found[k]] if found[k] >= 0 else -1
             carrier = things[found[k]] if found[k] >= 0 else None
             if above < 0 or is_button(things[k], carrier):
@@ -111,6 +117,8 @@ def _is_lid(thing: Thing, carrier: Thing) -> bool:
 
 def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
     """The plain word for it, without its colour."""
+    if thing.noun:
+        return thing.noun
     carrier = things[thing.on] if thing.on >= 0 else None
     width, _, height = thing.extents
     if is_button(thing, carrier):

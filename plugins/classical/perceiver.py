@@ -14,6 +14,7 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
+from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
 from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape_of, true_colour
 from gvla2_plugins.classical.pixels import Pixels, choose
@@ -21,6 +22,7 @@ from gvla2_plugins.classical.plane import Table, find_table
 from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
+from gvla2_plugins.classical.wholes import WHOLES
 
 BORDER = (
     0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole
@@ -104,11 +106,14 @@ class ClassicalPerceiver:
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
             labels = join_across_views(pixels, pieces, reach=0.004 + 1.5 * table.noise)
             things = assemble(frames, pixels, labels, config.min_points, config.gap, hand)
+            things = put_together(pixels, things, WHOLES)
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         painted, patches = find_patches(
             frames, paint, bare, config.min_region, config.min_points, config.colour_step
         )
+        # What is seen flat on the table inside a hollow thing is its floor.
+        patches = [p for p in patches if not any(t.hollow and t.covers(p.centre[None])[0] for t in things)]
         return pixels, things, painted, patches
 
 
@@ -136,6 +141,7 @@ def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:
                 rgb,
                 parent,
                 confidence,
+                thing.opening,
             )
         )
     return objects

@@ -24,7 +24,9 @@ class Thing:
     ``agreement`` in [0, 1] how well the solid explains the points; ``hollow``: one sees into it; ``floating``: free
     space was seen under it; ``guessed``: how deep it is was not seen; ``lowest`` height of its seen points;
     ``group`` tells which things were one before a split by height; ``on`` is the index of the thing that carries
-    it, -1 for the table.
+    it, -1 for the table; ``part_of`` that of the thing that it is known to be a part of, and ``noun`` what it is known
+    to be, "" where only its shape tells; ``opening`` its inner width, 0 where it is closed; ``turn`` (3, 3) the axes
+    of a thing that leans, in place of ``yaw``.
     """
 
     kind: Kind
@@ -40,20 +42,35 @@ class Thing:
     lowest: float = 0.0
     group: int = -1
     on: int = -1
+    part_of: int = -1
+    noun: str = ""
+    opening: float = 0.0
+    turn: FloatArray | None = None
+
+    @property
+    def spans(self) -> FloatArray:
+        """(3,) side lengths of the upright box about it that is turned by its yaw."""
+        if self.turn is None:
+            return self.extents
+        c, s = np.cos(self.yaw), np.sin(self.yaw)
+        upright = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return np.asarray(np.abs(upright @ self.turn) @ self.extents)
 
     @property
     def top(self) -> float:
-        """Height of its upper face."""
-        return float(self.centre[2] + 0.5 * self.extents[2])
+        """Height of its highest point."""
+        return float(self.centre[2] + 0.5 * self.spans[2])
 
     @property
     def bottom(self) -> float:
-        """Height of its lower face."""
-        return float(self.centre[2] - 0.5 * self.extents[2])
+        """Height of its lowest point."""
+        return float(self.centre[2] - 0.5 * self.spans[2])
 
     @property
     def pose(self) -> FloatArray:
         """(4, 4) table_from_thing."""
+        if self.turn is not None:
+            return rigid(self.turn, self.centre)
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], self.centre)
 
@@ -69,7 +86,12 @@ class Thing:
         local = (xy - self.centre[:2]) @ np.array([[c, -s], [s, c]])
         if self.kind in ("cylinder", "sphere"):
             return np.asarray(np.linalg.norm(local, axis=1) <= 0.5 * self.extents[0] + margin)
-        return np.asarray((np.abs(local) <= 0.5 * self.extents[:2] + margin).all(axis=1))
+        return np.asarray((np.abs(local) <= 0.5 * self.spans[:2] + margin).all(axis=1))
+
+    def local(self, points: FloatArray) -> FloatArray:
+        """(N, 3) points (N, 3) along its own axes, from its centre."""
+        pose = self.pose
+        return np.asarray((points - pose[:3, 3]) @ pose[:3, :3])
 
 
 def upright_rectangle(yaw: float, width: float, depth: float) -> tuple[float, float, float]:

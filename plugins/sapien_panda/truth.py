@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -11,6 +12,7 @@ from gvla2.planning.colours import nearest_colours
 from gvla2.planning.scene import Box, Scene, SceneObject, Shape
 from gvla2.robot.task import Body, Layout
 from gvla2.robot.volumes import extent
+from gvla2_plugins.sapien_panda.hollows import opening
 from gvla2_plugins.sapien_panda.looks import body_surface
 from gvla2_plugins.sapien_panda.world import TABLE_HEIGHT, World
 
@@ -24,11 +26,33 @@ _PAINT = 0.002
 
 
 def true_scene(world: World, layout: Layout, workspace: Box) -> Scene:
-    """Every body as an object whose id is the body's name; parts name their parent."""
+    """Every body as an object whose id is the body's name, and its named parts; parts name their parent."""
     above = {joint.child: joint.parent for joint in (*layout.joints, *layout.threads)}
-    bodies = layout.lit(world.peaks)
-    objects = tuple(_object(body, world.body_pose(body.name), above.get(body.name, "")) for body in bodies)
-    return Scene(objects, TABLE_HEIGHT, workspace, "oracle")
+    objects: list[SceneObject] = []
+    for body in layout.lit(world.peaks):
+        pose = world.body_pose(body.name)
+        parts = [_part(body, label, numbers) for label, numbers in body.parts]
+        objects.append(_object(_without_what_stands_off(body), pose, above.get(body.name, "")))
+        objects += [_object(part, pose, body.name) for part in parts]
+    return Scene(tuple(objects), TABLE_HEIGHT, workspace, "oracle")
+
+
+def _part(body: Body, label: str, numbers: tuple[int, ...]) -> Body:
+    """Some solids of a body as a body of their own, named after both."""
+    solids = tuple(body.solids[i] for i in numbers)
+    return replace(body, name=f"{body.name}/{label}", solids=solids, label=label, shape="", parts=())
+
+
+def _without_what_stands_off(body: Body) -> Body:
+    """The body less the parts that are beside it: a drawer's box ends where its handle begins."""
+    aside: set[int] = set()
+    for _, numbers in body.parts:
+        rest = tuple(solid for i, solid in enumerate(body.solids) if i not in numbers)
+        low, high = extent(rest)
+        middle = 0.5 * np.sum(extent(tuple(body.solids[i] for i in numbers)), axis=0)
+        if ((middle < low) | (middle > high))[:2].any():
+            aside |= set(numbers)
+    return replace(body, solids=tuple(solid for i, solid in enumerate(body.solids) if i not in aside))
 
 
 def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
@@ -46,6 +70,7 @@ def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
         transform_points(pose, _surface_points(body)),
         rgb,
         parent,
+        opening=opening(body.solids, low, high),
     )
 
 

@@ -18,6 +18,11 @@ DYNAMIC = ("onto", "on to", "into", "in to", "to", "over to", "across to", "up t
 """Wordings that always tell where something goes, not where it is."""
 
 
+WORKED = ("open", "close", "pull", "twist")
+"""Skills done to a lid, a drawer or something stuck: places that are said then tell what it is a part of."""
+MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
+
+
 @dataclass(frozen=True)
 class _Match:
     skill: str
@@ -61,7 +66,8 @@ def _clause(tokens: list[str]) -> Intent | None:
     match = _verb(tokens)
     if match is None:
         return _verbless(tokens, amount)
-    consumed = set(match.at)
+    # "pull it out of the tower": the verb's "out" belongs to where it is taken from
+    consumed = {i for i in match.at if not (tokens[i] == "out" and tokens[i + 1 : i + 2] == ["of"])}
     after = [t for i, t in enumerate(tokens) if i not in consumed and i > match.at[0]]
     before = [t for i, t in enumerate(tokens) if i not in consumed and i < match.at[0]]
     chunks, direction = _chunks(after, match.skill)
@@ -72,7 +78,8 @@ def _clause(tokens: list[str]) -> Intent | None:
         if not subject.phrase().empty:  # "the block should be pushed"
             chunks[0] = subject
     theme, goal, relation = _roles(match.skill, chunks)
-    if match.skill == "unsupported" and (theme is None or theme.everywhere) and lexicon.HAND & set(tokens):
+    nothing = theme is None or theme.everywhere
+    if match.skill in ("unsupported", "open", "close", "twist") and nothing and lexicon.HAND & set(tokens):
         return None  # "close your hand and push ...", "with the gripper closed"
     intent = Intent(match.skill, " ".join(match.words), theme, goal, relation, amount, direction)
     nowhere = goal is None and direction is None and match.skill == "place"
@@ -226,18 +233,22 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
             goal, relation = phrase, chunk.relation
         elif goal is not None and chunk.relation != "from":
             goal = replace(goal, landmark=(chunk.relation, phrase))
-        elif skill == "press" and chunk.relation in ("on", "in", "to"):
+        elif skill in WORKED and (phrase.noun in MEANS or phrase.pronoun):
+            continue  # "by its handle", "out of it"
+        elif (skill == "press" and chunk.relation in ("on", "in", "to")) or (
+            skill in WORKED and theme.noun in OWNED and theme.owner is None
+        ):
             theme = replace(theme, owner=phrase)
         else:
-            theme = replace(theme, landmark=("on" if chunk.relation == "from" else chunk.relation, phrase))
+            theme = replace(theme, landmark=(chunk.relation, phrase))
     return (None if theme.empty and not theme.landmark and not theme.everywhere else theme), goal, relation
 
 
 def _goal_index(skill: str, told: Sequence[tuple[_Chunk, Phrase]]) -> int:
-    if skill in ("pick", "press", "unsupported"):
+    if skill in ("pick", "press", "unsupported", "open", "close"):
         return -1
     aims = [k for k, (c, _) in enumerate(told) if c.relation != "from"]
-    if skill == "fetch":
+    if skill in ("fetch", "pull"):
         aims = [k for k in aims if told[k][0].dynamic]
     dynamic = [k for k in aims if told[k][0].dynamic]
     return (dynamic or aims or [-1])[0]

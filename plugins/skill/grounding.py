@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from gvla2_plugins.skill.words import noun_class, tokenise
 TIE = 0.9
 """Objects that fit this share of the best fit are as good as the best: only a selector parts them."""
 NEAR_COLOUR = 0.7
+OTHER_KIND, PART = 0.7, 0.6
+"""What is left of a fit where the words before the noun are not the thing's, and where a part of a thing is to be
+any thing."""
 DOUBTFUL = 0.25
 """How well a thing of another shape fits, where its colour is the one that was named."""
 BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
@@ -50,8 +53,45 @@ def ground(
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
     noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
     fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, noun, o)) > 0]
+    if phrase.owner is not None and fits:
+        return _single(phrase, _owned(phrase, phrase.owner, fits, scene), scene)
+    return _single(phrase, _colour_filter(phrase.colour, fits), scene)
+
+
+def ground_all(
+    phrase: Phrase, scene: Scene, *, exclude: frozenset[str] = frozenset()
+) -> tuple[SceneObject, ...]:
+    """All movable things of a scene that a phrase in the plural means: "the red things", "every object".
+
+    Parts, painted regions and ``exclude`` are none of them; nor are hollow things where any object is meant, since
+    these are what others are put into. Empty where nothing fits.
+    """
+    pool = [o for o in scene.objects if o.id not in exclude and o.shape != "region" and not o.parent]
+    if phrase.noun in ("", "object"):
+        pool = [o for o in pool if not o.opening and not _label_classes(o) & lexicon.HOLLOW]
+    fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, phrase.noun, o)) > 0]
     fits = _colour_filter(phrase.colour, fits)
-    return _single(phrase, fits, scene)
+    best = max((f.score for f in fits), default=0.0)
+    return tuple(f.object for f in fits if f.score >= TIE * best)
+
+
+def part_named(scene: Scene, thing: SceneObject, noun: str) -> SceneObject | None:
+    """The part of a thing that is called by a noun class ("handle", "lid"), the highest of several, or None."""
+    named = [part for part in scene.parts_of(thing.id) if noun in _label_classes(part)]
+    return max(named, key=lambda part: part.top, default=None)
+
+
+def _owned(phrase: Phrase, owner: Phrase, fits: Sequence[_Fit], scene: Scene) -> list[_Fit]:
+    """The fits that belong to the owner; a colour may be the owner's where no part has it ("the red jar lid")."""
+    coloured = _colour_filter(phrase.colour, fits)
+    at = ground(owner, scene)
+    if isinstance(at, Abstention) and phrase.colour and not owner.colour:
+        at = ground(replace(owner, colour=phrase.colour), scene)
+        coloured = list(fits)
+    if isinstance(at, Abstention):
+        return coloured
+    own = {part.id for part in scene.parts_of(at.object.id)}
+    return [f for f in coloured if f.object.id in own] or [f for f in fits if f.object.id in own] or coloured
 
 
 def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
@@ -84,10 +124,19 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
         return sure
     if not noun:
         anything = not phrase.unknown and not phrase.everywhere
-        return 0.8 * sure if anything else 0.0
+        return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
+    words = tokenise(thing.label)
     classes = _label_classes(thing)
     if noun in classes:
-        return sure
+        other_kind = bool(phrase.kinds) and not set(phrase.kinds) & set(words)
+        return OTHER_KIND * sure if other_kind else sure
+    if noun == "block" and thing.opening and "box" in phrase.text.split():
+        return sure  # "the box": a hollow one, whatever it is called
+    alike = max((lexicon.ALIKE.get(noun, {}).get(c, 0.0) for c in classes), default=0.0)
+    if alike:
+        return alike * sure
+    if noun == "object" and thing.parent:
+        sure *= PART
     speaking = classes - lexicon.SHAPE_NOUNS
     if speaking and noun not in lexicon.SHAPE_NOUNS:
         return 0.0  # a lamp is no cup, whatever its shape
@@ -98,7 +147,9 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
 
 
 def _label_classes(thing: SceneObject) -> set[str]:
-    return {c for word in tokenise(thing.label) if (c := noun_class(word))}
+    """The class of the label's last noun: a knife block is a block, a box lid a lid. Empty where it has none."""
+    known = [c for word in tokenise(thing.label) if (c := noun_class(word))]
+    return set(known[-1:])
 
 
 def _button_score(thing: SceneObject, scene: Scene) -> float:
@@ -133,11 +184,17 @@ def _gap(colour: str, thing: SceneObject) -> float:
 def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Abstention:
     """The best fit, when nothing else fits as well."""
     if phrase.landmark is not None and fits:
-        at = ground(phrase.landmark[1], scene)
-        if isinstance(at, Abstention):
-            return at
-        others = [f for f in fits if f.object.id != at.object.id]
-        fits = _located(others, phrase.landmark[0], at.object)
+        relation, where = phrase.landmark
+        if relation == "beside" and where.noun in lexicon.PARTS:  # "by its handle"
+            fits = [f for f in fits if part_named(scene, f.object, where.noun)] or list(fits)
+        else:
+            at = ground(where, scene)
+            if isinstance(at, Grounded):
+                others = [f for f in fits if f.object.id != at.object.id]
+                fits = _located(others, relation, at.object)
+            elif relation != "from" and not where.pronoun:
+                return at
+            # Where it is taken from need not be seen: "out of its holder".
     if not fits:
         return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {_inventory(scene)}.")
     best = max(f.score for f in fits)
@@ -203,8 +260,8 @@ def _located(fits: Sequence[_Fit], relation: str, at: SceneObject) -> list[_Fit]
         dx, dy = (o.centre - at.centre)[:2]
         reach = 0.5 * float(np.linalg.norm(at.extents[:2]))
         match relation:
-            case "on" | "in" | "to":
-                return bool(np.hypot(dx, dy) < reach + 0.01)
+            case "on" | "in" | "to" | "from":
+                return bool(np.hypot(dx, dy) < reach + 0.01) or o.parent == at.id
             case "left_of":
                 return bool(dy > 0.01)
             case "right_of":

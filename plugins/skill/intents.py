@@ -173,6 +173,18 @@ def _one_skill(skills: set[str]) -> str:
         ({"pick", "place"}, "place"),
         ({"place", "push"}, "push"),  # "move it there by pushing"
         ({"pick", "push"}, "push"),
+        ({"pull", "place"}, "place"),  # where it is held by other things, the scene says so
+        ({"twist", "pick"}, "twist"),
+        ({"twist", "place"}, "twist"),
+        ({"twist", "pull"}, "twist"),
+        ({"twist", "open"}, "twist"),
+        ({"twist", "pick", "place"}, "twist"),
+        ({"pull", "pick"}, "pick"),
+        ({"pull", "pick", "place"}, "place"),
+        ({"pull", "open"}, "open"),
+        ({"pick", "open"}, "open"),
+        ({"push", "close"}, "close"),
+        ({"pull", "close"}, "close"),
     ):
         if skills == group:
             return whole

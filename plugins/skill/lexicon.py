@@ -20,7 +20,7 @@ VERBS: dict[str, tuple[str, ...]] = {
     "place": (
         "put * down", "put", "place", "set * down", "set", "lay * down", "lay", "drop * off", "drop", "deposit",
         "stack", "rest", "position", "deliver", "transfer", "carry", "relocate", "transport", "leave", "move",
-        "stow", "store", "park", "load", "pile", "arrange",
+        "stow", "store", "park", "load", "pile", "arrange", "sort", "insert", "slip", "thread", "fit",
     ),
     "push": (
         "push", "slide", "shove", "nudge", "sweep", "scoot", "poke", "shift", "drag", "propel", "skid",
@@ -36,13 +36,31 @@ VERBS: dict[str, tuple[str, ...]] = {
         "flip * on", "flip", "enable", "trigger", "start", "make * shine", "make * glow",
         "make * light", "make * bright", "flick * on", "flick", "brighten", "touch",
     ),
+    "open": (
+        "open * up", "open", "lift * open", "raise * open", "swing * open", "prise * open", "pry * open", "flip * open",
+        "lever * open", "slide * open", "pull * open", "draw * open", "tug * open", "yank * open", "ease * open",
+        "get * open", "make * open", "prop * open",
+    ),
+    "twist": (
+        "unscrew", "screw * off", "screw * open", "twist * off", "twist * open", "twist", "untwist", "uncap", "unseal",
+        "rotate * off", "rotate", "uncork",
+    ),
+    "close": (
+        "close * up", "close", "shut", "swing * shut", "swing * closed", "swing * over", "push * shut", "push * closed",
+        "pull * shut", "pull * closed", "pull * over", "flip * shut", "flip * closed", "flip * over", "fold * shut",
+        "fold * over", "slide * shut", "slide * closed", "bring * over", "get * shut", "get * closed", "lower * lid",
+    ),
+    "pull": (
+        "pull * out", "pull", "slide * out", "draw * out", "tug * out", "tug", "yank * out", "yank", "ease * out",
+        "drag * out", "slip * out", "work * out",
+    ),
 }  # fmt: skip
 """Skill to phrases; ``*`` stands for words between. ``fetch`` is a taking that a goal turns into ``place``."""
 
 UNSUPPORTED: frozenset[str] = frozenset(
-    """open close unscrew screw twist rotate turn insert pull kick throw toss hurl pack unpack peck pour fill
+    """screw turn kick throw toss hurl pack unpack peck pour fill
     empty fold unfold wipe clean wash cut slice chop stab break smash crush eat drink cook stir mix shake wave write
-    draw paint measure count sort hang tie untie plug unplug roll spin tilt bend squeeze bite lock unlock dance sing
+    draw paint measure count hang tie untie plug unplug roll spin tilt bend squeeze bite lock unlock dance sing
     jump run walk sit stand sleep fly explode burn destroy kill buy sell watch read
     dim extinguish release assemble build""".split()
 )
@@ -63,13 +81,18 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "cup": ("cup", "mug", "glass", "beaker", "tumbler", "goblet"),
     "bowl": ("bowl", "basin"),
     "tray": ("tray",),
-    "bottle": ("bottle", "flask", "mustard", "ketchup", "spray"),
+    "bottle": ("bottle", "flask", "mustard", "ketchup", "spray", "wine"),
     "jar": ("jar", "pot"),
-    "lid": ("lid", "cap", "cover"),
+    "lid": ("lid", "cap", "cover", "stopper"),
     "container": ("container", "bin", "basket", "crate", "carton"),
     "ring": ("ring", "hoop", "donut"),
     "pillar": ("pillar", "peg", "post", "pole", "column", "stick"),
     "umbrella": ("umbrella", "parasol"),
+    "stand": ("stand", "holder", "rack"),
+    "handle": ("handle", "grip", "haft"),
+    "drawer": ("drawer",),
+    "cabinet": ("cabinet", "cupboard", "chest", "dresser"),
+    "tower": ("tower", "stack", "pile"),
     "knife": ("knife",),
     "object": (
         "object", "thing", "item", "piece", "one", "toy", "shape", "solid", "part", "body", "gadget", "element",
@@ -93,13 +116,41 @@ SHAPE_FIT: dict[str, dict[str, float]] = {
     "jar": {"cylinder": 0.6, "other": 0.4},
     "lid": {"disc": 0.6, "plate": 0.3},
     "container": {"box": 0.6, "cylinder": 0.5, "other": 0.4},
-    "ring": {"disc": 0.5, "other": 0.4},
-    "pillar": {"cylinder": 0.6, "box": 0.5},
-    "umbrella": {"cylinder": 0.4, "other": 0.4},
-    "knife": {"box": 0.4, "other": 0.4},
-    "object": dict.fromkeys(("box", "cylinder", "sphere", "disc", "plate", "other"), 0.8),
+    "ring": {"ring": 0.85, "disc": 0.5, "other": 0.4},
+    "pillar": {"bar": 0.8, "cylinder": 0.6, "box": 0.5},
+    "umbrella": {"bar": 0.5, "cylinder": 0.4, "other": 0.4},
+    "knife": {"bar": 0.5, "box": 0.4, "other": 0.4},
+    "stand": {"box": 0.4, "cylinder": 0.4, "other": 0.4},
+    "handle": {"bar": 0.6},
+    "drawer": {"plate": 0.4},
+    "cabinet": {"box": 0.5},
+    "tower": {"box": 0.4, "other": 0.4},
+    "object": dict.fromkeys(("box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "other"), 0.8),
 }
 """How well a perceived shape can be what a noun says, where the label does not decide; absent: it cannot."""
+
+ALIKE: dict[str, dict[str, float]] = {
+    "block": {"tower": 0.5},
+    "cylinder": {"bottle": 0.5, "jar": 0.5},
+    "cup": {"bowl": 0.5},
+    "bowl": {"cup": 0.5, "tray": 0.4},
+    "tray": {"container": 0.7, "bowl": 0.4},
+    "bottle": {"jar": 0.6},
+    "jar": {"bottle": 0.6, "cup": 0.4},
+    "container": {"tray": 0.8, "bowl": 0.6, "cup": 0.4, "stand": 0.4},
+    "umbrella": {"pillar": 0.6, "bottle": 0.3},
+    "knife": {"pillar": 0.4},
+    "pillar": {"umbrella": 0.4, "bottle": 0.3},
+    "stand": {"container": 0.6, "cup": 0.5, "tray": 0.3},
+    "drawer": {"cabinet": 0.5},
+}
+"""How well a thing that is called otherwise can be what a noun says: classes of labels, absent: it cannot."""
+
+HOLLOW: frozenset[str] = frozenset(("container", "tray", "bowl", "stand", "cabinet", "drawer"))
+"""Classes of things that others are put into."""
+
+PARTS: frozenset[str] = frozenset(("lid", "handle", "button"))
+"""Classes of what things have: "the jar lid" is a lid, and the jar's."""
 
 CONFUSED: dict[str, frozenset[str]] = {
     "block": frozenset(("cylinder", "other")),
@@ -166,7 +217,8 @@ SELECTORS: dict[str, tuple[str, ...]] = {
 """Words that single one out of several."""
 
 RELATIONS: dict[str, tuple[str, ...]] = {
-    "on": ("on top of", "onto the top of", "onto", "on to", "on", "upon", "over the top of", "atop", "above", "over"),
+    "on": ("around", "on top of", "onto the top of", "onto", "on to", "on", "upon", "over the top of", "atop", "above", "over",
+           "around", "round"),
     "in": ("into", "inside of", "inside", "in to", "in", "within"),
     "to": ("all the way to", "over to", "across to", "up to", "until it reaches", "until it touches", "so that it covers", "so it covers", "so that it reaches",
            "till it covers", "till it touches", "till it reaches",
@@ -177,7 +229,9 @@ RELATIONS: dict[str, tuple[str, ...]] = {
     "right_of": ("to the right side of", "to the right of", "on the right of", "right of"),
     "behind": ("behind", "in back of", "beyond"),
     "front_of": ("in front of", "before"),
-    "from": ("away from", "off of", "off", "from", "out of"),
+    "from": ("away from", "off of", "off", "from", "out of", "that sticks out of", "sticking out of",
+             "that stick out of", "protruding from", "that protrudes from", "that stands out of", "poking out of",
+             "that is stuck in", "stuck in", "jutting out of", "that pokes out of"),
     "with": ("with", "using"),
 }  # fmt: skip
 """Relation to its wordings."""

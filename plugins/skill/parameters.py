@@ -9,6 +9,8 @@
 | ``lift_height`` | how far it is lifted |
 | ``transit_clearance`` | gap between what is carried and the highest thing on the table |
 | ``place_height`` | gap under the object when the hand opens |
+| ``turn`` | by how much a cap is turned, radians against the clock seen from above |
+| ``insert_depth`` | how far the hole goes down over a post before the hand opens |
 | ``push_height`` | gap between the fingertips' end and the table while pushing |
 | ``push_overshoot`` | how far beyond the goal the object is pushed |
 | ``press_depth`` | how far below the button's top the fingertips go |
@@ -24,6 +26,7 @@ from __future__ import annotations
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.parameters_work import WORKING, work_defaults
 
 TABLE_GAP = 0.004
 """The fingertips' end stays this far above the table, metres: about twice what depth cameras err by."""
@@ -39,11 +42,17 @@ want on straight moves, since a button may travel nearly all of its height."""
 def defaults(skill: str, theme: SceneObject, hand: Hand, config: SkillConfig) -> dict[str, float]:
     """Theta of a skill before memory speaks."""
     speeds = {"speed": config.speed, "contact_speed": config.contact_speed}
+    if skill in WORKING:
+        return {**work_defaults(skill, theme, hand), **speeds}
     match skill:
         case "pick":
             return {**_grasp(theme, hand), "lift_height": config.lift_height, **speeds}
         case "place":
             return {**_grasp(theme, hand), **_carry(), **speeds}
+        case "twist":
+            return {**_twist(theme, hand), **_carry(), **speeds}
+        case "insert":
+            return {**_insert(theme, hand), **speeds}
         case "push":
             return {**_push(theme, hand), **speeds}
     return {**_press(hand), **speeds}
@@ -72,6 +81,36 @@ def _carry() -> dict[str, float]:
     little for the object to bounce.
     """
     return {"transit_clearance": 0.05, "place_height": 0.005}
+
+
+def _twist(theme: SceneObject, hand: Hand) -> dict[str, float]:
+    """Fingertips just below a cap's underside, where their pads meet all of its side, and a turn of 165 degrees.
+
+    A cap comes loose within half a turn; the wrist makes nearly two, but the hand must also get there and away. Seen
+    from above it turns against the clock, as right-handed threads open. Lifted by its own breadth and a finger's length
+    it is clear of what it closed.
+    """
+    reach = hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
+    return {
+        **_grasp(theme, hand),
+        "grasp_depth": min(0.8 * (theme.top - theme.bottom), reach),
+        "turn": 2.88,
+        "lift_height": 0.12,
+    }
+
+
+def _insert(theme: SceneObject, hand: Hand) -> dict[str, float]:
+    """As low as the table lets the hand; let go where the hole is two thicknesses down the post, so that what slides
+    the rest of the way by its weight cannot cant on the post's end.
+    """
+    reach = hand.finger_length - hand.tip_beyond_tcp - PALM_GAP
+    height = theme.top - theme.bottom
+    return {
+        **_grasp(theme, hand),
+        **_carry(),
+        "grasp_depth": height,
+        "insert_depth": min(2.0 * height, 0.7 * reach),
+    }
 
 
 def _push(theme: SceneObject, hand: Hand) -> dict[str, float]:

@@ -15,7 +15,8 @@ class Phrase:
 
     ``noun`` is a class of the lexicon, "" when no noun was understood; ``unknown`` are its words that are in no
     list; ``colour`` a colour word of perception or ""; ``selectors`` single one out ("left", "big"); ``landmark``
-    places it at another thing; ``owner`` is what it is a part of; ``pronoun``: it stands for what was named before.
+    places it at another thing; ``owner`` is what it is a part of; ``pronoun``: it stands for what was named before;
+    ``kinds`` are nouns before the noun that say which kind of it is meant ("knife" of a knife block).
     """
 
     text: str
@@ -26,6 +27,7 @@ class Phrase:
     landmark: tuple[str, Phrase] | None = None
     owner: Phrase | None = None
     pronoun: bool = False
+    kinds: tuple[str, ...] = ()
 
     @property
     def empty(self) -> bool:
@@ -58,8 +60,9 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
     owner = None
-    if len(specific) > 1 and lexicon.OWNERS.get(specific[0][1]) == noun:  # the lamp button
-        owner = Phrase(rest[specific[0][0]], specific[0][1])
+    before = specific[:-1]
+    if before and (noun in lexicon.PARTS or lexicon.OWNERS.get(before[0][1]) == noun):  # the lamp button
+        owner = Phrase(rest[before[0][0]], before[0][1]) if before[0][1] != noun else None
     taken = {i for i, _ in nouns}
     unknown = tuple(t for i, t in enumerate(rest) if i not in taken and _is_content(t))
     bare = not (noun or unknown or colour)
@@ -71,6 +74,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
         selectors=tuple(selectors),
         owner=owner,
         pronoun=bare and any(t in lexicon.PRONOUNS for t in tokens),
+        kinds=tuple(rest[i] for i, kind in before if kind != noun and owner is None),
     )
 
 

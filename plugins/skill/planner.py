@@ -11,12 +11,21 @@ from gvla2.planning.effects import apply_effects
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.candidates import choose
+from gvla2_plugins.skill.fitting import threaded, unscrewed
 from gvla2_plugins.skill.grammar import Intent, parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_button
 from gvla2_plugins.skill.parameters import defaults, limited
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.proposals import Job, Proposal
 from gvla2_plugins.skill.schemas import SCHEMAS
+from gvla2_plugins.skill.schemas.pick import CLEAR
+from gvla2_plugins.skill.several import one_by_one
+from gvla2_plugins.skill.sorting import Pair, sorting
+from gvla2_plugins.skill.suited import WORKED, ground_worked, suited
+from gvla2_plugins.skill.wholes import assembled, rise
+
+CARRIED = ("pick", "place")
+"""Skills that move a thing with all its parts."""
 
 
 class SkillPlanner:
@@ -30,6 +39,11 @@ class SkillPlanner:
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
+        pairs = sorting(request.instruction, request.scene, self.config.spelling)
+        if isinstance(pairs, Abstention):
+            return Plan(None, skill="place", abstention=pairs)
+        if pairs is not None:
+            return one_by_one(pairs, request, self._sort)
         labels = [o.label for o in request.scene.objects]
         intent = parse(request.instruction, labels, self.config.spelling)
         plan = Plan(None, skill=intent.skill if intent.skill in SCHEMAS else "", notes=intent.notes)
@@ -38,6 +52,15 @@ class SkillPlanner:
         theme = self._theme(intent, request)
         if isinstance(theme, Abstention):
             return replace(plan, abstention=theme)
+        intent = replace(
+            intent, skill=suited(intent.skill, theme.object, request.scene, aimed=intent.goal is not None)
+        )
+        skill, thing = unscrewed(intent.skill, theme.object, request.scene)
+        intent, theme = replace(intent, skill=skill), replace(theme, object=thing)
+        plan = replace(plan, skill=intent.skill)
+        if intent.skill not in SCHEMAS:
+            message = f"It is not known how to {intent.verb} the {theme.object.label}."
+            return replace(plan, skill="", abstention=Abstention("unknown_skill", message))
         goal = self._goal(intent, theme.object, request)
         if isinstance(goal, Abstention):
             return replace(plan, abstention=goal, roles={"theme": theme.object.id})
@@ -48,17 +71,27 @@ class SkillPlanner:
         if goal is not None:
             roles["goal"] = goal.object.id
             notes += goal.notes
+            intent = replace(intent, skill=threaded(intent, theme.object, goal.object))
         return self._propose(intent, theme.object, goal.object if goal else None, roles, notes, request)
+
+    def _sort(self, pair: Pair, request: PlanRequest) -> Plan:
+        """One thing of several into its container."""
+        roles = {"theme": pair.thing.id, "goal": pair.container.id}
+        intent = Intent("place", "sort", relation="in")
+        share = (pair.rank, pair.count)
+        return self._propose(intent, pair.thing, pair.container, roles, [], request, share)
 
     def _theme(self, intent: Intent, request: PlanRequest) -> Grounded | Abstention:
         if intent.skill == "press":
             return ground_button(intent.theme, request.scene)
+        if intent.skill in WORKED:
+            return ground_worked(intent.theme or Phrase("it", pronoun=True), request.scene)
         # Without a name, the one thing that can be moved is meant, if there is only one.
         phrase = intent.theme or Phrase("it", pronoun=True)
         return ground(phrase, request.scene, movable=True)
 
     def _goal(self, intent: Intent, theme: SceneObject, request: PlanRequest) -> Grounded | Abstention | None:
-        if intent.goal is not None and intent.skill in ("place", "push"):
+        if intent.goal is not None and intent.skill in ("place", "push", "draw", "twist"):
             return ground(intent.goal, request.scene, exclude=frozenset({theme.id}))
         if intent.skill in ("place", "push") and intent.direction is None:
             return Abstention(
@@ -76,10 +109,14 @@ class SkillPlanner:
         roles: dict[str, str],
         notes: list[str],
         request: PlanRequest,
+        share: tuple[int, int] = (0, 1),
     ) -> Plan:
+        if intent.skill in CARRIED:
+            theme = assembled(theme, request.scene)
         theta = defaults(intent.skill, theme, request.arm.hand, self.config)
-        if intent.amount is not None and "lift_height" in theta:
-            theta["lift_height"] = intent.amount
+        if "lift_height" in theta:
+            drawn = max(theta["lift_height"], rise(theme, request.scene) + CLEAR)
+            theta["lift_height"] = drawn if intent.amount is None else intent.amount
         theta, changes = apply_effects(theta, request.advice.effects, intent.skill)
         theta, limits = limited(theta, theme, request.scene)
         target = None
@@ -88,7 +125,7 @@ class SkillPlanner:
             target = theme.centre[:2] + distance * np.asarray(intent.direction)
         job = Job(
             intent.skill, request.scene, request.arm.hand, request.arm.workspace, theta, theme, goal,
-            intent.relation, target,
+            intent.relation, target, share,
         )  # fmt: skip
         plan = Plan(None, intent.skill, roles, theta, notes=(*notes, *changes, *limits))
         found = SCHEMAS[intent.skill](job)

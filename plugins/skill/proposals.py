@@ -12,6 +12,7 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2_plugins.skill.parameters import TABLE_GAP
+from gvla2_plugins.skill.wholes import holders, parts_of
 
 LONGEST_LINE = 0.5
 """Longer straight moves are written as several, metres."""
@@ -21,6 +22,7 @@ LONGEST_LINE = 0.5
 class Job:
     """One grounded request. ``goal`` is the object that the theme goes to, or None; ``target`` (2,) where the theme's
     centre is to be, world metres, where the sentence says so by a direction. ``relation`` is the goal's.
+    ``share``: it is the k-th of n things that go there.
     """
 
     skill: str
@@ -32,6 +34,17 @@ class Job:
     goal: SceneObject | None = None
     relation: str = ""
     target: FloatArray | None = None
+    share: tuple[int, int] = (0, 1)
+
+    def own(self) -> frozenset[str]:
+        """Ids of the theme and its parts: what the hand that takes hold of it may touch."""
+        return frozenset({self.theme.id, *(p.id for p in parts_of(self.theme, self.scene))})
+
+    def resting(self) -> frozenset[str]:
+        """Ids of what the theme stands in or on, with their parts, and the table: it touches them until lifted."""
+        held = holders(self.theme, self.scene)
+        within = {p.id for h in held for p in parts_of(h, self.scene)}
+        return frozenset({"table", *(h.id for h in held), *within})
 
     def lowest_tcp(self) -> float:
         """The lowest height of the tool, pointing down, that keeps the fingertips off the table."""
@@ -69,6 +82,7 @@ class Path:
     orientation: Orientation = field(default_factory=Orientation)
     gripper: float = 1.0
     carries: str = ""
+    tolerance: float = 0.01
     waypoints: list[Waypoint] = field(default_factory=list)
 
     def go(
@@ -125,6 +139,7 @@ class Path:
                 speed,
                 allowed,
                 self.carries,
+                self.tolerance,
             )
         )
         return self

@@ -64,7 +64,7 @@ class InsertBlock:
         )  # fmt: skip
         outer = tuple(k * side for side in RING)
         walls = square_ring(outer, k * (RING[0] - HOLE) / 2, COLOURS[ring_colour], -outer[2] / 2)
-        ring = Body("ring", walls, start, MASS, friction=SMOOTH, label=f"{ring_colour} ring", shape="other")
+        ring = Body("ring", walls, start, MASS, friction=SMOOTH, label=f"{ring_colour} ring", shape="ring")
         pillar = pillars[target]
         room = k * (HOLE - PILLAR[0]) / 2
 

@@ -104,7 +104,10 @@ class OpenDrawer:
         )
         return (
             Body("cabinet", carcass, root, 3.0, fixed=True, label=f"{body_colour} cabinet", shape="box"),
-            Body("drawer", (face, *tub, bar, *posts), root, 0.6, label=f"{colour} drawer", shape="box"),
+            Body(
+                "drawer", (face, *tub, bar, *posts), root, 0.6, label=f"{colour} drawer", shape="box",
+                parts=(("handle", tuple(range(1 + len(tub), 4 + len(tub)))),),
+            ),
         ), (
             Joint(
                 "slide", "prismatic", "cabinet", "drawer", axis=-root[:3, 0], origin=root[:3, 3],

@@ -66,6 +66,7 @@ class PutKnife:
                 MASS,
                 label=f"{colour} knife",
                 shape="other",
+                parts=(("handle", (0,)),),
             ),
         )
         volume = on(at(root, 0.0, 0.0, BOARD[2]), VOLUME[:2], VOLUME[2])

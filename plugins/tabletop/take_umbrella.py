@@ -65,6 +65,7 @@ class TakeUmbrella:
             MASS,
             label=f"{colour} umbrella",
             shape="cylinder",
+            parts=(("handle", (2,)),),
         )
         volume = Volume(root @ rigid(translation=(0, 0, 0.75 * z)), (k * VOLUME[0], k * VOLUME[1], z / 2))
 

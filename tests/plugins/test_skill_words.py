@@ -269,11 +269,11 @@ def test_phrases_keep_what_singles_one_out():
 
 @pytest.mark.parametrize(
     "sentence",
-    ["open the drawer", "sing a song", "frobnicate the block", "kick the cube", "pack the cube", "the red cube", "",
-     "don't touch anything", "unscrew the lid", "hello there", "¿?", "12 cm", "leave the red cube alone",
+    ["sing a song", "frobnicate the block", "kick the cube", "pack the cube", "the red cube", "",
+     "don't touch anything", "hello there", "¿?", "12 cm", "leave the red cube alone",
      "ignore the red cube", "find the red cube", "go to the red cube", "the red cube stays on the table",
      "I do not want the red cube lifted", "the red cube should not be lifted", "turn off the lamp",
-     "I want the lamp off", "put the lamp off", "the red cube: open it", "knock the cube over", "the lamp: blue"],
+     "I want the lamp off", "put the lamp off", "knock the cube over", "the lamp: blue"],
 )  # fmt: skip
 def test_what_is_no_skill_of_ours_is_none(sentence):
     assert parse(sentence).skill in ("", "unsupported")
@@ -310,7 +310,7 @@ def test_clauses_without_a_verb_say_more_of_what_was_named():
 @settings(max_examples=60, deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_can_be_parsed(text):
-    assert parse(text).skill in ("", "unsupported", "pick", "place", "push", "press")
+    assert parse(text).skill in ("", "unsupported", "fetch", *lexicon.VERBS)
 
 
 _TABLES = (*lexicon.RELATIONS.values(), *lexicon.SELECTORS.values(), *lexicon.VERBS.values())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,20 +9,23 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Orientation
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2_plugins.skill.holds import GRASP_PLAY, SNUG, Hold, holds, whole
+from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
+from gvla2_plugins.skill.wholes import rise, way_out
 
-GRASP_PLAY = 0.006
-"""The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 2 mm a side."""
-SNUG = 0.008
-"""Room on each side of a hand that is not opened fully, metres."""
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 """Further lean of each family of approaches, radians: none; enough for the wrist's limits; and enough to come from
 the side, which is no longer from the top."""
 STEEP = 0.7
 """A hand whose pointing direction goes down by less than this share comes from the side."""
+LEANING = 0.03
+"""What leans by less of its length is lifted straight up."""
+CLEAR = 0.03
+"""What is drawn out of something ends this far above it, metres."""
 BENT = 0.15
 """What a lift that is not straight costs of the preference: more time with the object in the air."""
-YAWS = 8
+FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("top",)}
+"""A hand that leans needs room beside a part: beside a wall there is none."""
 
 
 @dataclass(frozen=True)
@@ -66,14 +68,18 @@ def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
     """Lifted in one straight move; or, close to the arm's foot where such a line is short, out straight and then
     by a planned move.
     """
-    path, touching = take(job, grasp), frozenset({job.theme.id, "table"})
-    wanted = grasp.centre[2] + job.theta["lift_height"]
+    path, touching = take(job, grasp), job.own() | job.resting()
+    free_at = rise(job.theme, job.scene) + CLEAR
+    drawn = free_at > CLEAR  # out of something: no higher than that takes, it starts high enough
+    lift = min(job.theta["lift_height"], free_at) if drawn else job.theta["lift_height"]
+    wanted = grasp.centre[2] + lift
     height = min(wanted, job.ceiling())
-    up = np.array([*grasp.centre[:2], height])
+    start = draw_out(job, path, grasp)
+    up = np.array([*start[:2], max(height, start[2])])
     if straight:
         path.line("lift", up, allowed=touching)
     else:
-        out = np.array([*up[:2], min(grasp.centre[2] + job.theta["standoff"], height)])
+        out = np.array([*up[:2], min(grasp.centre[2] + max(job.theta["standoff"], free_at), height)])
         path.line("lift", out, allowed=touching).go("raise", up)
     notes = () if height > wanted - 1e-6 else (f"The lift ends at the workspace's ceiling, {height:.3f} m.",)
     how = grasp.description + ("" if straight else ", raised by a planned move")
@@ -81,9 +87,9 @@ def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
     return Proposal(how, grasp.approaches, preference, path.trajectory(), notes)
 
 
-def take(job: Job, grasp: Grasp) -> Path:
-    """The stages that end with the object in the closed hand, not yet lifted."""
-    theta, theme = job.theta, frozenset({job.theme.id})
+def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None) -> Path:
+    """The stages that end with the object in the closed hand, not yet lifted; ``touching`` what it may touch then."""
+    theta, theme = job.theta, job.own() if touching is None else touching
     # So far back along the approach that the fingertips' end is a standoff above the object's top.
     depth = (job.theme.top - grasp.centre[2]) + job.hand.tip_beyond_tcp + theta["standoff"]
     path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
@@ -94,73 +100,58 @@ def take(job: Job, grasp: Grasp) -> Path:
     return path
 
 
+def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
+    """Where the tool is (3,) when the theme has left what it is stuck in, by a straight move along itself."""
+    way, far = way_out(job.theme, job.scene), rise(job.theme, job.scene)
+    if far == 0.0 or np.hypot(*way[:2]) < LEANING:
+        return grasp.centre
+    out = grasp.centre + way * far / way[2]
+    path.line("draw", out, allowed=job.own() | job.resting(), slow=True)
+    return np.asarray(out)
+
+
 def grasps(job: Job) -> list[Grasp] | Abstention:
-    """Grasps from above across each pair of faces that the hand fits around; any yaw for round things."""
-    sides = list(_sides(job))
-    fitting = [s for s in sides if s[1] + GRASP_PLAY <= job.hand.max_width]
-    if not fitting:
-        width = min(s[1] for s in sides)
-        return Abstention(
-            "too_wide",
-            f"The {job.theme.label} is {width * 1000:.0f} mm wide at its narrowest, with {GRASP_PLAY * 1000:.0f} mm of "
-            f"play the hand opens {job.hand.max_width * 1000:.0f} mm: it cannot be grasped from above.",
-        )
+    """Grasps from above by every hold of the thing; leaning ones where nothing of it is in the way."""
     found = []
-    for closing, width, name in fitting:
-        for family, lean in LEANS.items():
-            tilt = min(job.theta["approach_tilt"] + lean, 0.5 * np.pi)
-            for opening, grip in ((1.0, ""), (_snug(job, width), ", hand opened just enough")):
-                found.append(_grasp(job, closing, width, name, family, tilt, opening, grip))
-    return found
+    for hold in holds(job.theme, job.hand):
+        snug = min(hold.opening, (hold.width + 2 * SNUG) / job.hand.max_width)
+        grips = [(hold.opening, "")]
+        if snug < hold.opening:
+            grips.append((snug, ", hand opened just enough"))
+        for family in FAMILIES[hold.part]:
+            found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
+    if found:
+        return found
+    width = min(h.width for h in whole(job.theme, job.hand))
+    return Abstention(
+        "too_wide",
+        f"The {job.theme.label} is {width * 1000:.0f} mm wide at its narrowest, with {GRASP_PLAY * 1000:.0f} mm of "
+        f"play the hand opens {job.hand.max_width * 1000:.0f} mm: it cannot be grasped from above.",
+    )
 
 
-def _snug(job: Job, width: float) -> float:
-    return min(1.0, (width + 2 * SNUG) / job.hand.max_width)
-
-
-def _sides(job: Job) -> Iterator[tuple[FloatArray, float, str]]:
-    """Closing direction (3,), width and name of each way to turn the hand about the vertical."""
-    theme = job.theme
-    if theme.shape in ("cylinder", "disc", "sphere"):
-        for k in range(YAWS):
-            angle = 2 * np.pi * k / YAWS
-            yield horizontal(angle), float(theme.extents[:2].max()), f"yaw {np.degrees(angle):.0f}°"
-        return
-    axes = theme.world_from_object[:3, :3]
-    level = [i for i in range(3) if abs(axes[2, i]) < 0.5]
-    for i in level:
-        flat = axes[:, i] * [1.0, 1.0, 0.0]
-        flat = flat / np.linalg.norm(flat)
-        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
-            yield sign * flat, float(theme.extents[i]), f"across its {theme.extents[i] * 1000:.0f} mm{flip}"
-
-
-def _grasp(
-    job: Job,
-    closing: FloatArray,
-    width: float,
-    name: str,
-    family: str,
-    tilt: float,
-    opening: float,
-    grip: str,
-) -> Grasp:
-    theme, theta = job.theme, job.theta
+def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Grasp:
+    theme, theta, closing = job.theme, job.theta, hold.closing
+    tilt = min(theta["approach_tilt"] + LEANS[family], 0.5 * np.pi)
     beside = np.array([-closing[1], closing[0], 0.0])  # level, across the closing direction
     if beside @ job.outward() < 0:
         beside = -beside
     approach = np.array([0.0, 0.0, -np.cos(tilt)]) + np.sin(tilt) * beside
-    along = 0.0
-    if theme.shape not in ("cylinder", "disc", "sphere"):
-        # The other level side of the box: along it the hand may slide.
-        length = abs(beside @ theme.world_from_object[:3, :3]) @ theme.extents
-        along = (theta["grasp_fraction"] - 0.5) * max(0.0, length - job.hand.finger_breadth)
+    along = (theta["grasp_fraction"] - 0.5) * hold.slide
     spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + 0.5 * job.hand.finger_breadth * np.sin(tilt))
     lowest = job.lowest_tcp() - job.hand.tip_beyond_tcp + spread
-    height = max(theme.top - theta["grasp_depth"], lowest)
-    centre = np.array([*theme.centre[:2], height]) + along * beside
-    preference = 0.9 - 0.3 * width / job.hand.max_width - 0.5 * LEANS[family] - 0.1 * (opening < 1.0)
+    height = max(theme.top - min(theta["grasp_depth"], hold.depth), lowest)
+    centre = np.array([*hold.xy, height]) + along * beside
+    snug = 0.1 * (opening < hold.opening)
+    preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost
     where = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}[family]
     return Grasp(
-        f"grasp {where}, {name}{grip}", family, closing, approach, centre, width, opening, preference
+        f"grasp {where}, {hold.name}{grip}",
+        family,
+        closing,
+        approach,
+        centre,
+        hold.width,
+        opening,
+        preference,
     )

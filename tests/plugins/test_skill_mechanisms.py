@@ -1,0 +1,217 @@
+"""Lids, drawers and things that are stuck: what the scene tells of them, and the motions that follow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.checks import check_trajectory
+from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.testing import inputs
+from gvla2_plugins.sapien_panda.panda import make_arm
+from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.grammar import parse
+from gvla2_plugins.skill.mechanisms import hinge_for, slide_for
+from gvla2_plugins.skill.planner import SkillPlanner
+from gvla2_plugins.skill.stuck import stuck
+
+TABLE = 0.752
+PLANNER = SkillPlanner(SkillConfig())
+BACK = np.array([1.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return make_arm()
+
+
+def thing(name, label, shape, xyz, size, turn=None, parent="") -> SceneObject:
+    rotation = np.eye(3) if turn is None else turn
+    pose = rigid(rotation, (xyz[0], xyz[1], TABLE + xyz[2]))
+    extents = np.array(size, dtype=float)
+    return SceneObject(name, label, shape, label.split()[0], pose, extents, np.zeros((0, 3)), parent=parent)
+
+
+def box(angle: float, scale: float = 1.0, xy=(0.12, -0.1)) -> tuple[SceneObject, SceneObject]:
+    """A box with its hinge at +x, open by ``angle``."""
+    size = np.array([0.25, 0.35, 0.15]) * scale
+    reach = 0.268 * scale
+    hinge = np.array([xy[0] + size[0] / 2, xy[1], size[2] + 0.005])
+    turn = Rotation.from_euler("y", angle).as_matrix()
+    centre = hinge - turn[:, 0] * reach / 2
+    body = thing("b", "lime box", "box", (*xy, size[2] / 2), size)
+    return body, thing("l", "white lid", "plate", centre, (reach, size[1], 0.01), turn, "b")
+
+
+def drawer(xy=(0.30, 0.15)) -> tuple[SceneObject, ...]:
+    return (
+        thing("c", "azure cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
+        thing("d", "lime drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="c"),
+        thing("h", "gray handle", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="d"),
+    )
+
+
+def tower() -> tuple[SceneObject, ...]:
+    side = Rotation.from_euler("z", np.pi / 2).as_matrix()
+    bricks = []
+    for layer in range(5):
+        for slot in range(3):
+            if (layer, slot) == (3, 1):
+                continue
+            across = (slot - 1) * 0.067
+            at = (0.12 + across, -0.1) if layer % 2 else (0.12, -0.1 + across)
+            bricks.append(
+                thing(
+                    f"w{layer}{slot}", "white brick", "box", (*at, (layer + 0.5) * 0.033), (0.2, 0.067, 0.033),
+                    side if layer % 2 else None,
+                )
+            )  # fmt: skip
+    loose = thing("k", "red brick", "box", (0.12, -0.03, 0.114), (0.18, 0.06, 0.03), side)
+    circle = thing("g", "blue circle", "region", (0.36, 0.12, 0.0005), (0.1, 0.1, 0.001))
+    return (*bricks, loose, circle)
+
+
+def plan(arm, sentence: str, *things: SceneObject) -> tuple[Plan, PlanRequest]:
+    scene = Scene(things, TABLE, arm.workspace)
+    seen = replace(inputs.observation(16), world_from_tcp=arm.forward(arm.home), joints=arm.home)
+    asked = PlanRequest(sentence, scene, arm, arm.forward(arm.home), arm.home, seen)
+    return PLANNER.plan(asked), asked
+
+
+def sound(made: Plan, asked: PlanRequest) -> bool:
+    assert made.trajectory is not None, made.abstention
+    return check_trajectory(made.trajectory, asked.scene, asked.arm, asked.start, asked.joints).passed
+
+
+@pytest.mark.parametrize(
+    ("sentence", "skill", "noun"),
+    [
+        ("open the drawer", "open", "drawer"),
+        ("please pull the lime drawer open", "open", "drawer"),
+        ("slide the drawer out of the cabinet", "pull", "drawer"),
+        ("shut the lid of the lime box", "close", "lid"),
+        ("swing the lid over so that the box is closed", "close", "lid"),
+        ("lift the lid of the box until it stays open", "open", "lid"),
+        ("could you close that box, please", "close", "block"),
+        ("pull the red block out of the tower and put it on the blue circle", "place", "block"),
+        ("grab the red block, pull it out and set it down on the blue circle", "place", "block"),
+        ("close your fingers around the red cube and raise it", "pick", "block"),
+    ],
+)
+def test_wordings(sentence, skill, noun):
+    intent = parse(sentence)
+    assert (intent.skill, intent.trouble) == (skill, "")
+    assert intent.theme.noun == noun
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.9, 2.0, 2.6])
+@pytest.mark.parametrize("scale", [0.8, 1.0, 1.2])
+def test_the_hinge_is_found_from_how_the_lid_lies(arm, angle, scale):
+    things = box(angle, scale)
+    hinge = hinge_for(things[0], Scene(things, TABLE, arm.workspace))
+    assert hinge.angle == pytest.approx(angle, abs=1e-6)
+    np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
+    np.testing.assert_allclose(hinge.origin[0], things[0].centre[0] + 0.125 * scale, atol=1e-6)
+    assert not hinge.guessed
+
+
+def test_a_lid_flush_all_around_is_taken_to_open_towards_the_robot(arm):
+    body, lid = box(0.0)
+    flush = replace(
+        lid, extents=np.array([0.25, 0.35, 0.01]), world_from_object=body.world_from_object.copy()
+    )
+    flush.world_from_object[2, 3] = TABLE + 0.155
+    hinge = hinge_for(flush, Scene((body, flush), TABLE, arm.workspace))
+    assert hinge.guessed
+    np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
+
+
+@pytest.mark.parametrize("sentence", ["open the box", "lift the lid of the box until it stays open"])
+def test_opening_leads_the_lip_on_a_circle_about_the_hinge(arm, sentence):
+    things = box(0.0)
+    made, asked = plan(arm, sentence, *things)
+    assert made.skill == "open"
+    assert sound(made, asked)
+    hinge = hinge_for(things[1], asked.scene)
+    swing = [w for w in made.trajectory if w.stage == "swing"]
+    offsets = np.array([w.xyz for w in swing]) - hinge.origin
+    radius = np.linalg.norm(offsets - np.outer(offsets @ hinge.axis, hinge.axis), axis=1)
+    np.testing.assert_allclose(radius, 0.268 - made.parameters["lip_depth"], atol=1e-6)
+    assert offsets[-1] @ hinge.level < 0  # past the vertical
+    assert made.trajectory.waypoints[-1].carries == ""
+
+
+def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(arm):
+    things = box(2.618)
+    made, asked = plan(arm, "shut the lid of the lime box", *things)
+    assert made.skill == "close"
+    assert sound(made, asked)
+    way = [w.xyz[0] for w in made.trajectory if w.stage == "draw over"]
+    assert way[0] > things[1].centre[0] > way[-1]
+    assert all(w.gripper == 0.0 for w in made.trajectory)
+
+
+def test_a_drawer_is_pulled_along_its_own_normal(arm):
+    things = drawer()
+    assert slide_for(things[0], Scene(things, TABLE, arm.workspace)).handle.id == "h"
+    for sentence in ("open the drawer", "slide the lime drawer out of the cabinet", "pull the handle"):
+        made, asked = plan(arm, sentence, *things)
+        assert made.skill == "pull"
+        assert sound(made, asked)
+        at = {w.stage: np.array(w.xyz) for w in made.trajectory}
+        np.testing.assert_allclose(
+            at["pull"] - at["close"], -BACK * made.parameters["pull_distance"], atol=1e-9
+        )
+
+
+def test_a_brick_between_bricks_is_drawn_out_by_its_free_end(arm):
+    things = tower()
+    red = next(o for o in things if o.id == "k")
+    held = stuck(red, Scene(things, TABLE, arm.workspace))
+    np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
+    assert held.exposed == pytest.approx(0.06, abs=0.006)
+    made, asked = plan(arm, "pull the red block out of the tower and put it on the blue circle", *things)
+    assert made.skill == "draw"
+    assert sound(made, asked)
+    at = {w.stage: np.array(w.xyz) for w in made.trajectory}
+    drawn = at["pull"] - at["close"]
+    np.testing.assert_allclose(drawn[[0, 2]], 0.0, atol=1e-9)
+    assert drawn[1] >= held.hidden
+
+
+def test_of_a_brick_in_a_tower_seen_as_one_the_rest_is_taken_to_be_inside(arm):
+    whole = thing("t", "white tower", "box", (0.12, -0.1, 0.0825), (0.2, 0.2, 0.165))
+    end = thing("k", "red brick", "box", (0.12, 0.03, 0.114), (0.06, 0.06, 0.03))
+    held = stuck(end, Scene((whole, end), TABLE, arm.workspace))
+    np.testing.assert_allclose(held.way, [0.0, 1.0, 0.0], atol=1e-6)
+    assert held.hidden == pytest.approx(0.2)
+    assert held.theme.extents[1] == pytest.approx(0.16)
+
+
+def test_what_stands_free_is_not_stuck(arm):
+    cube = thing("a", "red cube", "box", (0.3, 0.1, 0.025), (0.05, 0.05, 0.05))
+    on_top = thing("b", "blue cube", "box", (0.3, 0.1, 0.075), (0.05, 0.05, 0.05))
+    scene = Scene((cube, on_top), TABLE, arm.workspace)
+    assert stuck(cube, scene) is None
+    assert stuck(on_top, scene) is None
+
+
+@pytest.mark.parametrize(
+    ("sentence", "kind"),
+    [
+        ("close the box", "other"),  # it is closed
+        ("open the red cube", "unknown_skill"),
+        ("pull the red cube", "unknown_skill"),
+        ("open the purple box", "nothing_matches"),
+    ],
+)
+def test_what_cannot_be_worked_is_declined(arm, sentence, kind):
+    cube = thing("a", "red cube", "box", (0.35, 0.3, 0.025), (0.05, 0.05, 0.05))
+    made, _ = plan(arm, sentence, *box(0.0), cube)
+    assert made.abstention is not None
+    assert made.abstention.kind == kind

@@ -1,0 +1,230 @@
+"""Holds of parts, caps, holes, sticks, and several things at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.checks import check_trajectory
+from gvla2.planning.checks_motion import part_fits
+from gvla2.planning.contracts import Advice, Plan, PlanRequest
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import MAX_WAYPOINTS, grasp_rotation
+from gvla2.testing import inputs
+from gvla2_plugins.sapien_panda.panda import PANDA_HAND, make_arm
+from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill.holds import GRASP_PLAY, holds
+from gvla2_plugins.skill.planner import SkillPlanner
+from gvla2_plugins.skill.sorting import sorting
+from gvla2_plugins.skill.wholes import assembled, rise, way_out
+
+TABLE = 0.752
+PLANNER = SkillPlanner(SkillConfig())
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return make_arm()
+
+
+def thing(
+    name, label, shape, xy, size, base=0.0, yaw=0.0, parent="", opening=0.0, points=None
+) -> SceneObject:
+    extents = np.array(size, dtype=float)
+    pose = rigid(Rotation.from_euler("z", yaw).as_matrix(), (*xy, TABLE + base + extents[2] / 2))
+    seen = np.zeros((0, 3)) if points is None else points
+    return SceneObject(
+        name, label, shape, label.split()[0], pose, extents, seen, parent=parent, opening=opening
+    )
+
+
+def tube(xy, width, low, high, count=1500) -> np.ndarray:
+    """Points (N, 3) on the side of an upright cylinder; heights above the table."""
+    rng = np.random.default_rng(0)
+    angle, z = rng.uniform(0, 2 * np.pi, count), rng.uniform(low, high, count)
+    side = 0.5 * width * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.column_stack([side + xy, z + TABLE])
+
+
+def plan(arm, sentence: str, *things: SceneObject) -> Plan:
+    scene = Scene(things, TABLE, arm.workspace)
+    start = arm.forward(arm.home)
+    seen = replace(inputs.observation(16), world_from_tcp=start, joints=arm.home)
+    made = PLANNER.plan(PlanRequest(sentence, scene, arm, start, arm.home, seen, Advice()))
+    if made.trajectory is not None:
+        report = check_trajectory(
+            made.trajectory, scene, arm, start, arm.home, parameters=made.parameters, skill=made.skill
+        )
+        assert report.passed, report.reasons
+        assert len(made.trajectory) <= MAX_WAYPOINTS
+    return made
+
+
+def stages(made: Plan) -> list[str]:
+    assert made.trajectory is not None, made.abstention
+    return [w.stage for w in made.trajectory]
+
+
+def at(made: Plan, stage: str) -> np.ndarray:
+    assert made.trajectory is not None, made.abstention
+    return np.array(next(w.xyz for w in made.trajectory if w.stage == stage))
+
+
+CUP_POINTS = np.concatenate([tube((0.35, 0.1), 0.095, 0.0, 0.14), tube((0.35, 0.1), 0.087, 0.01, 0.14)])
+CUP = thing("c", "red cup", "cylinder", (0.35, 0.1), (0.095, 0.095, 0.14), opening=0.087, points=CUP_POINTS)
+BOTTLE_XY = (0.35, 0.1)
+BOTTLE_POINTS = np.concatenate([tube(BOTTLE_XY, 0.09, 0.0, 0.12), tube(BOTTLE_XY, 0.028, 0.12, 0.19)])
+BOTTLE = thing("b", "blue bottle", "other", BOTTLE_XY, (0.09, 0.09, 0.19), points=BOTTLE_POINTS)
+
+
+def test_what_is_too_wide_is_taken_by_its_wall(arm):
+    made = plan(arm, "lift the red cup", CUP)
+    off = at(made, "close")[:2] - CUP.centre[:2]
+    assert np.linalg.norm(off) == pytest.approx(0.5 * 0.091, abs=0.002)
+    closed = plan(arm, "lift the red cup", replace(CUP, opening=0.0))
+    assert closed.abstention is not None
+    assert closed.abstention.kind == "too_wide"
+
+
+@pytest.mark.parametrize("opening", [0.01, 0.02])
+def test_a_mouth_too_narrow_for_a_finger_has_no_wall_to_hold(opening):
+    assert not [h for h in holds(replace(CUP, opening=opening), PANDA_HAND) if h.part == "rim"]
+
+
+def test_the_slim_top_of_what_is_too_wide_is_held(arm):
+    found = holds(BOTTLE, PANDA_HAND)
+    assert {h.part for h in found} == {"top"}
+    assert all(0.02 < h.width < 0.032 and h.width + GRASP_PLAY <= PANDA_HAND.max_width for h in found)
+    made = plan(arm, "pick up the bottle", BOTTLE)
+    assert at(made, "close")[2] - PANDA_HAND.tip_beyond_tcp > TABLE + 0.12
+
+
+def test_the_check_of_the_width_looks_at_what_is_between_the_fingers():
+    pose = rigid(grasp_rotation(np.array([0, 0, -1.0]), np.array([0, 1.0, 0])), (*BOTTLE_XY, TABLE + 0.16))
+    assert part_fits(BOTTLE, pose, 0.08, PANDA_HAND)
+    low = rigid(translation=(0, 0, -0.08)) @ pose
+    assert not part_fits(BOTTLE, low, 0.08, PANDA_HAND)  # the fingers would come down on its sides
+    assert not part_fits(replace(BOTTLE, points=np.zeros((0, 3))), pose, 0.08, PANDA_HAND)
+
+
+JAR = thing("j", "green jar", "cylinder", (0.35, -0.1), (0.066, 0.066, 0.12))
+LID = thing("l", "gray lid", "disc", (0.35, -0.1), (0.074, 0.074, 0.021), base=0.12, parent="j")
+SQUARE = thing("s", "red square", "region", (0.3, 0.2), (0.1, 0.1, 0.001))
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    ["open the green jar", "unscrew the lid of the green jar", "twist the lid off the jar", "uncap the jar"],
+)
+def test_a_cap_is_turned_and_lifted(arm, sentence):
+    made = plan(arm, sentence, JAR, LID, SQUARE)
+    assert made.skill == "twist"
+    assert made.roles["theme"] == "l"
+    assert stages(made)[-1] == "lift"
+    poses = made.trajectory.poses(np.eye(4))
+    turned = [p[:3, :3] for p, w in zip(poses, made.trajectory, strict=True) if w.stage in ("close", "turn")]
+    steps = [Rotation.from_matrix(b @ a.T).as_rotvec() for a, b in pairwise(turned)]
+    assert sum(s[2] for s in steps) == pytest.approx(made.parameters["turn"], abs=1e-6)  # against the clock
+
+
+def test_a_cap_is_put_where_it_is_said(arm):
+    made = plan(arm, "take the lid off the green jar and put it on the red square", JAR, LID, SQUARE)
+    assert made.skill == "twist"
+    np.testing.assert_allclose(at(made, "release")[:2], SQUARE.centre[:2], atol=1e-6)
+
+
+RING = thing("r", "red ring", "ring", (0.35, -0.2), (0.05, 0.05, 0.01), yaw=0.4, opening=0.03)
+POST = thing("p", "blue pillar", "box", (0.3, 0.15), (0.025, 0.025, 0.12), yaw=0.1)
+
+
+@pytest.mark.parametrize(
+    "sentence", ["put the ring on the blue pillar", "slip the ring over the blue pillar"]
+)
+def test_a_ring_goes_over_a_post_in_line_with_it(arm, sentence):
+    made = plan(arm, sentence, RING, POST)
+    assert made.skill == "insert"
+    np.testing.assert_allclose(at(made, "insert")[:2], POST.centre[:2], atol=1e-6)
+    poses = {w.stage: p for w, p in zip(made.trajectory, made.trajectory.poses(np.eye(4)), strict=True)}
+    turn = Rotation.from_matrix(poses["insert"][:3, :3] @ poses["close"][:3, :3].T).as_rotvec()[2]
+    assert (turn + 0.3) % (np.pi / 2) == pytest.approx(0.0, abs=1e-6) or (turn + 0.3) % (
+        np.pi / 2
+    ) == pytest.approx(np.pi / 2, abs=1e-6)
+
+
+def test_a_post_too_thick_for_the_hole_is_nothing_to_insert(arm):
+    made = plan(arm, "put the ring on the blue pillar", replace(RING, opening=0.024), POST)
+    assert made.skill == "place"
+
+
+def test_a_stick_in_something_is_drawn_out_along_itself_and_all_of_it():
+    block = thing("k", "brown block", "box", (0.3, 0.1), (0.04, 0.08, 0.15))
+    lean = Rotation.from_euler("y", 0.1).as_matrix()
+    grip = thing("g", "red knife", "box", (0.305, 0.1), (0.023, 0.015, 0.084), base=0.15)
+    grip = replace(grip, world_from_object=rigid(lean, grip.centre))
+    scene = Scene((block, grip), TABLE, Box(np.full(3, -1.0), np.full(3, 2.0)))
+    full = assembled(grip, scene)
+    assert full.bottom < TABLE + 0.02
+    assert full.top == pytest.approx(grip.top)
+    assert rise(full, scene) > 0.14
+    np.testing.assert_allclose(way_out(full, scene), lean[:, 2], atol=1e-9)
+    cube = thing("q", "red cube", "box", (0.3, 0.1), (0.04, 0.04, 0.04), base=0.15)
+    assert assembled(cube, Scene((block, cube), TABLE, scene.workspace)) is cube
+
+
+def test_a_thing_is_lifted_with_its_parts(arm):
+    cap = thing("n", "red nozzle", "cylinder", (0.35, 0.1), (0.02, 0.02, 0.03), base=0.1, parent="m")
+    body = thing("m", "yellow bottle", "box", (0.35, 0.1), (0.09, 0.06, 0.1))
+    made = plan(arm, "pick up the yellow bottle", body, cap)
+    assert at(made, "close")[2] + PANDA_HAND.finger_length - PANDA_HAND.tip_beyond_tcp > cap.top
+    assert {"m", "n"} <= made.trajectory.waypoints[1].allowed_contacts
+
+
+BINS = tuple(
+    thing(f"{colour}_bin", f"{colour} bin", "box", xy, (0.17, 0.17, 0.05), opening=0.158)
+    for colour, xy in (("red", (0.25, 0.3)), ("blue", (0.25, -0.3)))
+)
+LOOSE = (
+    thing("a", "red cube", "box", (0.3, 0.0), (0.045,) * 3),
+    thing("b", "blue can", "cylinder", (0.4, 0.1), (0.045, 0.045, 0.07)),
+    thing("c", "red bar", "box", (0.4, -0.1), (0.035, 0.07, 0.04)),
+)
+RIGHT = {"a": "red_bin", "b": "blue_bin", "c": "red_bin"}
+
+
+@pytest.mark.parametrize(
+    ("sentence", "right"),
+    [
+        ("sort the objects into the bins of the same colour", RIGHT),
+        ("put every object into the bin that has its colour", RIGHT),
+        ("put the red things in the red bin and the blue things in the blue bin", RIGHT),
+        ("sort the red and blue objects into the bins of their own colour", RIGHT),
+        ("place each object in the box of matching colour", RIGHT),
+        ("sort everything by color", RIGHT),
+        ("put all the red things into the blue bin", {"a": "blue_bin", "c": "blue_bin"}),
+    ],
+)
+def test_which_thing_goes_where(arm, sentence, right):
+    pairs = sorting(sentence, Scene((*BINS, *LOOSE), TABLE, arm.workspace))
+    assert isinstance(pairs, list)
+    assert {p.thing.id: p.container.id for p in pairs} == right
+    assert sorted((p.rank, p.count) for p in pairs if p.container.id == right["a"]) == [(0, 2), (1, 2)]
+
+
+@pytest.mark.parametrize(
+    "sentence", ["put the red cube in the red bin", "lift the cubes", "push the red cube to the blue bin"]
+)
+def test_sentences_about_one_thing_are_no_sorting(arm, sentence):
+    assert sorting(sentence, Scene((*BINS, *LOOSE), TABLE, arm.workspace)) is None
+
+
+def test_sorting_is_one_trajectory_that_ends_in_the_bins(arm):
+    made = plan(arm, "put every object into the bin that has its colour", *BINS, *LOOSE)
+    assert stages(made).count("release") == 3
+    for waypoint, thing_id in zip((w for w in made.trajectory if w.stage == "release"), RIGHT, strict=True):
+        goal = next(b for b in BINS if b.id == RIGHT[thing_id])
+        assert np.abs(np.array(waypoint.xyz[:2]) - goal.centre[:2]).max() < 0.05
