@@ -80,3 +80,8 @@ def kind_of(name: str) -> Kind:
     close = get_close_matches(name, KINDS, n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
     raise ConfigurationError(f"No kind of component is called '{name}'.{hint} Kinds: {', '.join(KINDS)}.")
+
+
+def chosen_kinds(config: Mapping[Any, Any]) -> list[str]:
+    """The kinds that a composed configuration chooses a component for; a group may share a kind's word."""
+    return [kind for kind in KINDS if kind in config and "name" in config[kind]]

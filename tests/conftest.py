@@ -1,5 +1,7 @@
 """Shared fixtures: composed configurations and the catalog of plugins."""
 
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -31,3 +33,14 @@ def compose_run(registry: Registry, tmp_path: Path):
         return OmegaConf.to_object(config)
 
     return composed
+
+
+@pytest.fixture(autouse=True)
+def _logging_as_it_was() -> Iterator[None]:
+    """Handlers that a command put up in this process are closed: an open log would be blamed on a later test."""
+    root = logging.getLogger()
+    handlers, level = list(root.handlers), root.level
+    yield
+    for handler in set(root.handlers) - set(handlers):
+        handler.close()
+    root.handlers[:], root.level = handlers, level

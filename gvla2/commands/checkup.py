@@ -24,7 +24,7 @@ from gvla2.catalog import REINSTALL, Registry
 from gvla2.commands.completion import hydra_application
 from gvla2.commands.config_errors import explain
 from gvla2.commands.primary import PRIMARY
-from gvla2.kinds import HOOKS, KINDS
+from gvla2.kinds import HOOKS, KINDS, chosen_kinds
 
 PROBE_SECONDS = 90
 PACKAGES = ("gvla2", "hydra-core", "omegaconf", "numpy", "scipy", "numba", "trimesh", "sqlmodel")
@@ -152,7 +152,7 @@ def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str],
                 checks.append(Check(f"configuration {name}", "fail", found, advice, (name,)))
             else:
                 composed[name] = config
-                chosen = ", ".join(f"{k}={config[k].name}" for k in KINDS if k in config)
+                chosen = ", ".join(f"{k}={config[k].name}" for k in chosen_kinds(config))
                 checks.append(Check(f"configuration {name}", "ok", chosen))
     return composed, blamed, checks
 
@@ -207,7 +207,7 @@ def weights(composed: dict[str, DictConfig]) -> Iterator[Check]:
     """Whether files of weights that the defaults name exist."""
     named = []
     for name, config in composed.items():
-        for kind in (k for k in KINDS if k in config):
+        for kind in chosen_kinds(config):
             options = OmegaConf.to_container(config[kind], resolve=False)
             assert isinstance(options, dict)
             for option, value in ((str(o), v) for o, v in options.items()):

@@ -54,16 +54,14 @@ def components(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     from gvla2.commands.completion import hydra_application
     from gvla2.discovery import describe
     from gvla2.errors import Gvla2Error
-    from gvla2.kinds import KINDS
+    from gvla2.kinds import chosen_kinds
     from gvla2.memory.contracts import MemoryTask
 
     registry = load_plugins()
     with hydra_application(registry):
         config = hydra.compose(config_name=names[0])
     found: dict[str, dict[str, Any]] = {}
-    for kind in KINDS:
-        if kind not in config:
-            continue
+    for kind in chosen_kinds(config):
         start, fault = time.perf_counter(), ""
         try:
             made = registry.build(config, kind)

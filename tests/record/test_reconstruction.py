@@ -97,7 +97,8 @@ def test_the_refined_cube_fits_its_views_better(record):
     assert after["symmetric_iou"] > before["symmetric_iou"]
     assert after["psnr"] > before["psnr"]
     assert record.changed
-    assert record.displacement == pytest.approx(0.1 * 0.05 / 2, rel=0.8)
+    # A tenth of the half side by the branch, and at most two pixels of this small picture inwards after that.
+    assert 0.0005 < record.displacement < 0.02
 
 
 def test_a_mesh_alone_is_measured_and_drawn(record, views, renderer):

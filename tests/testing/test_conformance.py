@@ -28,6 +28,8 @@ OWN = {
     ("reconstructor", "mv_sam3d"): "reconstructor.checkout=",
     ("reconstructor", "sam3d"): "reconstructor.checkout=",
     ("reconstructor", "result_tree"): "reconstructor.root=",
+    ("camera", "realsense"): "camera.calibration=",
+    ("camera", "replay"): "camera.path=",
     ("perceiver", "oracle"): "needs a simulated robot",
 }
 """Components that need something of the user's own, and what their error says to do. Their own tests give it them."""
