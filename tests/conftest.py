@@ -1,7 +1,9 @@
 """Shared fixtures: composed configurations and the catalog of plugins."""
 
 import logging
-from collections.abc import Iterator
+import re
+import textwrap
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,43 @@ from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run_config import RunConfig
 from gvla2.hydra_bridge import register
 from gvla2.plugins import Registry, load_plugins
+
+HEAD = """
+from dataclasses import dataclass, field
+from gvla2 import Component, ComponentConfig, hookimpl
+
+@dataclass
+class Config(ComponentConfig):
+    '''Options of mine.'''
+    depth: int = 3
+
+class Made:
+    '''Plans nothing at all.'''
+    def __init__(self, config): self.config = config
+    def plan(self, request): return None
+"""
+
+Install = Callable[..., str]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> Install:
+    """Puts a distribution with one plugin module on the path: ``install(source, name=...)`` -> module's name."""
+    monkeypatch.syspath_prepend(tmp_path)
+    tag = re.sub(r"\W", "_", request.node.name)
+
+    def make(source: str, name: str = "fake", distribution: str = "fake-dist", head: str = HEAD) -> str:
+        module = f"{name}_{tag}"
+        (tmp_path / f"{module}.py").write_text(head + textwrap.dedent(source))
+        info = tmp_path / f"{distribution.replace('-', '_')}-1.2.dist-info"
+        info.mkdir(exist_ok=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {distribution}\nVersion: 1.2\n")
+        points = info / "entry_points.txt"
+        before = points.read_text() if points.exists() else "[gvla2]\n"
+        points.write_text(f"{before}{name} = {module}\n")
+        return module
+
+    return make
 
 
 @pytest.fixture(scope="session")

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
-
-Retrieval = Literal["full", "semantic"]
 
 
-@dataclass(frozen=True)
+@dataclass
 class BankOptions:
-    """What a bank admits, shows, keeps and spends.
+    """What a bank admits, shows, keeps and spends; a component's configuration may inherit it.
 
     Switches, each of them an ablation of the paper when turned off: ``admission`` (off: what was not verified is let
     in, too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summed up, or
     archived for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures).
-    ``retrieval`` "semantic" ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
+    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
     without binding force; ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
@@ -34,7 +31,7 @@ class BankOptions:
     replay: bool = True
     governance: bool = True
     failures: bool = True
-    retrieval: Retrieval = "full"
+    retrieval: str = "full"
     show_provisional: bool = False
     frozen: bool = False
     max_chars: int = 2400

@@ -1,0 +1,80 @@
+"""A plugin's options on the command line."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import pytest
+from hydra import compose, initialize_config_module
+from hydra.core.config_store import ConfigStore
+from hydra.errors import HydraException
+from hypothesis import given, settings
+from omegaconf import OmegaConf
+
+from gvla2.catalog import Registry, load_plugins
+from gvla2.commands.primary import PRIMARY
+from gvla2.hydra_bridge import LONGEST_FOLDER_NAME, register, short_name
+
+Install = Callable[..., str]
+
+GOOD = """
+@hookimpl
+def gvla2_planners():
+    return [Component("mine", Config, Made)]
+"""
+
+
+def composed(*overrides: str) -> Any:
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        return compose("run", overrides=list(overrides))
+
+
+def test_third_party_options_are_overridable_and_typed(install: Install):
+    install(GOOD)
+    registry = load_plugins()
+    register(registry, PRIMARY)
+    config = composed("planner=mine", "planner.depth=9")
+    assert OmegaConf.to_container(config.planner) == {"name": "mine", "depth": 9}
+    assert registry.build(config, "planner").config.depth == 9
+    with pytest.raises(HydraException):
+        composed("planner=mine", "planner.depth=deep")
+
+
+def test_registering_another_registry_replaces_the_first(install: Install):
+    module = install(GOOD)
+    register(load_plugins(), PRIMARY)
+    assert "mine.yaml" in ConfigStore.instance().repo["planner"]
+    Path(sys.modules[module].__file__ or "").with_suffix(".py").write_text("1 / 0")
+    del sys.modules[module]
+    register(load_plugins(), PRIMARY)
+    assert "mine.yaml" not in ConfigStore.instance().repo["planner"]
+    assert "skill.yaml" in ConfigStore.instance().repo["planner"]
+
+
+def test_presets_of_a_plugin_are_found(install: Install, tmp_path: Path):
+    package = "presets_of_mine"
+    (tmp_path / package / "planner").mkdir(parents=True)
+    (tmp_path / package / "__init__.py").touch()
+    (tmp_path / package / "planner" / "deep.yaml").write_text("defaults: [mine, _self_]\ndepth: 99\n")
+    install(GOOD + HOOK.format("gvla2_config_search_path", "", f"return ['pkg://{package}']"))
+    registry = load_plugins()
+    register(registry, PRIMARY)
+    try:
+        assert registry.build(composed("planner=deep"), "planner").config.depth == 99
+    finally:
+        register(Registry({}), PRIMARY)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.text(max_size=300))
+def test_folder_names_are_short_and_safe(text: str):
+    name = short_name(text)
+    assert len(name) <= LONGEST_FOLDER_NAME
+    assert not set(name) & set('/\\ \n:*?"<>|')
+
+
+def test_long_overrides_get_different_folders():
+    a, b = (short_name("x=" + "1" * 200 + end) for end in "ab")
+    assert a != b
