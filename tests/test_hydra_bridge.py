@@ -58,7 +58,8 @@ def test_presets_of_a_plugin_are_found(install: Install, tmp_path: Path):
     (tmp_path / package / "planner").mkdir(parents=True)
     (tmp_path / package / "__init__.py").touch()
     (tmp_path / package / "planner" / "deep.yaml").write_text("defaults: [mine, _self_]\ndepth: 99\n")
-    install(GOOD + HOOK.format("gvla2_config_search_path", "", f"return ['pkg://{package}']"))
+    hook = f"@hookimpl\ndef gvla2_config_search_path():\n    return ['pkg://{package}']\n"
+    install(GOOD + hook)
     registry = load_plugins()
     register(registry, PRIMARY)
     try:

@@ -12,8 +12,8 @@ class BankOptions:
     Switches, each of them an ablation of the paper when turned off: ``admission`` (off: what was not verified is let
     in, too), ``replay`` (off: nothing is verified again), ``governance`` (off: nothing is retired, summed up, or
     archived for the budget, and contradictions stay), ``failures`` (off: nothing is learnt from failures).
-    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see unverified records,
-    without binding force; ``frozen`` stops learning while recall goes on.
+    ``retrieval`` is "full", or "semantic", which ranks by similarity alone. ``show_provisional`` lets planners see
+    unverified records, without binding force; ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
     records; ``per_source`` records that one source may have active in ``per_source_days``, ``per_source_copies`` of
