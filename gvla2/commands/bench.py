@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 SUITES = {
     "reconstruction": "gvla2.commands.bench_reconstruction",
     "memory": "gvla2.commands.bench_memory",
+    "robot": "gvla2.commands.bench_robot",
+    "perception": "gvla2.commands.bench_perception",
 }
 """The suites by name, and the module of each.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from gvla2.commands.run_config import DepthNoiseConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
@@ -68,6 +69,16 @@ class BenchConfig:
     ``surface_samples`` points of a surface make its Chamfer distance (the protocol's 100,000); ``workers`` processes
     share the objects, 0 for one a core (8 at most); ``quiet`` leaves only the table on the terminal. The suite
     ``memory`` heeds ``memory``, ``results`` and ``data.root`` alone.
+
+    Of the suite ``robot``: every task x arm x seed x episode, judged by both profiles. ``tasks`` are the paper's
+    fourteen by default; ``arms`` are ``off``, ``on``, ``shuffled``, ``best_theta``, or the name of any memory;
+    ``arm_options`` configures an arm's memory by the arm's name (``arm_options.on.admission=false``). Each of
+    ``seeds`` lays out ``episodes``. Experience comes from ``exploration_seeds``, whose plans vary by ``exploration``
+    (a relative spread), and is frozen before the test. ``scale`` is the objects' size; ``videos`` failed episodes of
+    each task and arm are run once more with the camera on.
+
+    Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
+    ``seeds``; ``tasks`` are all by default, ``scale`` and ``depth_noise`` as above.
     """
 
     suite: str = "reconstruction"
@@ -85,6 +96,25 @@ class BenchConfig:
     lpips_weights: str | None = None
     memory: MemoryBenchConfig = field(default_factory=MemoryBenchConfig)
     results: ResultsConfig = field(default_factory=ResultsConfig)
+    tasks: list[str] = field(default_factory=list)
+    arms: list[str] = field(default_factory=lambda: ["off", "on", "shuffled", "semantic", "best_theta"])
+    arm_options: dict[str, Any] = field(default_factory=dict)
+    episodes: int = 25
+    exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
+    exploration: float = 0.25
+    scale: float = 1.0
+    videos: int = 1
+    perceivers: list[str] = field(default_factory=lambda: ["classical"])
+    depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+    robot: ComponentConfig = field(default_factory=ComponentConfig)
+    camera: ComponentConfig = field(default_factory=ComponentConfig)
+    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
+    reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
+    planner: ComponentConfig = field(default_factory=ComponentConfig)
+    verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    retriever: ComponentConfig = field(default_factory=ComponentConfig)
+    embedder: ComponentConfig = field(default_factory=ComponentConfig)
+    inducer: ComponentConfig = field(default_factory=ComponentConfig)
     surface_samples: int = 100_000
     workers: int = 0
     quiet: bool = False
@@ -100,3 +130,11 @@ class BenchConfig:
             raise ConfigurationError("surface_samples must be at least 100.")
         if self.workers < 0 or min(self.seeds) < 0:
             raise ConfigurationError("workers and seeds must not be negative.")
+        if not self.arms or self.episodes < 1 or self.videos < 0:
+            raise ConfigurationError(
+                "arms must name at least one, episodes be 1 or more, videos not negative."
+            )
+        if not self.perceivers:
+            raise ConfigurationError("perceivers must name at least one.")
+        if not 0.25 <= self.scale <= 4 or not 0 <= self.exploration <= 1:
+            raise ConfigurationError("scale lies in [0.25, 4] and exploration in [0, 1].")

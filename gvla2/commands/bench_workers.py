@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,8 @@ Answer = TypeVar("Answer")
 MOST = 8
 """Processes that are used unasked: each holds its own data in memory."""
 
+log = logging.getLogger(__name__)
+
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -28,13 +31,33 @@ def workers_for(asked: int, tasks: int) -> int:
 
 
 def in_processes(
-    function: Callable[[Task], Answer], tasks: Sequence[Task], workers: int
+    function: Callable[[Task], Answer], tasks: Sequence[Task], workers: int, tries: int = 1
 ) -> Iterator[tuple[Task, Answer]]:
-    """Call a module's function on every task in fresh processes; answers come as they are ready.
+    """Call a module's function on every task in fresh processes; answers come as they are ready, each task's once.
 
-    The first exception of a task, or of the caller, drops what has not begun. Raises :class:`Gvla2Error` when
-    a process dies.
+    The first exception of a task, or of the caller, drops what has not begun. When a process dies, the tasks that
+    have no answer yet are done in new processes, ``tries`` times in all; then :class:`Gvla2Error` is raised.
     """
+    left = list(range(len(tasks)))
+    for attempt in range(1, tries + 1):
+        try:
+            for place, answer in _once(function, tasks, left, workers):
+                left.remove(place)
+                yield tasks[place], answer
+            return
+        except BrokenProcessPool as error:
+            if attempt == tries:
+                raise Gvla2Error(
+                    "A worker process died, perhaps for want of memory. What was measured is kept; "
+                    "run again with fewer: workers=1."
+                ) from error
+            log.warning("A worker process died; %d of %d parts are done again.", len(left), len(tasks))
+
+
+def _once(
+    function: Callable[[Task], Answer], tasks: Sequence[Task], places: Sequence[int], workers: int
+) -> Iterator[tuple[int, Answer]]:
+    """The answers of the tasks at these places; raises BrokenProcessPool when a process dies."""
     context = multiprocessing.get_context("spawn")
     shares = context.Queue()
     for share in _core_shares(workers):
@@ -42,16 +65,13 @@ def in_processes(
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, context, _begin, (shares,))
         try:
-            pending: dict[Future[Answer], Task] = {pool.submit(function, task): task for task in tasks}
+            pending: dict[Future[Answer], int] = {
+                pool.submit(function, tasks[place]): place for place in places
+            }
             while pending:
                 done, _ = wait(pending, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield pending.pop(future), future.result()
-        except BrokenProcessPool as error:
-            raise Gvla2Error(
-                "A worker process died, perhaps for want of memory. What was measured is kept; "
-                "run again with fewer: workers=1."
-            ) from error
         finally:
             pool.shutdown(cancel_futures=True)
 

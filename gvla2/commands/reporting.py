@@ -12,9 +12,9 @@ from rich.text import Text
 from gvla2.commands.tables import console, row, table
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.figures import FigureLayout, FigureTable
     from gvla2.evaluation.results import Cell, Run
-    from gvla2.evaluation.tables import Layout, Table
+    from gvla2.evaluation.table_formats import AnyTable
+    from gvla2.evaluation.tables import AnyLayout
 
 FORMATS = ("terminal", "markdown", "latex", "html")
 
@@ -22,7 +22,7 @@ FORMATS = ("terminal", "markdown", "latex", "html")
 def publish(
     cells: Sequence[Cell],
     runs: Sequence[Run],
-    layout: Layout | FigureLayout,
+    layout: AnyLayout,
     folder: Path,
     formats: Sequence[str] = FORMATS,
     out: Console | None = None,
@@ -47,7 +47,7 @@ def publish(
     return written
 
 
-def show(tables: Sequence[Table | FigureTable], out: Console) -> None:
+def show(tables: Sequence[AnyTable], out: Console) -> None:
     """Print tables, one below the other, with what their numbers mean."""
     from gvla2.evaluation.sheets import explanations
     from gvla2.evaluation.table_formats import sheet_of

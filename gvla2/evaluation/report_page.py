@@ -10,19 +10,18 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from gvla2.evaluation.figures import FigureTable
+from gvla2.evaluation.perception.table import PerceptionTable
 from gvla2.evaluation.results import Cell, Run
+from gvla2.evaluation.robot.tables import Film, RobotTable
 from gvla2.evaluation.sheets import explanations
-from gvla2.evaluation.table_formats import EXPLANATION, sheet_of
+from gvla2.evaluation.table_formats import EXPLANATION, AnyTable, sheet_of
 from gvla2.evaluation.tables import Table
 
 MOST_PICTURES = 60
 """Objects shown below one table: the page stays small enough to be sent by mail."""
 
 
-def render_report(
-    tables: Sequence[Table | FigureTable], cells: Sequence[Cell], runs: Sequence[Run], title: str
-) -> str:
+def render_report(tables: Sequence[AnyTable], cells: Sequence[Cell], runs: Sequence[Run], title: str) -> str:
     """The page. Pictures that the cells name and that are still on disk are put into it."""
     environment = Environment(
         loader=PackageLoader("gvla2.evaluation", "."),
@@ -40,7 +39,7 @@ def render_report(
     return page + "\n"
 
 
-def _table(table: Table | FigureTable, cells: Sequence[Cell]) -> dict[str, Any]:
+def _table(table: AnyTable, cells: Sequence[Cell]) -> dict[str, Any]:
     sheet = sheet_of(table)
     return {
         "title": sheet.title,
@@ -48,6 +47,25 @@ def _table(table: Table | FigureTable, cells: Sequence[Cell]) -> dict[str, Any]:
         "rows": sheet.rows,
         "footnote": sheet.footnote,
         "pictures": _pictures(table, cells) if isinstance(table, Table) else [],
+        "films": [_film(film) for film in table.films] if isinstance(table, RobotTable) else [],
+        "overlays": _overlays(table) if isinstance(table, PerceptionTable) else [],
+    }
+
+
+def _overlays(table: PerceptionTable) -> list[dict[str, str]]:
+    found = [{"caption": caption, "source": _data_uri(path)} for caption, path in table.pictures()]
+    return [one for one in found if one["source"]][:MOST_PICTURES]
+
+
+def _film(film: Film) -> dict[str, str]:
+    """Films are linked to, not put into the page: they would make it hundreds of megabytes."""
+    folder = Path(film.folder)
+    moving = folder / "episode.gif"
+    still = moving if moving.is_file() else folder / "before.png"
+    return {
+        "caption": film.caption,
+        "page": (folder / "index.html").as_uri(),
+        "picture": still.as_uri() if still.is_file() else "",
     }
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.evaluation.figures import FigureTable
+from gvla2.evaluation.perception.table import PerceptionTable, sheet_of_perception
+from gvla2.evaluation.robot.tables import RobotTable
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone, explanations, sheet_of_figures
 from gvla2.evaluation.tables import Entry, Measure, Table, TableRow
 
@@ -46,8 +48,15 @@ def footnote(table: Table) -> str:
     return f"{objects} objects, {seeds} seeds; runs {runs} of the results database."
 
 
-def sheet_of(table: Table | FigureTable) -> Sheet:
+AnyTable = Table | FigureTable | RobotTable | PerceptionTable
+
+
+def sheet_of(table: AnyTable) -> Sheet:
     """Any table as cells of text."""
+    if isinstance(table, RobotTable):
+        return table.sheet
+    if isinstance(table, PerceptionTable):
+        return sheet_of_perception(table)
     if isinstance(table, FigureTable):
         return sheet_of_figures(table)
     measures = table.layout.measures
@@ -72,7 +81,7 @@ def _cell(entry: Entry, measure: Measure) -> SheetCell:
     return SheetCell(tuple(lines_of(entry, measure)), entry.mean is None, tone)
 
 
-def to_markdown(tables: Sequence[Table | FigureTable]) -> str:
+def to_markdown(tables: Sequence[AnyTable]) -> str:
     """Tables of GitHub's Markdown."""
     parts = []
     sheets = [sheet_of(table) for table in tables]
@@ -84,7 +93,7 @@ def to_markdown(tables: Sequence[Table | FigureTable]) -> str:
     return "\n\n".join([*parts, explanations(sheets) or EXPLANATION]) + "\n"
 
 
-def to_latex(tables: Sequence[Table | FigureTable]) -> str:
+def to_latex(tables: Sequence[AnyTable]) -> str:
     """Tables for a LaTeX document that loads ``booktabs``."""
     parts = []
     for sheet in map(sheet_of, tables):

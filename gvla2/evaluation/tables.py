@@ -7,7 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gvla2.evaluation.figures import MEMORY, FigureLayout, FigureTable, make_figure_table
+from gvla2.evaluation.perception.table import (
+    PERCEPTION,
+    PerceptionLayout,
+    PerceptionTable,
+    make_perception_tables,
+)
 from gvla2.evaluation.results import Cell
+from gvla2.evaluation.robot.tables import ROBOT, RobotLayout, RobotTable, make_robot_tables
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
 
 
@@ -106,15 +113,22 @@ RECONSTRUCTION = Layout(
     ),
     groups=("data", "baseline", "drift", "prior", "fusion", "renderer", "mode", "compat"),
 )
-LAYOUTS: Mapping[str, Layout | FigureLayout] = {RECONSTRUCTION.suite: RECONSTRUCTION, MEMORY.suite: MEMORY}
+AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout
+LAYOUTS: Mapping[str, AnyLayout] = {made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION)}
 """The suites that can be reported."""
 
 
-def tables_of(cells: Iterable[Cell], layout: Layout | FigureLayout) -> list[Table] | list[FigureTable]:
+def tables_of(
+    cells: Iterable[Cell], layout: AnyLayout
+) -> Sequence[Table] | Sequence[FigureTable] | Sequence[RobotTable] | Sequence[PerceptionTable]:
     """The tables of these cells, as their suite has them."""
-    return (
-        make_figure_table(cells, layout) if isinstance(layout, FigureLayout) else make_tables(cells, layout)
-    )
+    if isinstance(layout, RobotLayout):
+        return make_robot_tables(cells, layout)
+    if isinstance(layout, PerceptionLayout):
+        return make_perception_tables(cells, layout)
+    if isinstance(layout, FigureLayout):
+        return make_figure_table(cells, layout)
+    return make_tables(cells, layout)
 
 
 def make_tables(cells: Iterable[Cell], layout: Layout) -> list[Table]:

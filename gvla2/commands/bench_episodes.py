@@ -1,0 +1,266 @@
+"""Running the robot suite's episodes in a worker process: building the parts once, one episode after the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gvla2.catalog import Registry, load_plugins
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.evaluation.robot.design import MEMORY_OF, failure_class
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from gvla2.episode import Parts
+    from gvla2.evaluation.robot.experience import Experience
+    from gvla2.memory.contracts import Memory, MemoryTask
+    from gvla2.record.contents import EpisodeRecord, Stage
+
+LOOP = ("robot", "task", "perceiver", "planner", "verifier")
+GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
+MEMORY = ("memory", "retriever", "embedder", "inducer")
+HELPED = ("camera", *MEMORY)
+RARELY = 0.05
+"""Pictures a second of an episode that nobody watches."""
+
+
+@dataclass(frozen=True)
+class EpisodeUnit:
+    """What one process does in one go: some episodes of one task in one arm.
+
+    ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls
+    nothing. ``bank`` is the file of the arm's frozen bank, "" where the arm has none; ``experiences`` are what an arm
+    without a file learns from; ``asked`` is what ``shuffled`` asks instead. ``film`` names a folder for complete run
+    pages.
+    """
+
+    config: BenchConfig
+    task: str
+    arm: str
+    layouts: tuple[int, ...]
+    bank: str = ""
+    experiences: tuple[Experience, ...] = ()
+    asked: MemoryTask | None = None
+    film: str = ""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone."""
+
+    layout: int
+    succeeded: Mapping[str, bool]
+    seconds: float
+    failure: str
+    message: str
+    notes: Mapping[str, Any]
+    experience: Experience | None = None
+
+
+def chosen_parts(
+    config: BenchConfig, registry: Registry, task: str, *, filmed: bool = False
+) -> dict[str, Any]:
+    """What to build for a task, by kind, without its memory.
+
+    Raises :class:`ConfigurationError` for a task that has no sizes to scale.
+    """
+    options: dict[str, Any] = {"name": task}
+    if config.scale != 1:
+        if "scale" not in _options_of(registry, "task", task):
+            raise ConfigurationError(
+                f"scale is {config.scale}, but the task '{task}' has no option of that name."
+            )
+        options["scale"] = config.scale
+    root: dict[str, Any] = {
+        kind: getattr(config, kind) for kind in (*LOOP, *GEOMETRY, *HELPED) if kind not in ("task", "memory")
+    }
+    robot = config.robot
+    if not filmed and "video_fps" in {field.name for field in fields(robot)}:
+        root["robot"] = replace(robot, video_fps=RARELY)  # type: ignore[call-arg]
+    return {**root, "task": options, "memory": {"name": "none"}}
+
+
+def chosen_memory(config: BenchConfig, registry: Registry, arm: str, bank: str) -> dict[str, Any]:
+    """What to build for an arm's memory; one that has a ``url`` option keeps its bank in the file ``bank``."""
+    name = MEMORY_OF.get(arm, arm)
+    options = {"name": name, **dict(config.arm_options.get(arm) or {})}
+    if has_file(registry, arm):
+        options |= {"url": f"sqlite:///{bank}"}
+    return {**{kind: getattr(config, kind) for kind in (*MEMORY[1:], "verifier")}, "memory": options}
+
+
+def has_file(registry: Registry, arm: str) -> bool:
+    """Whether the arm's memory keeps its bank where it is told to."""
+    return "url" in _options_of(registry, "memory", MEMORY_OF.get(arm, arm))
+
+
+def run_there(unit: EpisodeUnit) -> list[Outcome]:
+    """As :func:`run_unit`, in a worker process; errors travel back as their message alone."""
+    try:
+        return run_unit(unit, _registry())
+    except Gvla2Error as error:
+        raise Gvla2Error(str(error)) from None
+
+
+def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
+    """Run the unit's episodes here. An episode in which a component crashed is a failure; the next has fresh parts."""
+    outcomes = []
+    for layout in unit.layouts:
+        with _memory(unit, registry) as memory:
+            parts = replace(_parts_of(unit, registry), memory=memory)
+            if unit.arm == "exploration":
+                parts = replace(parts, planner=_exploring(unit.config, registry, layout))
+            outcomes.append(_run(unit, parts, layout))
+        if outcomes[-1].failure == "error":
+            _forget_parts()
+    return outcomes
+
+
+def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
+    from gvla2.episode import EpisodeRequest, run_episode
+    from gvla2.evaluation.robot.experience import Experience
+    from gvla2.robot.depth_noise import DepthNoise
+
+    request = EpisodeRequest(
+        seed=layout,
+        depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
+        source=f"{unit.task}-{unit.arm}-{layout}",
+    )
+    listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
+    started = time.perf_counter()
+    with suppress(Exception):  # the record says what crashed; an ablation of many hours must not end with it
+        run_episode(parts, request, listener)
+    seconds = time.perf_counter() - started
+    record = listener.latest
+    assert record is not None
+    listener.finish()
+    judged = record.judgement
+    succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
+    failure = failure_class(record)
+    explored = Experience.of(record) if unit.arm == "exploration" else None
+    return Outcome(
+        layout,
+        succeeded,
+        round(seconds, 3),
+        failure or ("" if succeeded["eased"] else "unnoticed"),
+        record.failure.message if record.failure else "",
+        _notes(record),
+        explored,
+    )
+
+
+def _notes(record: EpisodeRecord) -> dict[str, Any]:
+    recalled, plan = record.recalled, record.plan
+    return {
+        "instruction": record.instruction,
+        "skill": plan.skill if plan else "",
+        "verdict": record.verdict.outcome if record.verdict else "",
+        "quality": record.verdict.quality if record.verdict else None,
+        "recalled": [item.id for item in recalled.items] if recalled else [],
+        "abstained": recalled.abstained if recalled else "",
+        "degraded": recalled.degraded if recalled else "",
+        "parameters": dict(plan.parameters) if plan else {},
+        "timings": dict(record.timings),
+    }
+
+
+class _Watcher:
+    """Keeps the latest record; with a folder it also leaves there all that `gvla2 run` would."""
+
+    def __init__(self, folder: Path | None = None, unit: EpisodeUnit | None = None) -> None:
+        from gvla2.record.recorder import RunRecorder
+
+        self.latest: EpisodeRecord | None = None
+        told = f"# gvla2 bench suite=robot: task {unit.task}, arm {unit.arm}\n" if unit else ""
+        self._recorder = RunRecorder(folder, told, command="bench") if folder else None
+
+    def begin(self, stage: Stage) -> None:
+        pass
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        self.latest = record
+        if self._recorder:
+            self._recorder.stage(record, stage)
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        if self._recorder:
+            self._recorder.frame(image)
+
+    def finish(self) -> None:
+        if self._recorder and self.latest is not None:
+            self._recorder.finish(self.latest)
+
+
+def _exploring(config: BenchConfig, registry: Registry, layout: int) -> Any:
+    """The planner with its theta varied, another way in each episode; as it is, where it has no such option."""
+    given = {field.name for field in fields(config.planner)}
+    planner = config.planner
+    if {"explore", "explore_seed"} <= given:
+        planner = replace(planner, explore=config.exploration, explore_seed=layout)  # type: ignore[call-arg]
+    return registry.build({"planner": planner}, "planner")
+
+
+@contextmanager
+def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
+    """The frozen memory of the unit's arm."""
+    from gvla2.evaluation.robot.arms import BestTheta, Frozen, Shuffled
+    from gvla2.evaluation.robot.experience import teach
+
+    if unit.arm == "best_theta":
+        yield BestTheta(unit.experiences)
+        return
+    if unit.arm in ("off", "exploration"):
+        with closing(registry.build({"memory": {"name": "none"}}, "memory")) as memory:
+            yield Frozen(memory)
+        return
+    root = chosen_memory(unit.config, registry, unit.arm, unit.bank)
+    with closing(registry.build(root, "memory")) as memory:
+        if not has_file(registry, unit.arm):
+            teach(memory, unit.experiences)
+        yield Frozen(memory) if unit.asked is None else Shuffled(memory, unit.asked)
+
+
+_kept: dict[str, Parts] = {}
+"""The parts of the task that this process worked on last: a robot takes a second to build."""
+
+
+def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
+    from gvla2.episode import Parts
+    from gvla2.refine import GeometryParts
+
+    key = repr((unit.config, unit.task, bool(unit.film)))
+    if key not in _kept:
+        _forget_parts()
+        root = chosen_parts(unit.config, registry, unit.task, filmed=bool(unit.film))
+        built = registry.build_all(root, (*LOOP, "memory", *GEOMETRY))
+        choices = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
+        _kept[key] = Parts(
+            **{kind: built[kind] for kind in (*LOOP, "memory")},
+            geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
+            choices={**choices, "task": unit.task},
+        )
+    return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
+
+
+def _forget_parts() -> None:
+    for parts in _kept.values():
+        parts.robot.close()
+        parts.memory.close()
+    _kept.clear()
+
+
+def _options_of(registry: Registry, kind: str, name: str) -> set[str]:
+    return {field.name for field in fields(registry.get(kind, name).config)}
+
+
+@cache
+def _registry() -> Registry:
+    return load_plugins()

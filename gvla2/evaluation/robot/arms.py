@@ -1,0 +1,102 @@
+"""The arms of the ablation that are no plain memory: frozen ones, another task's, and a search without a bank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from statistics import fmean
+
+from gvla2.evaluation.robot.experience import Experience
+from gvla2.memory.contracts import (
+    Learned,
+    Memory,
+    MemoryContext,
+    MemoryEpisode,
+    MemoryItem,
+    MemoryTask,
+    Verdict,
+)
+from gvla2.planning.effects import Effect
+
+FROZEN = Learned(notes=("The memory is frozen: this is a test.",))
+CERTAIN = 1_000_000
+"""Successes claimed for the best theta, so that nothing of the default is left in it."""
+
+
+class Frozen:
+    """A memory that recalls and does not learn: what it knew before the test is all that it knows."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """What the memory recalls."""
+        return self._memory.recall(task)
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Nothing."""
+        return FROZEN
+
+    def close(self) -> None:
+        """Release the memory."""
+        self._memory.close()
+
+
+class Shuffled(Frozen):
+    """A frozen memory that is always asked about another task: what comes back was learnt there.
+
+    The control for "any memory would have helped": as many records, as much text, the wrong lessons.
+    """
+
+    def __init__(self, memory: Memory, asked: MemoryTask) -> None:
+        super().__init__(memory)
+        self._asked = asked
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """What the memory recalls for the other task."""
+        return super().recall(self._asked)
+
+
+class BestTheta:
+    """No bank: the mean theta of a task's explorations that the robot verified as successes, as it is.
+
+    The control for "a search over parameters would have done": the same episodes and the parameters that their lessons
+    name, but no retrieval and no governance. Without a success the defaults stay.
+    """
+
+    def __init__(self, experiences: Sequence[Experience]) -> None:
+        won = [e for e in experiences if e.verdict.outcome == "verified_success"]
+        told = [Effect.from_json(lesson.effect) for e in won for lesson in e.episode.lessons if lesson.effect]
+        tried: dict[tuple[str, str], list[Effect]] = {}
+        for effect in told:
+            if effect.kind == "prior":
+                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        self._best = [
+            replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
+            for some in tried.values()
+        ]
+
+    def recall(self, task: MemoryTask) -> MemoryContext:
+        """One hint a parameter."""
+        items = tuple(
+            MemoryItem(
+                id=f"best-{effect.skill}-{effect.parameter}",
+                type="procedural_hint",
+                content=f"To {effect.skill}, the best {effect.parameter.replace('_', ' ')} is {effect.value:.4g}.",
+                confidence=1.0,
+                score=1.0,
+                terms={},
+                binding=False,
+                effect=effect.to_json(),
+            )
+            for effect in self._best
+        )
+        text = "\n".join(item.content for item in items)
+        return MemoryContext(items, text, "" if items else "no exploration succeeded")
+
+    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+        """Nothing."""
+        return FROZEN
+
+    def close(self) -> None:
+        """Nothing is open."""

@@ -1,0 +1,96 @@
+"""The design of the robot suite: which episodes, in which arms, and how their failures are classed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+from gvla2.errors import ConfigurationError
+from gvla2.record.contents import EpisodeRecord
+
+SUITE = "robot"
+EXPLORATION = "robot_exploration"
+"""The suite under which the results database keeps what the arms learn from."""
+VERSION = 1
+"""Of the protocol: rows of another version are measured anew."""
+
+PROFILES = ("eased", "strict")
+CONTROLS = ("off", "shuffled", "best_theta")
+"""Arms that are no memory: without one, with another task's, and a search for theta that keeps no bank."""
+MEMORY_OF = MappingProxyType({"on": "governed", "shuffled": "governed"})
+"""Arms whose memory has another name than they have."""
+
+PAPER: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "put_block": (90.3, 75.0),
+        "play_jenga": (85.3, 63.3),
+        "open_jar": (85.0, 68.7),
+        "close_box": (54.7, 31.0),
+        "open_box": (38.3, 10.0),
+        "pickup_cup": (87.3, 76.7),
+        "push_block": (25.0, 15.0),
+        "take_umbrella": (68.0, 48.0),
+        "sort_mustard": (79.3, 57.3),
+        "open_wine": (44.7, 26.3),
+        "lamp_on": (78.7, 58.7),
+        "put_knife": (63.7, 43.7),
+        "pick_and_lift": (90.7, 66.0),
+        "insert_block": (34.3, 13.3),
+    }
+)
+"""Success in per cent, with and without memory, as the paper reports it: from another simulator, thus no baseline."""
+
+STRIDE = 10_000
+
+
+def layout_seed(seed: int, episode: int) -> int:
+    """The seed that lays out an episode: the same for all arms, and never one of the exploration's."""
+    return STRIDE * (seed + 1) + episode
+
+
+def check_seeds(episodes: int, exploration_seeds: Sequence[int]) -> None:
+    """Raises :class:`ConfigurationError` where exploration could meet a test's layout."""
+    if episodes > STRIDE:
+        raise ConfigurationError(f"episodes is {episodes}; {STRIDE} at most fit to one seed.")
+    bad = [seed for seed in exploration_seeds if not 0 <= seed < STRIDE]
+    if bad:
+        raise ConfigurationError(
+            f"exploration_seeds {bad} do not lie in [0, {STRIDE}): further ones lay out the test."
+        )
+
+
+def ordered(tasks: Sequence[str]) -> list[str]:
+    """Each task once, the paper's first in its order; the paper's fourteen for none."""
+    chosen = list(dict.fromkeys(tasks)) or list(PAPER)
+    return [name for name in PAPER if name in chosen] + [name for name in chosen if name not in PAPER]
+
+
+def stand_in(task: str, tasks: Sequence[str]) -> str:
+    """The task whose memories ``shuffled`` gives to ``task``: the next one of those chosen, or of the paper's."""
+    circle = list(tasks) if len(tasks) > 1 else [task, *(name for name in PAPER if name != task)]
+    return circle[(circle.index(task) + 1) % len(circle)]
+
+
+GRASP = ("slipped",)
+UNSEEN = ("nothing_matches", "ambiguous")
+
+
+def failure_class(record: EpisodeRecord) -> str:
+    """Where an episode that did not reach its goal went wrong, in one of nine words; "" for no failure.
+
+    ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and saw for itself.
+    """
+    failure = record.failure
+    if failure is None:
+        return ""
+    if failure.kind in ("crashed", "error", "interrupted", "simulation", "timeout"):
+        return "timeout" if failure.kind == "timeout" else "error"
+    if failure.stage in ("setup", "observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
+        return "perception"
+    if failure.stage == "plan":
+        return "abstained"
+    if failure.stage == "check":
+        return "plan_rejected"
+    if failure.stage == "execute":
+        return "grasp" if failure.kind in GRASP else "execution"
+    return "unnoticed" if failure.stage == "judge" else "not_achieved"

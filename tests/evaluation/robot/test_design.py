@@ -1,0 +1,69 @@
+"""The design: which layouts, which stand-in, which class a failure belongs to."""
+
+from dataclasses import replace
+
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.robot.design import (
+    PAPER,
+    STRIDE,
+    check_seeds,
+    failure_class,
+    layout_seed,
+    ordered,
+    stand_in,
+)
+from gvla2.record.contents import EpisodeRecord, Failure
+
+RECORD = EpisodeRecord("e", "lift it", "pick_and_lift", 0, {})
+
+
+def test_no_test_layout_is_met_in_exploration_or_by_another_seed():
+    layouts = {layout_seed(seed, episode) for seed in range(3) for episode in (0, 1, STRIDE - 1)}
+    assert len(layouts) == 9
+    assert min(layouts) >= STRIDE
+    check_seeds(25, [0, STRIDE - 1])
+    with pytest.raises(ConfigurationError, match="exploration_seeds"):
+        check_seeds(25, [STRIDE])
+    with pytest.raises(ConfigurationError, match="episodes"):
+        check_seeds(STRIDE + 1, [])
+
+
+def test_the_papers_tasks_come_first_and_in_its_order():
+    assert ordered([]) == list(PAPER)
+    assert len(PAPER) == 14
+    assert ordered(["mine", "lamp_on", "put_block", "lamp_on"]) == ["put_block", "lamp_on", "mine"]
+    assert sum(on for on, _ in PAPER.values()) / 14 == pytest.approx(66.1, abs=0.1)
+    assert sum(off for _, off in PAPER.values()) / 14 == pytest.approx(46.6, abs=0.1)
+
+
+@pytest.mark.parametrize("tasks", [["lamp_on"], ["mine"], ["a", "b"], list(PAPER)])
+def test_nobody_stands_in_for_itself(tasks):
+    pairs = {task: stand_in(task, tasks) for task in tasks}
+    assert all(task != other for task, other in pairs.items())
+    assert len(set(pairs.values())) == len(tasks)
+    if len(tasks) > 1:
+        assert set(pairs.values()) == set(tasks)
+
+
+@pytest.mark.parametrize(
+    ("stage", "kind", "expected"),
+    [
+        ("observe", "error", "error"),
+        ("perceive", "perception", "perception"),
+        ("plan", "ambiguous", "perception"),
+        ("plan", "nothing_matches", "perception"),
+        ("plan", "too_wide", "abstained"),
+        ("plan", "timeout", "timeout"),
+        ("plan", "crashed", "error"),
+        ("check", "rejected", "plan_rejected"),
+        ("execute", "slipped", "grasp"),
+        ("execute", "no_path", "execution"),
+        ("verify", "not_achieved", "not_achieved"),
+        ("judge", "goal_not_reached", "unnoticed"),
+    ],
+)
+def test_every_failure_has_a_class(stage, kind, expected):
+    assert failure_class(replace(RECORD, failure=Failure(stage, kind, ""))) == expected
+    assert failure_class(RECORD) == ""

@@ -1,0 +1,93 @@
+"""The robot suite's tables from made-up cells."""
+
+from pathlib import Path
+
+from gvla2.evaluation.report_page import render_report
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.robot.tables import ROBOT, make_robot_tables
+from gvla2.evaluation.table_formats import to_latex, to_markdown
+
+
+def cell(
+    task: str, arm: str, episode: int, done: bool, profile: str = "eased", seed: int = 0, **notes
+) -> Cell:
+    factors = {
+        "task": task, "arm": arm, "profile": profile, "seed": seed, "episode": episode, "robot": "sapien_panda",
+        "perceiver": "classical", "planner": "skill", "verifier": "geometric", "depth_noise": "none", "scale": "1.0",
+    }  # fmt: skip
+    told = {
+        "status": "ok",
+        "failure": "" if done else "grasp",
+        "verdict": "verified_success" if done else "verified_fail",
+    }
+    return Cell(
+        f"{task}{arm}{episode}{profile}{seed}", factors, {"success": done, "seconds": 2.0}, told | notes, 1
+    )
+
+
+def cells() -> list[Cell]:
+    made = []
+    for profile in ("eased", "strict"):
+        for episode in range(20):
+            made += [
+                cell("lamp_on", "off", episode, episode < 4, profile),
+                cell("lamp_on", "on", episode, episode < 16, profile),
+                cell("put_block", "off", episode, True, profile),
+                cell("put_block", "on", episode, True, profile),
+            ]
+    return made
+
+
+def text_of(sheet, row: str, column: str) -> tuple[str, ...]:
+    line = next(line for line in sheet.rows if line.label == row)
+    return line.cells[sheet.headings.index(column)].lines
+
+
+def test_success_is_shown_with_its_interval_beside_the_papers_row():
+    eased, strict, effects, failures = [table.sheet for table in make_robot_tables(cells(), ROBOT)]
+    assert "eased" in eased.title
+    assert "strict" in strict.title
+    assert text_of(eased, "lamp_on", "memory off") == ("20.0", "[8, 42] 4/20")
+    assert text_of(eased, "lamp_on", "memory on")[0] == "80.0"
+    assert text_of(eased, "mean over tasks", "memory on")[0] == "90.0 ± 0.0"
+    assert text_of(eased, "lamp_on", "paper, with memory") == ("78.7",)
+    assert "another simulator" in eased.explanation
+    assert text_of(effects, "on against off", "eased")[0] == "+30.0 points"
+    assert "12 : 0 of 40" in text_of(effects, "on against off", "eased")[2]
+    assert text_of(effects, "on against off", "eased")[3] == "lamp_on +"
+    assert text_of(failures, "grasp", "memory off") == ("16",)
+    assert text_of(failures, "verifier agrees", "memory on") == ("40 of 40",)
+
+
+def test_only_a_sure_difference_is_coloured():
+    (eased, *_) = [table.sheet for table in make_robot_tables(cells(), ROBOT)]
+    tones = {row.label: row.cells[eased.headings.index("memory on")].tone for row in eased.rows}
+    assert tones["lamp_on"] == "better"
+    assert tones["put_block"] == ""
+
+
+def test_groups_that_cannot_be_compared_get_tables_of_their_own_and_the_later_run_counts():
+    from dataclasses import replace
+
+    again = [replace(c, run=2, measures={**c.measures, "success": True}) for c in cells()]
+    tables = make_robot_tables([*again, *cells()], ROBOT)
+    assert text_of(tables[0].sheet, "lamp_on", "memory off")[0] == "100.0"
+    seen = [replace(c, key=c.key + "o", factors={**c.factors, "perceiver": "oracle"}) for c in cells()]
+    titles = [table.title for table in make_robot_tables([*cells(), *seen], ROBOT)]
+    assert sum("perceiver oracle" in title for title in titles) == len(titles) // 2
+
+
+def test_films_of_failures_are_linked_and_every_format_can_be_made(tmp_path: Path):
+    folder = tmp_path / "failures" / "lamp_on-off" / "10004"
+    folder.mkdir(parents=True)
+    (folder / "before.png").write_bytes(b"png")
+    (folder / "index.html").write_text("page")
+    told = {"film": str(folder), "layout": 10004, "instruction": "press <it>", "message": "slipped"}
+    made = [*cells(), cell("lamp_on", "off", 4, False, **told)]
+    tables = make_robot_tables(made, ROBOT)
+    assert len(tables[-1].films) == 1
+    page = render_report(tables, made, [], "gvla2: Robot")
+    assert (folder / "index.html").as_uri() in page
+    assert "press &lt;it&gt;" in page
+    assert "| lamp_on |" in to_markdown(tables)
+    assert r"lamp\_on" in to_latex(tables)
