@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from omegaconf import OmegaConf
 
 from gvla2 import Component, ComponentConfig
 from gvla2.catalog import Registry, load_plugins
@@ -17,9 +16,8 @@ from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
-from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
 from gvla2.testing import CHECKS, ConformanceError, check_component
-from gvla2.testing.inputs import INSTRUCTION, RED, TABLE, WORKSPACE, ball, gantry, observation, scene, views
+from gvla2.testing.inputs import RED, TABLE, ball, scene, views
 
 OWN = {
     ("prior", "file"): "prior.path=",
@@ -325,77 +323,6 @@ def test_bad_verifiers_are_caught(verify: Callable[..., Any], message: str):
         CHECKS["verifier"](Bad(verify=verify))
 
 
-# -- tasks ------------------------------------------------------------------------------------------------------
-
-
-def a_body(rng: np.random.Generator, height: float, name: str = "cube") -> Body:
-    pose = np.eye(4)
-    pose[:3, 3] = [*rng.uniform(-0.1, 0.1, 2), height + 0.025]
-    return Body(name, (Primitive("box", (0.05, 0.05, 0.05), (1, 0, 0)),), pose)
-
-
-def a_task(change: Callable[[TaskInstance], TaskInstance] = lambda i: i, repeatable: bool = True) -> Bad:
-    noise = np.random.default_rng(0)
-
-    def sample(rng: np.random.Generator, site: Any, instruction: str | None = None) -> TaskInstance:
-        layout = Layout((a_body(rng if repeatable else noise, site.table_height),))
-        done = {p: lambda state: state.held("cube") for p in ("eased", "strict")}
-        made = TaskInstance(layout, "lift the cube", done)
-        return replace(change(made), **({"instruction": instruction} if instruction else {}))
-
-    return Bad(instructions=("a", "b", "c", "d"), sample=sample)
-
-
-def with_body(**changes: Any) -> Callable[[TaskInstance], TaskInstance]:
-    return lambda i: replace(i, layout=Layout((replace(i.layout.bodies[0], **changes),)))
-
-
-@pytest.mark.parametrize(
-    ("task", "message"),
-    [
-        (Bad(instructions=("a", "a", "a", "a"), sample=lambda *a: None), "four paraphrases"),
-        (a_task(repeatable=False), "same layout each time"),
-        (a_task(with_body(world_from_body=np.eye(4))), "into the table"),
-        (a_task(with_body(mass=0.0)), "mass must be positive"),
-        (a_task(with_body(solids=())), "has no solids"),
-        (a_task(lambda i: replace(i, instruction="lift the {colour} cube")), "finished sentence"),
-        (a_task(lambda i: replace(i, succeeded={"eased": lambda s: False})), "profiles 'eased' and 'strict'"),
-        (
-            a_task(lambda i: replace(i, succeeded=dict.fromkeys(("eased", "strict"), lambda s: True))),
-            "already done",
-        ),
-        (a_task(lambda i: replace(i, layout=Layout(i.layout.bodies * 2))), "unique names"),
-        (
-            a_task(
-                lambda i: replace(
-                    i,
-                    layout=Layout(
-                        i.layout.bodies,
-                        (
-                            Joint(
-                                "j", "prismatic", "cube", "ghost", np.array([0, 0, 1.0]), np.zeros(3), (0, 1)
-                            ),
-                        ),
-                    ),
-                )
-            ),
-            "not there",
-        ),
-    ],
-)
-def test_bad_tasks_are_caught(task: Bad, message: str):
-    CHECKS["task"](a_task())
-    with pytest.raises(ConformanceError, match=message):
-        CHECKS["task"](task)
-
-
-def test_a_task_that_ignores_its_seed_is_caught():
-    with pytest.raises(ConformanceError, match="all give the same layout"):
-        CHECKS["task"](
-            a_task(with_body(world_from_body=a_body(np.random.default_rng(1), 0.752).world_from_body))
-        )
-
-
 # -- components -------------------------------------------------------------------------------------------------
 
 
@@ -424,45 +351,3 @@ def test_bad_components_are_caught():
         check_component(needy, "planner")
     with pytest.raises(ConformanceError, match=r"lacks plan\(\)"):
         check_component(needy, "planner", embedder=object())
-
-
-# -- the inputs themselves --------------------------------------------------------------------------------------
-
-
-def test_the_gantry_is_an_arm():
-    arm = gantry()
-    rng = np.random.default_rng(2)
-    for _ in range(20):
-        joints = np.array([*rng.uniform(WORKSPACE.low, WORKSPACE.high), rng.uniform(-3, 3)])
-        solved = arm.inverse(arm.forward(joints), joints)
-        assert solved is not None
-        np.testing.assert_allclose(solved.joints, joints, atol=1e-9)
-    assert arm.inverse(np.eye(4)) is None, "it points down only, and the origin is outside"
-    path = arm.line(arm.home, arm.forward(arm.home - [0, 0, 0.2, 0]))
-    assert path is not None
-    assert len(path) >= 20
-
-
-def test_the_gantry_feels_what_it_touches():
-    arm, world = gantry(), scene()
-    above = np.array([*RED.centre, TABLE + 0.3, RED.yaw])
-    free = arm.clearance(above, 1.0, world)
-    assert free.distance > 0.1
-    closed = np.array([*RED.centre, TABLE + RED.side, RED.yaw])
-    hit = arm.clearance(closed, 0.0, world)
-    assert hit.other == "red_cube"
-    assert hit.distance < 0
-    straddling = np.array([*RED.centre, TABLE + 0.5 * RED.side, RED.yaw])
-    assert arm.clearance(straddling, 1.0, world).distance > 0, "the open fingers pass on both sides"
-    assert arm.clearance(straddling, 0.0, world, frozenset({"red_cube"})).other != "red_cube"
-
-
-def test_views_and_scene_agree():
-    seen = views(masked=RED)
-    for view in seen:
-        points = view.points()[view.mask > 0]
-        local = np.abs(points - RED.world_from_block[:3, 3])
-        assert len(points) > 20
-        assert local.max() < RED.side
-    assert OmegaConf.create({"instruction": INSTRUCTION}).instruction
-    assert observation().gripper == 1.0
