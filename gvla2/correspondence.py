@@ -15,6 +15,7 @@ MAX_DIFFERENCE = 1.0
 
 _UNMATCHED = 10.0
 _PLACE_WEIGHT = 0.15
+_STILL, _STILL_WEIGHT = 0.03, 0.2
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Correspondence:
 def correspond(before: Scene, after: Scene) -> Correspondence:
     """Match the objects of two perceived scenes one to one, with the least total difference.
 
-    Place counts little, so that a moved object is found again and its unmoved twin keeps its own identity.
+    How far counts little, so that a moved object is found again; what stands where it stood counts more than a label
+    that perception words otherwise the second time, so that its unmoved twin keeps its own identity.
     Painted regions match regions alone.
     """
     if not before.objects or not after.objects:
@@ -52,7 +54,7 @@ def _cost(first: SceneObject, second: SceneObject) -> float:
     if different > MAX_DIFFERENCE:
         return _UNMATCHED
     moved = float(np.linalg.norm(first.centre - second.centre))
-    return different + _PLACE_WEIGHT * min(moved / 0.3, 1.0)
+    return different + _PLACE_WEIGHT * min(moved / 0.3, 1.0) + _STILL_WEIGHT * min(moved / _STILL, 1.0)
 
 
 def difference(first: SceneObject, second: SceneObject) -> float:

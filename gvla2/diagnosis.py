@@ -5,13 +5,14 @@ A failure without a diagnosed signal teaches words alone; guessing a bound would
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from gvla2.correspondence import correspond
+from gvla2.diagnosis_mechanisms import EMPTY, Signal, fell_short
 from gvla2.planning.contracts import Plan
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import BEFORE, Effect
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Waypoint
 from gvla2.record.contents import EpisodeRecord
@@ -23,19 +24,15 @@ DEPTH_MARGIN = 0.005
 """Metres to grasp deeper at least after a slip; a tenth of the object's height where that is more."""
 PUSH_TOLERANCE = 0.01
 """Metres off the goal's centre that are no error of the push."""
-
-
-@dataclass(frozen=True)
-class Signal:
-    """One diagnosed cause: a stable ``kind``, words that hold for any such episode, and an effect where one follows."""
-
-    kind: str
-    words: str
-    effect: Effect | None = None
+DROP = 0.03
+"""Metres lower that something is put down, not let go of by a stop's play; and aside that are the same place."""
 
 
 def diagnose(record: EpisodeRecord) -> list[Signal]:
-    """The signals of an executed episode, none for one that was not executed."""
+    """The signals of an executed episode, none for one that was not executed.
+
+    Bounds on parameters that go with the object's size are shares of it, as the plan's ``scales`` say.
+    """
     if record.plan is None or record.scene is None or record.report is None or not record.report.waypoints:
         return []
     plan, report = record.plan, record.report
@@ -44,9 +41,21 @@ def diagnose(record: EpisodeRecord) -> list[Signal]:
         _slip(plan, report, theme),
         _touch(plan, report),
         _misplaced_push(plan, record.scene, record.after_scene, theme),
+        _opened_early(plan, report),
         _unreachable(plan, report),
     ]
-    return [signal for signal in found if signal is not None]
+    short = fell_short(plan, report, record.scene, record.after_scene, theme)
+    if short is not None:
+        if report.completed and any(s is not None and s.kind in ("slip", "missed_grasp") for s in found):
+            short = None  # what was lost could not be moved further
+        else:
+            found = [s for s in found if s is None or s.kind != "slip"]  # the mechanism held it back
+    found.append(short)
+    return [
+        signal if signal.effect is None else replace(signal, effect=signal.effect.shared(plan.scales))
+        for signal in found
+        if signal is not None
+    ]
 
 
 def theme_of(record: EpisodeRecord) -> SceneObject | None:
@@ -75,34 +84,54 @@ def _planned(plan: Plan, report: WaypointReport) -> Waypoint | None:
 
 
 def _slip(plan: Plan, report: ExecutionReport, theme: SceneObject | None) -> Signal | None:
-    """Held first and lost before the hand was told to open."""
-    held = False
+    """Held first and lost before the hand was told to open; by the fingers' gap, where the robot feels no hold."""
+    held = gap = False
     for done in report.waypoints:
         waypoint = _planned(plan, done)
+        if waypoint is not None and _lets_go(plan, done):
+            held = gap = False
+            continue
         carrying = waypoint is not None and bool(waypoint.carries)
-        if carrying and held and (done.abort == "slipped" or done.held is False):
-            return Signal("slip", "the object slipped out of the fingers", _deeper(plan, theme))
+        lost = (held and done.held is False) or (gap and done.gripper_width <= EMPTY)
+        if carrying and ((done.abort == "slipped" and held) or lost):
+            # What was learnt of one thing's depth says nothing of another that the same plan carries.
+            others = {i for role, i in plan.roles.items() if role.startswith("theme_")}
+            own = waypoint is not None and waypoint.carries not in others - {theme.id if theme else ""}
+            return Signal(
+                "slip", "the object slipped out of the fingers", _deeper(plan, theme) if own else None
+            )
         if done.abort == "slipped":
             return Signal("missed_grasp", "the fingers closed on nothing")
         held = held or done.held is True
+        gap = gap or (carrying and done.gripper_width > EMPTY)
     return None
 
 
+def _lets_go(plan: Plan, report: WaypointReport) -> bool:
+    """Whether the hand opens at this waypoint."""
+    waypoints = plan.trajectory.waypoints if plan.trajectory else ()
+    before = waypoints[report.index - 1].gripper if report.index else 1.0
+    return waypoints[report.index].gripper > before + 1e-6
+
+
 def _deeper(plan: Plan, theme: SceneObject | None) -> Effect | None:
+    """Grasp deeper by a tenth of the object's height, but no deeper than it is high; a lip is held deeper."""
+    if "lip_depth" in plan.parameters:
+        return Effect("bound", "lip_depth", plan.parameters["lip_depth"] + DEPTH_MARGIN, skill=plan.skill)
     depth = plan.parameters.get("grasp_depth")
     if depth is None or theme is None:
         return None
-    deeper = depth + max(DEPTH_MARGIN, 0.1 * float(theme.extents[2]))
+    height = dict(plan.scales.values()).get("height", float(theme.extents[2]))
+    deeper = depth + max(DEPTH_MARGIN, 0.1 * height)
     # Deeper than the object is high, the fingers would meet the table.
-    value = max(depth, min(deeper, float(theme.extents[2])))
-    return Effect("bound", "grasp_depth", value, ">=", skill=plan.skill)
+    return Effect("bound", "grasp_depth", max(depth, min(deeper, height)), skill=plan.skill)
 
 
 def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
     """Contact, or a collision, on the way where none was allowed."""
     for done in report.waypoints:
         waypoint = _planned(plan, done)
-        if waypoint is None or waypoint.allowed_contacts:
+        if waypoint is None or waypoint.allowed_contacts or waypoint.guard:  # contact was meant
             continue
         # Fingers that carry touch what they carry; only the executor's own word counts then.
         if done.abort == "collision" or (done.contacts and not waypoint.carries and not done.held):
@@ -137,11 +166,58 @@ def _misplaced_push(
     return Signal("undershoot", "the object was not pushed as far as the goal", bound)
 
 
+def _opened_early(plan: Plan, report: ExecutionReport) -> Signal | None:
+    """The hand let go of what it held high up, and then went down over the same place with nothing in it.
+
+    Measured: something was felt before and nothing after, and the plan's own later stage is where it should have been
+    put down. That stage then comes before the one that opened the hand.
+    """
+    held = False
+    for done in report.waypoints:
+        waypoint = _planned(plan, done)
+        if waypoint is None:
+            return None
+        if held and waypoint.carries and _lets_go(plan, done):
+            return _lowered_after(plan, report, done)
+        held = done.held is True
+    return None
+
+
+def _lowered_after(plan: Plan, report: ExecutionReport, opened: WaypointReport) -> Signal | None:
+    for done in report.waypoints:
+        waypoint = _planned(plan, done)
+        if done.index <= opened.index or waypoint is None:
+            continue
+        if waypoint.carries or waypoint.gripper < 0.5 or done.held:
+            return None  # the hand has begun something else
+        aside = float(np.linalg.norm(np.subtract(done.reached[:2], opened.reached[:2])))
+        lower = opened.reached[2] - done.reached[2]
+        if lower > DROP and aside < DROP and waypoint.stage and waypoint.stage != opened.stage:
+            order = Effect("order", f"{waypoint.stage}{BEFORE}{opened.stage}", skill=plan.skill)
+            return Signal("opened_early", "the hand let go before it had put the object down", order)
+    return None
+
+
 def _unreachable(plan: Plan, report: ExecutionReport) -> Signal | None:
     """The arm could not get there; the approach is forbidden only where the plan had weighed another that works."""
     stopped = report.abort
     if stopped is None or stopped.abort not in ("unreachable", "no_path"):
         return None
-    approach, viable = approach_of(plan), [c for c in plan.candidates if not c.rejected]
-    forbid = approach and len(viable) > 1 and Effect("forbid", f"approach:{approach}", skill=plan.skill)
-    return Signal("unreachable", f"the arm found no way at '{stopped.stage}'", forbid or None)
+    name = _replaceable(plan)
+    forbid = Effect("forbid", name, skill=plan.skill) if name else None
+    return Signal("unreachable", f"the arm found no way at '{stopped.stage}'", forbid)
+
+
+def _replaceable(plan: Plan) -> str:
+    """The name of the approach taken that another viable candidate does without, the most telling one; "" for none.
+
+    Candidates that name no approaches are told apart by nothing: then any second one will do.
+    """
+    viable = [c for c in plan.candidates if not c.rejected]
+    if len(viable) < 2:
+        return ""
+    taken, others = viable[0].approaches, viable[1:]
+    if taken:
+        return next((a for a in reversed(taken) if any(a not in c.approaches for c in others)), "")
+    approach = approach_of(plan)
+    return f"approach:{approach}" if approach else ""

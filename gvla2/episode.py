@@ -2,8 +2,9 @@
 
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
 
-Read :func:`run_episode` first; each stage below it is one function from record to record. A simulator's referee
-speaks last, after everything was learnt, so that no stage can see true state.
+Read :func:`run_episode` first; each stage below it is one function from record to record. Where an attempt is seen to
+have failed, the stages from observe to verify may be gone through again. A simulator's referee speaks last, after
+everything was learnt, so that no stage can see true state.
 """
 
 from __future__ import annotations
@@ -16,16 +17,23 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error, MemoryStoreError, PerceptionError, PlanningError
+from gvla2.advice import advice_for, with_sound_effects
+from gvla2.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
+from gvla2.checking import check_plan
+from gvla2.errors import (
+    Gvla2Error,
+    MemoryStoreError,
+    PerceptionError,
+    PlannerTimeoutError,
+    PlanningError,
+    SimulationError,
+)
 from gvla2.evidence import RobotEvidence
 from gvla2.lessons import memory_episode, memory_task, transcript
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
-from gvla2.planning.checks import check_trajectory
-from gvla2.planning.contracts import Advice, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.asking import ask
+from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
 from gvla2.planning.findings import CheckReport
-from gvla2.planning.repair import repair
-from gvla2.planning.trajectory import Trajectory
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
 from gvla2.refine import GeometryParts, refine_scene
 from gvla2.robot.backend import ExecutionListener, RobotBackend
@@ -35,6 +43,9 @@ from gvla2.robot.task import Task
 
 ABANDONED: tuple[str, ...] = ("error", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
+
+VOID = "simulation"
+"""The kind of failure after which nothing of the episode means anything: its simulated world has blown up."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +64,18 @@ class Parts:
 
 @dataclass(frozen=True)
 class EpisodeRequest:
-    """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run."""
+    """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run.
+
+    After an attempt that the verifier is sure has failed there are up to ``replan`` further ones. A planner that does
+    not answer within ``planner_timeout`` seconds ends the episode; 0 waits for ever.
+    """
 
     seed: int
     instruction: str | None = None
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     source: str = ""
+    replan: int = 0
+    planner_timeout: float = 60.0
 
 
 class EpisodeListener(Protocol):
@@ -90,19 +107,34 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
         seed=request.seed,
         choices=parts.choices,
     )
-    stages: tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...] = (
-        ("setup", lambda r: _set_up(r, parts, request)),
-        ("observe", lambda r: _observe(r, parts, request)),
+    attempt: _Stages = (
+        ("observe", lambda r: _observe(r, parts, request, listener)),
         ("perceive", lambda r: _perceive(r, parts)),
         ("reconstruct", lambda r: _reconstruct(r, parts)),
         ("recall", lambda r: _recall(r, parts)),
-        ("plan", lambda r: _plan(r, parts)),
-        ("check", lambda r: _check(r, parts)),
+        ("plan", lambda r: _plan(r, parts, request)),
+        ("check", lambda r: _check(r, parts, request)),
         ("execute", lambda r: _execute(r, parts, request, listener)),
         ("verify", lambda r: _verify(r, parts)),
-        ("learn", lambda r: _learn(r, parts)),
-        ("judge", lambda r: _judge(r, parts)),
     )
+    record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *attempt), record, listener)
+    for _ in range(request.replan):
+        if not worth_another(record):
+            break
+        again = tuple(entry for entry in attempt if entry[0] != "recall")  # its answer stays
+        record = _go_through(again, next_attempt(record), listener)
+        if record.report is None:
+            broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
+            record = record if broken else came_to_nothing(record)
+            break
+    closing: _Stages = (("learn", lambda r: _learn(r, parts)), ("judge", lambda r: _judge(r, parts)))
+    return _go_through(closing, record, listener)
+
+
+_Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
+
+
+def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:
     for stage, function in stages:
         if record.failure is None or _still_worthwhile(stage, record):
             record = _run_stage(stage, function, record, listener)
@@ -119,9 +151,13 @@ class _StoppedMidwayError(BaseException):
 
 def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
     """After a failure: what was planned is still verified and learnt from, what was laid out still judged."""
-    if stage in ("verify", "learn"):
+    if record.failure is not None and record.failure.kind == VOID:
+        return False
+    if stage == "verify":
         return record.plan is not None
-    return stage == "judge" and record.observation is not None
+    if stage == "learn":
+        return record.verdict is not None or bool(record.attempts)
+    return stage == "judge" and (record.observation is not None or bool(record.attempts))
 
 
 def _run_stage(
@@ -148,8 +184,12 @@ def _run_stage(
         return ended(record)
     except PerceptionError as error:
         return ended(replace(record, failure=Failure(stage, "perception", str(error))))
+    except PlannerTimeoutError as error:
+        return ended(replace(record, failure=Failure(stage, "timeout", str(error))))
     except PlanningError as error:
         return ended(replace(record, failure=Failure(stage, "invalid_plan", str(error))))
+    except SimulationError as error:
+        return ended(replace(record, failure=Failure(stage, VOID, str(error))))
     except Gvla2Error as error:
         return ended(replace(record, failure=Failure(stage, "error", str(error))))
     except KeyboardInterrupt:
@@ -168,8 +208,13 @@ def _set_up(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> Epi
     return replace(record, instruction=instance.instruction, goal=instance.goal)
 
 
-def _observe(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
-    noise = np.random.default_rng([request.seed, 0])
+def _observe(
+    record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
+) -> EpisodeRecord:
+    if record.attempts:
+        trouble = back_off(parts.robot, record.attempts[-1], ExecutionListener(listener.frame))
+        record = replace(record, notes=(*record.notes, trouble)) if trouble else record
+    noise = np.random.default_rng([request.seed, 2 * len(record.attempts)])
     return replace(record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise))
 
 
@@ -192,26 +237,20 @@ def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     except MemoryStoreError as error:
         context = MemoryContext(degraded=str(error))
     notes = (f"Memory was not used: {context.degraded}",) if context.degraded else ()
-    context, skipped = _with_sound_effects(context)
+    context, skipped = with_sound_effects(context)
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
 
 
-def _with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:
-    """The context with effects that say nothing definite taken off their items, and one note each."""
-    items, notes = [], []
-    for item in context.items:
-        try:
-            if item.effect:
-                Effect.from_json(item.effect)
-        except PlanningError as error:
-            notes.append(f"The effect of the remembered '{item.id}' was passed over: {error}")
-            item = replace(item, effect=None)  # its words may still serve
-        items.append(item)
-    return replace(context, items=tuple(items)), tuple(notes)
-
-
-def _plan(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    plan = _ask(parts.planner, _plan_request(record, parts))
+def _plan(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
+    """Ask the planner; an answer that is no plan is given back to it once, with what is wrong with it."""
+    planner, seconds = parts.choices.get("planner", ""), request.planner_timeout
+    try:
+        plan = ask(parts.planner, _plan_request(record, parts), planner, seconds)
+    except PlannerTimeoutError:
+        raise
+    except PlanningError as error:
+        plan = ask(parts.planner, _plan_request(record, parts, (str(error),)), planner, seconds)
+        record = replace(record, notes=(*record.notes, f"{error} It was asked again."))
     notes = (f"The planner '{plan.fallback}' stepped in.",) if plan.fallback else ()
     record = replace(record, plan=plan, notes=record.notes + notes)
     if plan.abstention is not None:
@@ -219,19 +258,9 @@ def _plan(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     return record
 
 
-def _ask(planner: Planner, request: PlanRequest) -> Plan:
-    plan = planner.plan(request)
-    if not isinstance(plan, Plan):
-        raise PlanningError(f"The planner returned {type(plan).__name__}, not a Plan.")
-    if plan.abstention is None and not isinstance(plan.trajectory, Trajectory):
-        raise PlanningError("The planner returned neither a trajectory nor an abstention with its reason.")
-    return plan
-
-
 def _plan_request(record: EpisodeRecord, parts: Parts, rejections: tuple[str, ...] = ()) -> PlanRequest:
     assert record.scene is not None
     assert record.observation is not None
-    context = record.recalled or MemoryContext()
     return PlanRequest(
         instruction=record.instruction,
         scene=record.scene,
@@ -239,57 +268,27 @@ def _plan_request(record: EpisodeRecord, parts: Parts, rejections: tuple[str, ..
         start=record.observation.world_from_tcp,
         joints=record.observation.joints,
         observation=record.observation,
-        advice=Advice(context.text, _effects(context)),
+        advice=advice_for(record),
         rejections=rejections,
     )
 
 
-def _effects(context: MemoryContext) -> tuple[Effect, ...]:
-    return tuple(Effect.from_json(item.effect, source=item.id) for item in context.items if item.effect)
-
-
-def _check(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
+def _check(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
     """Check the plan; on findings repair it once, then ask the planner once more with the reasons."""
     assert record.plan is not None
-    record, report = _check_plan(record, parts)
+    record, report = check_plan(record, parts.robot.arm)
     if not report.passed:
         rejected = report.reasons
-        plan = _ask(parts.planner, _plan_request(record, parts, rejections=rejected))
+        asked = _plan_request(record, parts, rejections=rejected)
+        plan = ask(parts.planner, asked, parts.choices.get("planner", ""), request.planner_timeout)
         if plan.abstention is None:
-            record, report = _check_plan(replace(record, plan=plan), parts)
+            record, report = check_plan(replace(record, plan=plan), parts.robot.arm)
             note = f"The first plan was rejected ({'; '.join(rejected)}) and the planner asked again."
             record = replace(record, notes=(*record.notes, note))
     record = replace(record, checks=report)
     if not report.passed:
         return replace(record, failure=Failure("check", "rejected", " ".join(report.reasons)))
     return record
-
-
-def _check_plan(record: EpisodeRecord, parts: Parts) -> tuple[EpisodeRecord, CheckReport]:
-    """The report on the record's plan, and the record with the plan repaired where that made it pass."""
-    assert record.plan is not None
-    assert record.plan.trajectory is not None
-    assert record.scene is not None
-    assert record.observation is not None
-    scene, start, joints = record.scene, record.observation.world_from_tcp, record.observation.joints
-    effects = _effects(record.recalled or MemoryContext())
-    parameters, skill = record.plan.parameters, record.plan.skill
-
-    def check(trajectory: Trajectory) -> CheckReport:
-        return check_trajectory(
-            trajectory, scene, parts.robot.arm, start, joints, effects, parameters, skill=skill
-        )
-
-    report = check(record.plan.trajectory)
-    if report.passed:
-        return record, report
-    repaired, repairs = repair(record.plan.trajectory, report, scene, parts.robot.arm)
-    if not repairs:
-        return record, report
-    second = replace(check(repaired), repairs=repairs)
-    if not second.passed:
-        return record, report
-    return replace(record, plan=replace(record.plan, trajectory=repaired)), second
 
 
 def _execute(
@@ -311,10 +310,12 @@ def _execute(
         message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
-        noise = np.random.default_rng([request.seed, 1])
+        noise = np.random.default_rng([request.seed, 2 * len(record.attempts) + 1])
         after = apply_noise(parts.robot.observe(), request.depth_noise, noise)
         scene = parts.perceiver.perceive(after, record.instruction, parts.robot.arm.workspace)
         return replace(record, after=after, after_scene=scene)
+    except SimulationError as error:
+        return replace(record, failure=Failure("execute", VOID, str(error)))
     except Gvla2Error as error:
         return replace(record, notes=(*record.notes, f"Nothing could be perceived at the end: {error}"))
 
@@ -345,11 +346,19 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 
 
 def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    assert record.verdict is not None
-    try:
-        learned = parts.memory.learn(memory_episode(record, record.verdict), record.verdict)
-    except MemoryStoreError as error:
-        learned = Learned(degraded=str(error))
+    """Tell memory of every attempt, each in the light of its own verdict."""
+    told = []
+    for number, attempt in enumerate((*record.attempts, replace(record, attempts=())), 1):
+        verdict = attempt.verdict
+        if attempt.plan is None or verdict is None:
+            continue
+        if number <= len(record.attempts):
+            attempt = replace(attempt, episode_id=f"{record.episode_id}#{number}")
+        try:
+            told.append(parts.memory.learn(memory_episode(attempt, verdict), verdict))
+        except MemoryStoreError as error:
+            told.append(Learned(degraded=str(error)))
+    learned = pooled(told)
     notes = (f"Nothing was learnt: {learned.degraded}",) if learned.degraded else ()
     return replace(record, learned=learned, notes=record.notes + notes)
 

@@ -50,8 +50,16 @@ class PlanningError(Gvla2Error):
     """A planner returned something that is not a plan."""
 
 
+class PlannerTimeoutError(PlanningError):
+    """A planner gave no answer in time."""
+
+
 class RobotError(Gvla2Error):
     """A robot backend could not carry out what it was asked to do."""
+
+
+class SimulationError(RobotError):
+    """A simulated world has blown up: what happened in it means nothing, and the next reset starts a clean one."""
 
 
 class MemoryStoreError(Gvla2Error):

@@ -12,7 +12,7 @@ import re
 import gvla2
 from gvla2.diagnosis import approach_of, diagnose, theme_of
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Effect, sides_of
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.record.contents import EpisodeRecord
 
@@ -22,6 +22,13 @@ SKILL_WORDS = {
     "place": "Place (put, set down on or into a goal)",
     "push": "Push (slide, shove, move to a goal)",
     "press": "Press (push down, switch or turn on)",
+    "open": "Open (swing, lift, flip up a lid)",
+    "close": "Close (shut, swing or fold down a lid)",
+    "pull": "Pull (draw, slide out, open a drawer)",
+    "shut": "Shut (close, push in a drawer)",
+    "draw": "Draw out (extract, pull out, take from between)",
+    "twist": "Twist (turn, unscrew, open, take off a cap)",
+    "insert": "Insert (put, slide, thread over a post)",
 }
 """How a lesson names a skill; the other verbs let other wordings of an instruction find it."""
 KEY_PARAMETERS = {
@@ -29,10 +36,17 @@ KEY_PARAMETERS = {
     "place": ("place_height", "grasp_depth", "transit_clearance"),
     "push": ("push_overshoot", "push_height", "standoff"),
     "press": ("press_depth", "standoff"),
+    "open": ("open_angle", "lip_depth", "standoff"),
+    "close": ("let_go_angle", "hook_depth", "standoff"),
+    "pull": ("pull_distance", "grasp_depth", "standoff"),
+    "draw": ("grasp_depth", "end_distance", "pull_distance"),
+    "twist": ("turn", "grasp_depth", "standoff"),
+    "insert": ("insert_depth", "grasp_depth", "transit_clearance"),
 }
 """The parameters of each skill that decide most; as many as a recall shows hints at a time.
 
-How high to lift and how far to push are not among them: that is the instruction's to say, not experience's.
+How high to lift and how far to push are not among them: that is the instruction's to say, not experience's. How far
+to swing, turn or pull something open is: no sentence says it.
 """
 MOST_PARAMETERS = 3
 
@@ -68,6 +82,13 @@ def memory_episode(record: EpisodeRecord, verdict: Verdict) -> MemoryEpisode:
         source=record.episode_id,
         provenance={**record.choices, "gvla2": gvla2.__version__},
     )
+
+
+def handled_lengths(record: EpisodeRecord) -> dict[str, float]:
+    """The sides of what the plan handles, metres by name: as the planner took them, else as they were perceived."""
+    theme = theme_of(record)
+    perceived = sides_of(theme) if theme is not None else {}
+    return {**perceived, **dict(record.plan.scales.values() if record.plan is not None else ())}
 
 
 def transcript(record: EpisodeRecord) -> str:
@@ -125,7 +146,10 @@ def _not_executed(record: EpisodeRecord) -> list[Lesson]:
 
 
 def _from_success(record: EpisodeRecord) -> list[Lesson]:
-    """What worked: one hint a key parameter, with its value as a prior; the order of stages without any."""
+    """What worked: one hint a key parameter, with its value as a prior; the order of stages without any.
+
+    Values that go with the object's size are shares of it, so that they hold for other sizes.
+    """
     assert record.plan is not None
     plan, subject, trajectory = record.plan, _subject(record), record.plan.trajectory
     assert trajectory is not None
@@ -139,7 +163,9 @@ def _from_success(record: EpisodeRecord) -> list[Lesson]:
         Lesson(
             "procedural_hint",
             f"{subject}: this {name.replace('_', ' ')} succeeded.",
-            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill).to_json(),
+            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill)
+            .shared(plan.scales)
+            .to_json(),
         )
         for name in chosen
     ]

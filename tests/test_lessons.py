@@ -9,7 +9,7 @@ import pytest
 
 from gvla2.correspondence import correspond
 from gvla2.diagnosis import approach_of, diagnose
-from gvla2.lessons import memory_episode, memory_task, transcript
+from gvla2.lessons import handled_lengths, memory_episode, memory_task, transcript
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext, Verdict
 from gvla2.memory.hashing import HashEmbedder
@@ -320,3 +320,66 @@ def test_lessons_name_size_and_build(extents: tuple[float, float, float], words:
     shaped = replace(SCENE["a"], extents=np.array(extents))
     (lesson, *_) = memory_episode(episode(scene=SCENE.with_object(shaped)), SUCCESS).lessons
     assert words in lesson.content
+
+
+SCALES = {"grasp_depth": ("height", 0.05)}
+
+
+def sized(record: EpisodeRecord) -> EpisodeRecord:
+    """The record with a plan that says which parameter goes with the object's size."""
+    assert record.plan is not None
+    return replace(record, plan=replace(record.plan, scales=SCALES))
+
+
+def test_what_goes_with_the_size_is_learnt_as_a_share_of_it() -> None:
+    priors = [
+        Effect.from_json(x.effect) for x in memory_episode(sized(episode()), SUCCESS).lessons if x.effect
+    ]
+    assert {e.parameter: (e.value, e.scale) for e in priors} == {
+        "grasp_depth": (pytest.approx(0.5), "height"),
+        "approach_tilt": (0.0, ""),
+        "standoff": (0.05, ""),
+    }
+    slipped = sized(episode({4: {"held": False, "abort": "slipped"}}))
+    (bound,) = (Effect.from_json(x.effect) for x in memory_episode(slipped, FAIL).lessons if x.effect)
+    assert (bound.kind, bound.value, bound.scale) == ("bound", pytest.approx(0.6), "height")
+
+
+def test_shares_transfer_to_other_sizes_through_a_bank(tmp_path: Path) -> None:
+    with open_bank(tmp_path) as bank:
+        slipped = sized(episode({4: {"held": False, "abort": "slipped"}}))
+        bank.learn(memory_episode(slipped, FAIL), FAIL)
+        asked = EpisodeRecord("run/9", "Please lift the blue cube", "", 9, {}, scene=SCENE)
+        given = advice(bank.recall(memory_task(asked)))
+    assert "grasp_depth at least 0.6 of the object's height" in given.text
+    for height, expected in ((0.05, 0.03), (0.06, 0.036)):
+        changed, _ = apply_effects({"grasp_depth": 0.01}, given.effects, "pick", lengths={"height": height})
+        assert changed["grasp_depth"] == pytest.approx(expected)
+
+
+def test_shares_and_metres_are_kept_apart(tmp_path: Path) -> None:
+    with open_bank(tmp_path) as bank:
+        for record in (episode(), sized(episode()), episode()):  # as banks from before there were scales
+            bank.learn(memory_episode(record, SUCCESS), SUCCESS)
+        found = [r.effect_json() for r in bank.records() if "grasp_depth" in r.effect]
+    figures = {(e.get("scale", ""), e["count"], round(e["value"], 4)) for e in found if e}
+    assert figures == {("", 2, 0.025), ("height", 1, 0.5)}
+
+
+def test_the_handled_sides_are_the_planners_where_it_gives_them() -> None:
+    assert handled_lengths(episode()) == pytest.approx({"length": 0.05, "width": 0.05, "height": 0.05})
+    whole = replace(sized(episode()).plan, scales={"grasp_depth": ("height", 0.2)})
+    assert handled_lengths(replace(episode(), plan=whole))["height"] == 0.2
+    assert handled_lengths(replace(episode(), plan=None)) == {}
+
+
+@pytest.mark.parametrize("skill", ["open", "close", "pull", "draw", "twist", "insert"])
+def test_success_of_each_working_skill_gives_priors_of_its_own_parameters(skill: str) -> None:
+    theta = {"open_angle": 1.8, "lip_depth": 0.006, "let_go_angle": 1.0, "hook_depth": 0.01, "pull_distance": 0.15,
+             "end_distance": 0.02, "turn": 2.9, "insert_depth": 0.02, "grasp_depth": 0.02, "standoff": 0.05,
+             "transit_clearance": 0.05, "speed": 0.2}  # fmt: skip
+    lessons = memory_episode(episode(skill=skill, theta=theta), SUCCESS).lessons
+    effects = [Effect.from_json(lesson.effect) for lesson in lessons if lesson.effect]
+    assert len(effects) == 3
+    assert all(e.skill == skill and e.parameter != "speed" for e in effects)
+    assert lessons[0].content.split(" ")[0].casefold() == skill

@@ -1,4 +1,4 @@
-"""The example distribution, installed as a stranger would: listed, composed, swept, conforming."""
+"""The example distributions, installed as a stranger would: listed, composed, swept, conforming."""
 
 import json
 import os
@@ -8,19 +8,21 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLE = Path(__file__).parents[1] / "examples" / "third_party"
+EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLE, TASK = EXAMPLES / "third_party", EXAMPLES / "third_party_task"
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The distribution in a folder of its own, from a copy: a build leaves files beside its source."""
+    """The distributions in a folder of their own, from copies: a build leaves files beside its source."""
     folder = tmp_path_factory.mktemp("third_party")
-    source, target = folder / "source", folder / "site"
-    subprocess.run(["cp", "-r", str(EXAMPLE), str(source)], check=True)
+    target = folder / "site"
+    subprocess.run(["cp", "-r", str(EXAMPLE), str(TASK), str(folder)], check=True)
     subprocess.run(
         [
             *(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"),
-            *("--disable-pip-version-check", "--target", str(target), str(source)),
+            *("--disable-pip-version-check", "--target", str(target)),
+            *(str(folder / source.name) for source in (EXAMPLE, TASK)),
         ],
         check=True,
     )
@@ -82,9 +84,11 @@ def test_its_wrong_options_are_told(python):
     )
 
 
-def test_it_conforms(python):
-    done = python("-m", "pytest", "-q", "-p", "no:cacheprovider", str(EXAMPLE / "tests"))
+def test_they_conform(python):
+    tests = [str(example / "tests") for example in (EXAMPLE, TASK)]
+    done = python("-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)
     assert done.returncode == 0, done.stdout
+    assert "2 passed" in done.stdout
 
 
 def test_it_runs_in_a_sweep(python, tmp_path: Path):
@@ -97,3 +101,51 @@ def test_it_runs_in_a_sweep(python, tmp_path: Path):
     assert [r["parameters"] for r in results] == [{"height": 0.12}, {"height": 0.3}]
     assert [r["success"] for r in results] == [False, False], "hovering lifts nothing"
     assert {r["failure"]["kind"] for r in results} == {"goal_not_reached"}
+
+
+def test_its_task_is_listed_and_completed(python, monkeypatch: pytest.MonkeyPatch):
+    done = python("-m", "gvla2.cli", "plugins", "task")
+    assert done.returncode == 0, done.stderr
+    row = next(line for line in done.stdout.splitlines() if "the ball of the named colour" in line)
+    assert row.split()[:2] == ["task", "ball_in_bowl"]
+    assert "bowl (gvla2-bowl 0.1.0)" in row
+    assert "task.ball " in done.stdout
+    monkeypatch.setenv("COMP_LINE", "gvla2 run task=ball")
+    assert python("-m", "gvla2.cli", "-sc", "query=bash").stdout.split() == ["task=ball_in_bowl"]
+
+
+def test_its_task_is_on_the_page_of_tasks(python, tmp_path: Path):
+    """Demonstrated by its own script, in the simulator."""
+    done = python("-m", "gvla2.cli", "tasks", "ball_in_bowl", "--seed", "1", "--output", "page.html")
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "page.html").read_text()
+    assert "ball_in_bowl" in page
+    assert "eased reached, strict reached" in page
+
+
+def test_its_task_runs(python, tmp_path: Path):
+    """Seen, planned and done by the reference plugins, which never heard of it."""
+    memory = f"memory.url=sqlite:///{tmp_path / 'memory.db'}"
+    done = python("-m", "gvla2.cli", "run", "task=ball_in_bowl", "seed=2", "quiet=true", memory)
+    assert done.returncode == 0, done.stderr
+    (result,) = [json.loads(p.read_text()) for p in tmp_path.glob("outputs/run/*/*/result.json")]
+    assert result["task"] == "ball_in_bowl"
+    assert result["success"] is True, result["failure"]
+
+
+def test_its_wrong_options_say_what_fits(python):
+    done = python("-m", "gvla2.cli", "run", "task=ball_in_bowl", "task.ball=0.1", "quiet=true")
+    assert done.returncode == 1
+    assert "takes task.ball from 0.03 to 0.07 m" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_its_task_is_an_environment(python):
+    code = (
+        "import gymnasium; "
+        "env = gymnasium.make('gvla2.gym:gvla2/ball_in_bowl-v0', image_size=32, task_options={'ball': 0.06}); "
+        "print(env.reset(seed=1)[1]['instruction'])"
+    )
+    done = python("-W", "error", "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert "bowl" in done.stdout

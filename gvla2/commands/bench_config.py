@@ -74,7 +74,8 @@ class BenchConfig:
     fourteen by default; ``arms`` are ``off``, ``on``, ``shuffled``, ``best_theta``, or the name of any memory;
     ``arm_options`` configures an arm's memory by the arm's name (``arm_options.on.admission=false``). Each of
     ``seeds`` lays out ``episodes``. Experience comes from ``exploration_seeds``, whose plans vary by ``exploration``
-    (a relative spread), and is frozen before the test. ``scale`` is the objects' size; ``videos`` failed episodes of
+    (a relative spread), and is frozen before the test. ``replan`` further attempts are allowed
+    in an episode; ``scale`` is the objects' size; ``videos`` failed episodes of
     each task and arm are run once more with the camera on.
 
     Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
@@ -102,6 +103,7 @@ class BenchConfig:
     episodes: int = 25
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
+    replan: int = 0
     scale: float = 1.0
     videos: int = 1
     perceivers: list[str] = field(default_factory=lambda: ["classical"])
@@ -130,9 +132,9 @@ class BenchConfig:
             raise ConfigurationError("surface_samples must be at least 100.")
         if self.workers < 0 or min(self.seeds) < 0:
             raise ConfigurationError("workers and seeds must not be negative.")
-        if not self.arms or self.episodes < 1 or self.videos < 0:
+        if not self.arms or self.episodes < 1 or self.videos < 0 or self.replan < 0:
             raise ConfigurationError(
-                "arms must name at least one, episodes be 1 or more, videos not negative."
+                "arms must name at least one, episodes be 1 or more; no count is negative."
             )
         if not self.perceivers:
             raise ConfigurationError("perceivers must name at least one.")

@@ -133,6 +133,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         seed=layout,
         depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
         source=f"{unit.task}-{unit.arm}-{layout}",
+        replan=unit.config.replan,
     )
     listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
     started = time.perf_counter()

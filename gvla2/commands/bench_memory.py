@@ -214,11 +214,11 @@ def _question_file(root: str | None) -> Path | None:
 
 @contextmanager
 def _scratch(parent: str) -> Iterator[Path]:
-    """A folder for databases, deleted in the end whatever happens."""
+    """A folder for databases, deleted in the end whatever happens; the one that it lies in is made and stays."""
     try:
-        place = tempfile.TemporaryDirectory(
-            prefix="gvla2-bench-", dir=Path(parent).expanduser(), ignore_cleanup_errors=True
-        )
+        home = Path(parent).expanduser()
+        home.mkdir(parents=True, exist_ok=True)
+        place = tempfile.TemporaryDirectory(prefix="gvla2-bench-", dir=home, ignore_cleanup_errors=True)
     except OSError as error:
         raise ConfigurationError(
             f"memory.folder is '{parent}', where nothing can be made ({error.strerror or error})."

@@ -46,8 +46,9 @@ if TYPE_CHECKING:
 
 DATA = "simulated"
 MEASURING_CODE = (
-    "gvla2.episode", "gvla2.lessons", "gvla2.diagnosis", "gvla2.correspondence", "gvla2.refine", "gvla2.geometry",
-    "gvla2.planning", "gvla2.robot", "gvla2.memory", "gvla2.evaluation.robot",
+    "gvla2.advice", "gvla2.attempts", "gvla2.checking", "gvla2.correspondence", "gvla2.diagnosis",
+    "gvla2.diagnosis_mechanisms", "gvla2.episode", "gvla2.evaluation.robot", "gvla2.geometry", "gvla2.lessons",
+    "gvla2.memory", "gvla2.planning", "gvla2.refine", "gvla2.robot",
 )  # fmt: skip
 """Code whose change makes stored rows out of date, besides the plugins that were chosen."""
 TOGETHER = 5
@@ -140,7 +141,7 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
         root = chosen_parts(config, registry, task)
         typed = [registry.configure(root, kind)[0] for kind in (*LOOP, *GEOMETRY)]
         code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
-        found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), code, VERSION)
+        found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), config.replan, code, VERSION)
     return found
 
 

@@ -107,6 +107,8 @@ def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
         return 143 if isinstance(stopped, Terminated) else 130
     except HydraException as error:  # some of them are an OSError too
         return report(error, registry)
+    except ConnectionError as error:  # an OSError too, of a launcher whose cluster does not answer
+        return report(Gvla2Error(f"The sweep could not be launched: {error}"), registry)
     except OSError as error:  # the job's own errors come as JobFailedError: this one is of Hydra's folder
         where = f" '{error.filename}'" if error.filename else ""
         reason = f"Cannot write the output folder{where}: {error.strerror or error}."

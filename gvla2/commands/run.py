@@ -163,6 +163,8 @@ def _run_one(
         instruction=config.instruction,
         depth_noise=DepthNoise(**asdict(config.depth_noise)),
         source=f"{recorder.folder.parent.name}/{recorder.folder.name}",
+        replan=config.replan,
+        planner_timeout=config.planner_timeout,
     )
     with Progress(quiet=config.quiet) as progress:
         listener = _Listener(recorder, progress)

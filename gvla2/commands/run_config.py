@@ -39,13 +39,17 @@ class RunConfig:
     """One episode, or many.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
-    ``quiet`` leaves only the result on the terminal.
+    ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
+    looks and plans again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
+    ``planner_timeout`` seconds ends its episode; 0 waits for ever.
     """
 
     instruction: str | None = None
     seed: int = 0
     episodes: int = 1
     quiet: bool = False
+    replan: int = 0
+    planner_timeout: float = 60.0
     robot: ComponentConfig = field(default_factory=ComponentConfig)
     camera: ComponentConfig = field(default_factory=ComponentConfig)
     task: ComponentConfig = field(default_factory=ComponentConfig)
@@ -67,3 +71,9 @@ class RunConfig:
             raise ConfigurationError(f"episodes is {self.episodes}; it must be at least 1.")
         if self.seed < 0:
             raise ConfigurationError(f"seed is {self.seed}; it must not be negative.")
+        if self.replan < 0:
+            raise ConfigurationError(f"replan is {self.replan}; it must not be negative.")
+        if not 0 <= self.planner_timeout < math.inf:
+            raise ConfigurationError(
+                f"planner_timeout is {self.planner_timeout}; it is in seconds, finite and not negative (0: for ever)."
+            )

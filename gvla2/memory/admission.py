@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
 from gvla2.memory.instructions import reads_like_instructions
-from gvla2.memory.words import topic_words
+from gvla2.memory.likeness import words_of
 
 QUARANTINED = "quarantined: "
 """How the note of a record begins that no verdict can make active."""
@@ -55,7 +55,7 @@ def admit(
 
 
 def _repeats(content: str, query: str) -> bool:
-    said, asked = set(topic_words(content)), set(topic_words(query))
+    said, asked = words_of(content), words_of(query)
     return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
 
 

@@ -9,12 +9,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
 
 from gvla2.memory.contracts import RecordType
 from gvla2.memory.quantities import Quantity
 from gvla2.memory.statements import Clause, Statement, read
-from gvla2.memory.word_forms import alike, begin_apart, split_alike
+from gvla2.memory.word_forms import alike, split_alike
 
 ConflictKind = Literal["number", "opposite", "forbidden", "order", "effect"]
 
@@ -44,8 +45,7 @@ class Conflict:
     why: str
 
 
-@dataclass(frozen=True)
-class Said:
+class Said(NamedTuple):
     """What a lesson says, for comparison: its type, words, skill ("" for any), typed effect and object ("" for any)."""
 
     type: RecordType
@@ -67,16 +67,21 @@ def conflict(first: Said, second: Said) -> Conflict | None:
     if first.effect and second.effect:
         return None
     failed = [said.type == "failure_avoidance" for said in (first, second)]
-    if all(failed) and all(_FAILURE.search(said.content.casefold()) for said in (first, second)):
+    if all(failed) and _tells_of_failure(first.content) and _tells_of_failure(second.content):
         return None  # what failed at 5 cm may fail at 30 cm as well
     found = contradiction(first.content, second.content)
     return found if found is None or found.kind == "forbidden" or not any(failed) or all(failed) else None
 
 
+@lru_cache(maxsize=8192)
+def _tells_of_failure(content: str) -> bool:
+    return _FAILURE.search(content.casefold()) is not None
+
+
 def contradiction(first: str, second: str) -> Conflict | None:
     """How two texts contradict each other, in words of any of the lexicon's languages and numbers of any."""
     one, two = read(first), read(second)
-    reversals = _reversed_order(one, two)
+    reversals = _reversed_order(one, two) if one.orders and two.orders else None
     for a in one.clauses:
         for b in two.clauses:
             found = _clauses(a, b)
@@ -90,7 +95,7 @@ def _clauses(first: Clause, second: Clause) -> Conflict | None:
         return None
     if first.forbidden != second.forbidden:
         return _forbidding(first, second) if first.forbidden else _forbidding(second, first)
-    if begin_apart(first.matter, second.matter) and begin_apart(second.matter, first.matter):
+    if not first.starts <= second.starts and not second.starts <= first.starts:
         return None  # each has something of its own, and so it is with most pairs
     both, left, right = split_alike(first.matter, second.matter)
     agreed = _agreed(first, second)
@@ -239,6 +244,8 @@ def _same_parameter(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool
     """Whether both are about one parameter of one skill and object, where these are given."""
     if str(first.get("parameter", "")) != str(second.get("parameter", "")):
         return False
+    if (first.get("scale") or "") != (second.get("scale") or ""):
+        return False  # metres and shares of a side do not compare
     return all(
         not first.get(name) or not second.get(name) or first[name] == second[name]
         for name in ("skill", "object")

@@ -9,11 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from operator import itemgetter
+from typing import Any, Literal, NamedTuple
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.conflicts import Conflict, Said, conflict
-from gvla2.memory.likeness import Likeness, likeness, same_subject, surface
+from gvla2.memory.likeness import (
+    COMPARABLE,
+    HELD,
+    likeness,
+    overlap,
+    same_subject,
+    surface,
+    words_of,
+)
 from gvla2.memory.records import Record
 
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
@@ -46,41 +55,53 @@ def consolidate(
     A rival counts from a relevance of ``options.match`` on, or when it has the candidate's dedup key.
     """
     options = options or BankOptions()
-    near = [
-        (rival, likeness(candidate, rival), cosine)
-        for rival, cosine in sorted(rivals, key=lambda entry: (-entry[1], entry[0].id))
-        if rival.id != candidate.id
-    ]
-    near = [
-        entry
-        for entry in near
-        if entry[0].dedup_key == candidate.dedup_key or max(entry[1].match, entry[2]) >= options.match
-    ]
-    mine = _said(candidate)
-    against = [
-        (rival, like, found)
-        for rival, like, cosine in near
-        if (like.comparable or cosine >= _CLOSE or (candidate.effect and rival.effect))
-        and (found := conflict(mine, _said(rival)))
-    ]
+    words, mine = words_of(candidate.content), _said(candidate)
+    near: list[_Near] = []
+    against: list[tuple[Record, Conflict]] = []
+    for rival, cosine in sorted(rivals, key=lambda entry: (-entry[1], entry[0].id)):
+        same = rival.dedup_key == candidate.dedup_key
+        if rival.id == candidate.id or not (
+            cosine >= options.match or same or likeness(candidate, rival).match >= options.match
+        ):
+            continue
+        content, held = overlap(words, words_of(rival.content))
+        comparable = content >= COMPARABLE or held >= HELD
+        near.append(_Near(-content, rival.id, rival, cosine, same, comparable))
+        if comparable or cosine >= _CLOSE or (candidate.effect and rival.effect):
+            found = conflict(mine, _said(rival))
+            if found:
+                against.append((rival, found))
     if against:
         return _settle(candidate, against)
-    for rival, like, cosine in sorted(near, key=lambda entry: (-entry[1].content, entry[0].id)):
-        scores = {**like.scores(), "cosine": cosine}
-        if rival.dedup_key == candidate.dedup_key:
-            return Edit("MERGE", rival.id, "it says the same", scores)
-        if like.comparable and same_subject(candidate, rival):
-            scores["surface"] = aligned = surface(candidate.content, rival.content)
+    for _, id, rival, cosine, same, comparable in sorted(near, key=itemgetter(0, 1)):
+        if same:
+            return Edit("MERGE", id, "it says the same", _scores(candidate, rival, cosine))
+        if comparable and same_subject(candidate, rival):
+            aligned = surface(candidate.content, rival.content)
+            scores = {**_scores(candidate, rival, cosine), "surface": aligned}
             if aligned >= options.discard:
-                return Edit("DISCARD", rival.id, "it says the same in almost the same words", scores)
-            if aligned >= options.merge_surface or like.content >= options.merge_signature:
-                return Edit("MERGE", rival.id, "it says the same in other words", scores)
+                return Edit("DISCARD", id, "it says the same in almost the same words", scores)
+            if aligned >= options.merge_surface or scores["content"] >= options.merge_signature:
+                return Edit("MERGE", id, "it says the same in other words", scores)
     if not near:
         return Edit("ADD", why="nothing in the bank is like it")
-    best, like, cosine = near[0]
-    return Edit(
-        "ADD", best.id, "the nearest record is about something else", {**like.scores(), "cosine": cosine}
-    )
+    _, id, best, cosine, _, _ = near[0]
+    return Edit("ADD", id, "the nearest record is about something else", _scores(candidate, best, cosine))
+
+
+class _Near(NamedTuple):
+    """A rival that counts; ``content`` is less than nothing, so that the likest sorts first."""
+
+    content: float
+    id: str
+    record: Record
+    cosine: float
+    same_key: bool
+    comparable: bool
+
+
+def _scores(candidate: Record, rival: Record, cosine: float) -> dict[str, float]:
+    return {**likeness(candidate, rival).scores(), "cosine": cosine}
 
 
 def conflict_of(first: Record, second: Record) -> Conflict | None:
@@ -107,18 +128,20 @@ def stronger(first: Record, second: Record) -> bool:
     return (first.updated, second.id) > (second.updated, first.id)
 
 
-def _settle(candidate: Record, against: Sequence[tuple[Record, Likeness, Conflict]]) -> Edit:
+def _settle(candidate: Record, against: Sequence[tuple[Record, Conflict]]) -> Edit:
     """Contradictions within a type are decided by evidence; between a hint and a constraint both stay, linked."""
-    listed = tuple((rival.id, found.why) for rival, _, found in against)
+    listed = tuple((rival.id, found.why) for rival, found in against)
     rivals = [entry for entry in against if entry[0].type == candidate.type]
     if not rivals:
-        rival, like, found = against[0]
-        return Edit("ADD", rival.id, f"it contradicts {rival.id} ({found.why})", like.scores(), listed)
-    strongest, like, found = rivals[0]
-    for rival, other, kind in rivals[1:]:
+        rival, found = against[0]
+        scores = likeness(candidate, rival).scores()
+        return Edit("ADD", rival.id, f"it contradicts {rival.id} ({found.why})", scores, listed)
+    strongest, found = rivals[0]
+    for rival, other in rivals[1:]:
         if stronger(rival, strongest):
-            strongest, like, found = rival, other, kind
-    scores = {**like.scores(), "evidence": evidence(candidate), "evidence_against": evidence(strongest)}
+            strongest, found = rival, other
+    scores = likeness(candidate, strongest).scores()
+    scores |= {"evidence": evidence(candidate), "evidence_against": evidence(strongest)}
     prevails = round(evidence(candidate), 6) >= round(evidence(strongest), 6)
     word = "outweighs" if prevails else "is outweighed by"
     why = f"it contradicts and {word} {strongest.id} ({found.kind}: {found.why})"

@@ -37,6 +37,9 @@ def forget(transaction: Transaction, sql: Connection, id: str, why: str) -> bool
     replace_row(sql, tombstone)
     sql.run(f"{_ERASE} OR target = ?)", (b"", bank, id, id))
     transaction.record_event("forget", id, why=why, change=dump(as_json(tombstone)))
+    transaction.flush()
+    transaction.written.discard(id)
+    transaction.created.discard(id)
     for source in sources:
         sql.run("DELETE FROM memory_episode WHERE bank = ? AND source = ?", (bank, source))
         sql.run(f"{_ERASE})", (b"", bank, source))

@@ -14,7 +14,7 @@ from gvla2.errors import Gvla2Error
 from gvla2.memory.candidates import RowCandidates, Served
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
 from gvla2.memory.forgetting import discard_snapshot
-from gvla2.memory.ranking import best_first
+from gvla2.memory.ranking import best
 from gvla2.memory.records import Record
 from gvla2.memory.rows import STATES, Entry, Rows
 from gvla2.memory.snapshot import load, save
@@ -133,24 +133,22 @@ class Index:
         """
         served = self._of(states, skill)
         candidates = RowCandidates(served, 0.0)
-        found: list[tuple[int, float]] = []
-        if k > 0 and vector.any():
-            for found_row in best_first(
-                candidates.cosine(vector),
-                candidates.slack(vector),
-                lambda rows: candidates.cosine(vector, rows),
-                candidates.ids,
-                block=max(32, 2 * k),
-            ):
-                found.append(found_row)
-                if len(found) == k:
-                    break
-        rows = np.array([row for row, _ in found], dtype=np.int64)
-        return served.physical(rows), np.array([cosine for _, cosine in found])
+        rows, cosines = best(
+            candidates.cosine(vector),
+            candidates.slack(vector),
+            lambda rows: candidates.cosine(vector, rows),
+            candidates.ids,
+            k if vector.any() else 0,
+        )
+        return served.physical(rows), cosines
 
     def record(self, row: int) -> Record:
         """The record of a row of :meth:`nearest` or :meth:`rows`."""
         return self._rows.record(int(row))
+
+    def records_at(self, rows: Sequence[int]) -> list[Record]:
+        """The records of some rows."""
+        return [self._rows.heap.get(row) for row in rows]
 
     def records(self, state: str) -> list[Record]:
         """The records held in a state, by id."""

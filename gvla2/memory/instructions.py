@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from functools import cache
 
 MAX_READ = 20_000
 
@@ -54,6 +55,20 @@ _MARKUP = re.compile(
     re.IGNORECASE | re.VERBOSE,
 )
 
+_SIGNS = """
+    ignor disregard forget override bypass circumvent disable skip off vergiss missachte umgeh oublie contourne olvida
+    dimentica omite now act pretend must should shall has have need will muss soll obey output respond reply answer
+    follow score mark rating confidence binding supersede outrank priority instruction prompt order message password
+    secret api token credential private -rf sudo :// | eval system assistant user developer human tool < [ ` # ---
+    memory context data optional hint- avoid- summary-
+"""
+"""Every match of a pattern in plain ASCII has one of these in it; most lessons have none, and are quickly done with."""
+
+
+@cache
+def _signs() -> tuple[str, ...]:
+    return tuple(_SIGNS.split())
+
 
 def reads_like_instructions(text: str) -> bool:
     """Whether a text gives orders to a machine or imitates the markup around what machines read.
@@ -62,6 +77,9 @@ def reads_like_instructions(text: str) -> bool:
     """
     text = text[:MAX_READ]
     if text.isascii() and text.isprintable():
+        low = text.lower()
+        if not any(map(low.__contains__, _signs())):
+            return False
         return any(pattern.search(text) is not None for pattern in (_ORDERS, _MARKUP))
     plain = unicodedata.normalize("NFKC", text).translate(_BRACKETS)
     visible = "".join(c for c in plain if c in "\n\t" or unicodedata.category(c)[0] != "C")

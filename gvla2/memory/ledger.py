@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from gvla2.memory.candidates import RowCandidates
 from gvla2.memory.contracts import OUTCOMES, TYPES, Learned
 from gvla2.memory.index import SERVED, Index
-from gvla2.memory.records import Record
+from gvla2.memory.linking import Tie
+from gvla2.memory.records import Record, numbered
+from gvla2.memory.rows import STATES
 from gvla2.memory.store import Link, Put, StoredEpisode, Transaction
 from gvla2.memory.view import Change
 
@@ -54,13 +56,16 @@ class Ledger:
         self._latest: dict[str, Record] = {}
         self._keys: dict[str, str] = {}
         self._vectors: dict[str, NDArray[np.float32]] = {}
-        self._near: list[str] = []
+        self._near: dict[str, int] = {}
+        self._near_ids: list[str] = []
         self._matrix = np.zeros((0, 0), np.float32)
         self._puts: list[Put] = []
-        self._links: list[tuple[str, str, str, str]] = []
+        self._links: list[Tie] = []
         self._decisions: list[tuple[str, str, str, Mapping[str, float]]] = []
         self._episodes: dict[str, StoredEpisode] = {}
         self._found: dict[str, list[Record]] = {}
+        self._stored: dict[str, Record | None] = {}
+        self._by_key: dict[str, Record | None] = {}
 
     @property
     def now(self) -> float:
@@ -69,7 +74,17 @@ class Ledger:
 
     def get(self, id: str) -> Record | None:
         """The record as it is after what was decided."""
-        return self._latest.get(id) or self.transaction.get(id)
+        if id not in self._latest and id not in self._stored:
+            self._stored[id] = self.transaction.get(id)  # nothing is written before the end
+        return self._latest.get(id) or self._stored[id]
+
+    def expect(self, keys: Iterable[str]) -> None:
+        """Look these dedup keys up together, as :meth:`by_key` is going to be asked for them."""
+        wanted = [key for key in dict.fromkeys(keys) if key not in self._by_key]
+        if len(wanted) > 1:
+            self._by_key |= dict.fromkeys(wanted) | self.transaction.view.by_keys(
+                self.transaction.bank, wanted
+            )
 
     def records(self, ids: Sequence[str], state: str) -> list[Record]:
         """The records of these ids that are in this state after what was decided, by id."""
@@ -85,15 +100,17 @@ class Ledger:
         """The record that says the same."""
         if key in self._keys:
             return self._latest[self._keys[key]]
-        found = self.transaction.by_key(key)
+        if key not in self._by_key:
+            self._by_key[key] = self.transaction.by_key(key)
+        found = self._by_key[key]
         return self._latest.get(found.id, found) if found is not None else None
 
     def links(self, id: str) -> list[Link]:
         """The record's links, decided ones too."""
         own = [
-            Link(source, kind, target, self.now)
-            for source, kind, target, _ in self._links
-            if id in (source, target)
+            Link(tie.source, tie.kind, tie.target, self.now)
+            for tie in self._links
+            if id in (tie.source, tie.target)
         ]
         return self.transaction.view.links(self.transaction.bank, id) + own
 
@@ -102,22 +119,24 @@ class Ledger:
 
         Those that are nothing like it are left out.
         """
-        found: list[tuple[Record, float]] = []
+        found: list[tuple[float, str, int, Record]] = []
+        latest = self._latest
         if len(self._index):
             rows, cosines = self._index.nearest(vector, k, SERVED)
-            for row, cosine in zip(rows, cosines, strict=True):
-                if cosine < _UNLIKE:
-                    break
-                record = self._index.record(int(row))
-                found.append((self._latest.get(record.id, record), float(cosine)))
+            near = rows[: int(np.count_nonzero(cosines >= _UNLIKE))].tolist()
+            for place, record in enumerate(self._index.records_at(near)):
+                found.append((-float(cosines[place]), record.id, place, latest.get(record.id, record)))
         if self._near:
             alike = self._matrix[: len(self._near)] @ vector
-            best = [int(i) for i in np.argsort(-alike, kind="stable")[:k] if alike[i] >= _UNLIKE]
-            found += [(self._latest[self._near[i]], float(alike[i])) for i in best]
-        found.sort(key=lambda entry: (-entry[1], entry[0].id))
-        unique = {record.id: (record, cosine) for record, cosine in reversed(found)}
-        kept = [unique.pop(record.id) for record, _ in found if record.id in unique]
-        return [entry for entry in kept if entry[0].state in SERVED][:k]
+            some = np.flatnonzero(alike >= _UNLIKE)
+            best = some[np.argsort(-alike[some], kind="stable")[:k]]
+            for place, cosine in zip(best.tolist(), alike[best].tolist(), strict=True):
+                id = self._near_ids[place]
+                found.append((-cosine, id, k + place, latest[id]))
+        kept: dict[str, tuple[Record, float]] = {}
+        for cosine, id, _, record in sorted(found):
+            kept.setdefault(id, (record, -cosine))
+        return [entry for entry in kept.values() if entry[0].state in SERVED][:k]
 
     def rivals(self, id: str) -> list[Record]:
         """The served records that were found nearest to a record of this transaction, as they are by now."""
@@ -155,7 +174,7 @@ class Ledger:
         self._puts.append(
             Put(record, action, vector, self._model if vector is not None else "", why, scores or {})
         )
-        stored = replace(record, version=record.version + 1, rev=self.transaction.rev)
+        stored = numbered(record, record.version + 1, self.transaction.rev)
         self._latest[record.id] = stored
         self._keys[record.dedup_key] = record.id
         if vector is not None:
@@ -165,7 +184,8 @@ class Ledger:
 
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
         """Let one record refer to another."""
-        self._links.append((source, kind, target, why))
+        if source != target:
+            self._links.append(Tie(source, kind, target, why))
 
     def decide(
         self, action: str, record: str = "", why: str = "", scores: Mapping[str, float] | None = None
@@ -229,26 +249,61 @@ class Ledger:
 
     def write(self) -> list[Change] | None:
         """Write all of it; what an index has to apply, None where it had better read the store again."""
-        stored = self.transaction.put_many(self._puts) if self._puts else []
-        for source, kind, target, why in self._links:
-            if source != target:
-                self.transaction.link(source, kind, target, why=why)
+        transaction = self.transaction
+        last = {record.id: record for record in transaction.put_many(self._puts)} if self._puts else {}
+        links = transaction.link_many(self._links) if self._links else []
         for action, record, why, scores in self._decisions:
-            self.transaction.decide(action, record, why=why, scores=scores)
-        for episode in self._episodes.values():
-            self.transaction.save_episode(episode)
-        if self._links or any(put.record.version for put in self._puts):
-            return None
-        last = {record.id: record for record in stored}
-        return [Change(record, self._vectors.get(record.id), self._model) for record in last.values()]
+            transaction.decide(action, record, why=why, scores=scores)
+        transaction.save_episodes(self._episodes.values())
+        return self._changes(last, links)
+
+    def _changes(self, last: dict[str, Record], made: Sequence[Link]) -> list[Change] | None:
+        """The changes of records that are stored as in ``last`` and of those that the links made refer to."""
+        own: dict[str, list[Link]] = {}
+        for link in made:
+            own.setdefault(link.source, []).append(link)
+            own.setdefault(link.target, []).append(link)
+        changes = []
+        for record in last.values():
+            if record.state not in STATES:
+                changes.append(Change(record, None, ""))
+                continue
+            vector = self._vectors.get(record.id)
+            if vector is None:
+                vector = self._kept_vector(record)
+                if vector is None:
+                    return None
+            changes.append(Change(record, vector, self._model, self._links_of(record.id, own)))
+        for id in sorted(own.keys() - last.keys()):
+            for row in self._index.rows([id]):  # what the index does not hold is archived
+                record = self._index.record(row)
+                record = numbered(record, record.version, self.transaction.rev)
+                vector = self._index.vector(row)
+                changes.append(Change(record, vector, self._model, self._links_of(id, own)))
+        # As the store lists them: then an index that read them there has its rows in the same order, to the last bit.
+        return sorted(changes, key=lambda change: change.record.id)
+
+    def _kept_vector(self, record: Record) -> NDArray[np.float32] | None:
+        """(D,) of a record that was put without one, None where the index does not have it."""
+        for row in self._index.rows([record.id]):
+            old = self._index.record(row)
+            if (old.query, old.content) == (record.query, record.content):
+                return self._index.vector(row)
+        return None
+
+    def _links_of(self, id: str, own: Mapping[str, Sequence[Link]]) -> tuple[Link, ...]:
+        if id in self.transaction.created:
+            return tuple(own.get(id, ()))
+        return tuple(self.transaction.view.links(self.transaction.bank, id))
 
     def _remember(self, id: str, vector: NDArray[np.float32]) -> None:
         if id in self._near:
-            self._matrix[self._near.index(id)] = vector
+            self._matrix[self._near[id]] = vector
             return
         if len(self._near) == len(self._matrix):
             grown = np.zeros((max(16, 2 * len(self._matrix)), len(vector)), np.float32)
             grown[: len(self._near)] = self._matrix[: len(self._near)] if len(self._near) else 0.0
             self._matrix = grown
         self._matrix[len(self._near)] = vector
-        self._near.append(id)
+        self._near[id] = len(self._near)
+        self._near_ids.append(id)

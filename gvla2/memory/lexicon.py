@@ -193,6 +193,8 @@ NEGATORS = _set(
 )
 """A clause with one of these forbids what it says, unless it is one of :data:`gvla2.memory.statements.IDIOMS`."""
 
+TURNING = _set("turn turns turned turning switch switched switching power powered leave left")
+STAYING = _set("keep keeps keeping stay stays remain remains")
 IDENTIFIERS = _set(
     "step way line waypoint table example case lesson episode run seed code object item no number figure page chapter "
     "layer joint row column stage task issue test version option variant schritt zeile beispiel schritt ligne étape "

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from gvla2.memory.quantities import Quantity
-from gvla2.memory.records import Record
+from gvla2.memory.records import Record, load_object
 from gvla2.memory.scoring import signature_distance
 from gvla2.memory.statements import read
-from gvla2.memory.word_forms import begin_apart, split_alike
+from gvla2.memory.word_forms import split_alike, starts_of
 from gvla2.memory.words import topic_words
 
 MAX_COMPARED = 1000
@@ -22,8 +22,7 @@ COMPARABLE, HELD = 0.3, 0.6
 """Shares of words from which two texts may say the same or the opposite, see :class:`Likeness`."""
 
 
-@dataclass(frozen=True)
-class Likeness:
+class Likeness(NamedTuple):
     """``query`` and ``content``: Jaccard of topic words; ``held``: share of the shorter content's words that the other
     has; ``scene``: 1 for alike geometry down to 0, and 0 where there is none to compare.
     """
@@ -38,11 +37,6 @@ class Likeness:
         """How relevant the one is for the other."""
         return max(self.query, self.content)
 
-    @property
-    def comparable(self) -> bool:
-        """Whether enough words are shared for the two to say the same or the opposite."""
-        return self.content >= COMPARABLE or self.held >= HELD
-
     def scores(self) -> dict[str, float]:
         """The numbers by name, for the event of a decision."""
         return {"query": self.query, "content": self.content, "scene": self.scene}
@@ -51,19 +45,26 @@ class Likeness:
 _NOTHING = Likeness(0.0, 0.0, 0.0, 0.0)
 
 
+def overlap(first: frozenset[str], second: frozenset[str]) -> tuple[float, float]:
+    """``content`` and ``held`` of a :class:`Likeness` by the words of two contents: quick, for many."""
+    shared = len(first & second)
+    if not shared:
+        return 0.0, 0.0
+    mine, theirs = len(first), len(second)
+    return shared / (mine + theirs - shared), shared / (mine if mine < theirs else theirs)
+
+
 def likeness(first: Record, second: Record) -> Likeness:
     """Compare two records."""
-    one, two = words_of(first.content), words_of(second.content)
-    shared = len(one & two)
-    if not shared:
+    content, held = overlap(words_of(first.content), words_of(second.content))
+    if not content:
         return _NOTHING
-    content, held = shared / (len(one) + len(two) - shared), shared / min(len(one), len(two))
     if content < COMPARABLE and held < HELD:
         return Likeness(0.0, content, held, 0.0)  # about something else, whatever else it shares
-    query = max((jaccard(a, b) for a in _lines(first.query) for b in _lines(second.query)), default=0.0)
+    query = max([jaccard(a, b) for a in _lines(first.query) for b in _lines(second.query)], default=0.0)
     distance = None
     if first.signature != "{}" and second.signature != "{}":
-        distance = signature_distance(first.signature_json(), second.signature_json())
+        distance = signature_distance(_scene(first.signature), _scene(second.signature))
     return Likeness(query, content, held, 0.0 if distance is None else max(0.0, 1.0 - distance))
 
 
@@ -81,14 +82,20 @@ def jaccard(first: frozenset[str], second: frozenset[str]) -> float:
     return shared / (len(first) + len(second) - shared) if shared else 0.0
 
 
-@lru_cache(maxsize=32768)
+@lru_cache(maxsize=16384)
 def words_of(text: str) -> frozenset[str]:
     """The topic words of a text, numbers with them."""
     return frozenset(topic_words(text))
 
 
-def _lines(query: str) -> list[frozenset[str]]:
-    return [words_of(line) for line in query.split("\n")[:4] if line]
+@lru_cache(maxsize=8192)
+def _lines(query: str) -> tuple[frozenset[str], ...]:
+    return tuple(words_of(line) for line in query.split("\n")[:4] if line)
+
+
+@lru_cache(maxsize=8192)
+def _scene(signature: str) -> Mapping[str, float]:
+    return {name: float(value) for name, value in load_object(signature).items()}
 
 
 def same_subject(first: Record, second: Record) -> bool:
@@ -99,7 +106,7 @@ def same_subject(first: Record, second: Record) -> bool:
     if first.type != second.type or first.skill != second.skill:
         return False
     one, two = about(first.content), about(second.content)
-    if one.sides != two.sides or begin_apart(one.words, two.words) or begin_apart(two.words, one.words):
+    if one.sides != two.sides or one.starts != two.starts:
         return False
     if not _same_effect(_effect(first.effect), _effect(second.effect)):
         return False
@@ -114,17 +121,20 @@ class About:
     """What a text is about, its clauses taken together."""
 
     words: frozenset[str]
+    starts: frozenset[str]
     sides: frozenset[tuple[str, frozenset[int]]]
     figures: tuple[Quantity, ...]
     forbidden: int
 
 
-@lru_cache(maxsize=32768)
+@lru_cache(maxsize=16384)
 def about(text: str) -> About:
     """The subject of a text."""
     clauses = read(text).clauses
+    words = frozenset(word for clause in clauses for word in clause.matter) | _leftovers(text)
     return About(
-        frozenset(word for clause in clauses for word in clause.matter) | _leftovers(text),
+        words,
+        starts_of(words),
         frozenset(side for clause in clauses for side in clause.sides.items()),
         tuple(figure for clause in clauses for figure in clause.figures),
         sum(clause.forbidden for clause in clauses),
@@ -159,4 +169,4 @@ def _same_effect(first: Mapping[str, Any], second: Mapping[str, Any]) -> bool:
     return all(
         first.get(name) == second.get(name)
         for name in ("kind", "parameter", "op", "skill", "object", "region")
-    )
+    ) and (first.get("scale") or "") == (second.get("scale") or "")

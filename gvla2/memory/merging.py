@@ -34,6 +34,8 @@ def merge_effects(first: Mapping[str, Any] | None, second: Mapping[str, Any] | N
         return dict(first) if first else None
     if first is None or not _sound(first) or first.get("kind") != second.get("kind"):
         return dict(second)
+    if (first.get("scale") or "") != (second.get("scale") or ""):
+        return dict(second)
     if first["kind"] == "prior":
         return _pool(first, second)
     if first["kind"] == "bound":

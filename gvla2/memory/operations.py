@@ -134,6 +134,7 @@ class Operations:
     ) -> None:
         self._streaks.follow(ledger.transaction)
         stored = self._stored(ledger, {episode.source for episode, _, _ in episodes if episode.source})
+        ledger.expect(candidate.key for _, _, candidates in episodes for candidate in candidates)
         last: Verdict | None = None
         streak = Streak({})
         for episode, verdict, candidates in episodes:

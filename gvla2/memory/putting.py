@@ -88,6 +88,8 @@ def put_many(transaction: Transaction, sql: Connection, puts: Sequence[Put]) -> 
     transaction.models = models
     _write_rows(sql, bank, latest, stored)
     _write_vectors(sql, bank, steps, stored)
+    transaction.written.update(latest)
+    transaction.created.update(latest.keys() - stored.keys())
     transaction.record_events(
         [
             transaction.next_event(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,27 @@ def best_first(
         if least == -np.inf:
             return
         block *= 4
+
+
+def best(
+    near: NDArray[np.float64],
+    slack: float,
+    exact: Callable[[NDArray[np.int64]], NDArray[np.float64]],
+    ids: Sequence[str],
+    count: int,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """((K,) rows, (K,) exact scores) of the first ``count`` of :func:`best_first`, quicker where none are equal."""
+    block = max(32, 2 * count)
+    least = edge(near, block) if block < len(near) else -np.inf
+    if count > 0 and least > -np.inf:
+        chosen = np.flatnonzero(near >= least)
+        scores = exact(chosen)
+        order = np.argsort(-scores, kind="stable")[: count + 1]
+        top = scores[order]
+        if top[count - 1] >= least + slack and (top[:-1] != top[1:]).all():
+            return chosen[order[:count]], top[:count]
+    found = list(islice(best_first(near, slack, exact, ids, block=block), max(count, 0)))
+    return np.array([row for row, _ in found], np.int64), np.array([score for _, score in found])
 
 
 def _ties_by_id(

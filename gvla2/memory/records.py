@@ -8,6 +8,9 @@ import math
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
+from json.scanner import make_scanner
+from operator import attrgetter
 from typing import Any, cast
 
 from gvla2.memory.contracts import LifecycleState, Outcome, RecordType
@@ -97,7 +100,10 @@ COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(Record))
 _JSON_COLUMNS = tuple(COLUMNS.index(name) for name in ("verifier", "signature", "effect", "provenance"))
 _NUMBERS = tuple(COLUMNS.index(name) for name in ("confidence", "quality", "created", "updated", "used"))
 _COUNTS = tuple(COLUMNS.index(name) for name in ("count", "usage", "recalled"))
-_SIGNATURE = COLUMNS.index("signature")
+_SIGNATURE, _EFFECT = COLUMNS.index("signature"), COLUMNS.index("effect")
+_SHORT = 1000
+"""Characters of what is remembered to be sound JSON."""
+_VALUES = attrgetter(*COLUMNS)
 TYPES = tuple({"str": str, "float": float, "int": int}[str(field.type)] for field in fields(Record))
 _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
@@ -107,10 +113,21 @@ def _no_constant(name: str) -> float:
 
 
 _DECODER = json.JSONDecoder(parse_constant=_no_constant)
+_SCAN = make_scanner(cast(Any, _DECODER))
+# The encoder makes this anew for each text, which takes longer than most texts. Without it, where it is not built in.
+_make = getattr(json.encoder, "c_make_encoder", None)
+_QUICK = _make and _make(
+    None, _CODEC.default, json.encoder.encode_basestring, None, ":", ",", True, False, False
+)
 
 
 def dump(data: Any) -> str:
     """JSON with sorted keys: the same data give the same text. Raises ``ValueError`` for NaN and infinity."""
+    if _QUICK:
+        try:
+            return "".join(_QUICK(data, 0))
+        except RecursionError:
+            pass  # the encoder says what is wrong: the quick one does not look for data within themselves
     return _CODEC.encode(data)
 
 
@@ -121,7 +138,12 @@ def load(text: str) -> Any:
 
 def load_object(text: str) -> dict[str, Any]:
     """A JSON object; raises ``ValueError`` for anything else."""
-    data = _DECODER.decode(text)
+    try:
+        data, end = _SCAN(text, 0)
+    except (StopIteration, TypeError):
+        data, end = None, -1
+    if end != len(text):  # spaces around it, or what is wrong with it
+        data = _DECODER.decode(text)
     if not isinstance(data, dict):
         raise ValueError("not a JSON object")
     return data
@@ -142,24 +164,40 @@ def damage_of(row: tuple[Any, ...]) -> str:
             return f"{COLUMNS[i]} is no count"
     for i in _JSON_COLUMNS:
         text = row[i]
-        if text == "{}" or (not text and COLUMNS[i] == "effect"):
+        if text == "{}" or (not text and i == _EFFECT):
             continue
-        try:
-            data = load_object(text)
-            if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
-                return "signature holds what is no number"
-        except (ValueError, TypeError, RecursionError) as error:
-            return f"{COLUMNS[i]} is no sound JSON ({error})"
+        damage = (_damage_of_json if len(text) < _SHORT else _damage_of_json.__wrapped__)(i, text)
+        if damage:
+            return damage
     return ""
+
+
+@lru_cache(maxsize=8192)
+def _damage_of_json(i: int, text: str) -> str:
+    """What is wrong with column ``i``; a record is looked at several times from when it is read until it is stored."""
+    try:
+        data = load_object(text)
+        if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
+            return "signature holds what is no number"
+    except (ValueError, TypeError, RecursionError) as error:
+        return f"{COLUMNS[i]} is no sound JSON ({error})"
+    return ""
+
+
+def numbered(record: Record, version: int, rev: int) -> Record:
+    """The same record, of another version and rev."""
+    return Record(*(*_VALUES(record)[:-2], version, rev))
 
 
 def as_json(record: Record) -> dict[str, Any]:
     """The record's columns by name."""
-    return {name: getattr(record, name) for name in COLUMNS}
+    return dict(zip(COLUMNS, _VALUES(record), strict=True))
 
 
 def clean(text: str, limit: int) -> str:
     """Text that any database takes: no NUL, no lone surrogates, at most ``limit`` characters."""
+    if text.isascii() and "\x00" not in text:
+        return text[:limit]
     return text[:limit].replace("\x00", "").encode("utf-8", "replace").decode("utf-8")
 
 
@@ -175,6 +213,7 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
     """
     words = " ".join(unicodedata.normalize("NFKC", content).casefold().split())
     about = [str((effect or {}).get(name, "")) for name in ("kind", "parameter", "op", "skill")]
+    about += [str(scale)] if (scale := (effect or {}).get("scale")) else []  # shares and metres are never pooled
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 

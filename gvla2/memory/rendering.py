@@ -84,14 +84,17 @@ def effect_words(effect: Mapping[str, Any] | None) -> str:
         return ""
     if not all(map(math.isfinite, (value, sd, count))):
         return ""
+    of = f" of the object's {neutralised(str(side), 16)}" if (side := effect.get("scale")) else ""
     match effect.get("kind"):
         case "bound" if effect.get("op") in (">=", "<="):
-            return f" ({name} at {'least' if effect['op'] == '>=' else 'most'} {value:.4g})"
+            return f" ({name} at {'least' if effect['op'] == '>=' else 'most'} {value:.4g}{of})"
         case "prior":
             times = "once" if count == 1 else f"{count:.0f} times"
-            return f" ({name} {value:.4g}, sd {sd:.2g}, {times})"
+            return f" ({name} {value:.4g}{of}, sd {sd:.2g}, {times})"
         case "forbid":
             return f" (never {name})"
+        case "order":
+            return f" ({name})"
         case _:
             return ""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -25,9 +25,12 @@ from gvla2.memory.lexicon import (
     POLES,
     SEGMENTS,
     SOFT,
+    STAYING,
     THEN,
+    TURNING,
 )
 from gvla2.memory.quantities import Quantity, quantities
+from gvla2.memory.word_forms import starts_of
 
 MAX_READ = 2000
 """Characters of a lesson that are compared."""
@@ -46,7 +49,9 @@ _NEEDLESS = re.compile(
     r"|\bdo not (?:need|have) to\b|\bnot enough\b|\bnicht genug\b|\bne suffit pas\b|\bno basta\b"
     r"|\bnicht nötig\b|\bpas (?:nécessaire|besoin)\b|\bno (?:es necesario|hace falta)\b|不必|无需|不需要"
 )
-_MAY_NEGATE = re.compile(r"no[t ]|n['’]|need|never|nicht|ne |verg[ie]ss|pas|[别不无]")
+_MAY_NEGATE = (
+    "not", "no ", "n'", "n’", "need", "never", "nicht", "ne ", "vergiss", "vergess", "pas", "别", "不", "无",
+)  # fmt: skip
 """What any idiom and any needlessness has in it: most sentences have none of it, and need not be searched for them."""
 _DOUBLE = re.compile(
     r"\b(?:do not|don't|never|cannot|nicht|nie|niemals)\b(?=.*\b(?:without|ohne)\b)"
@@ -54,6 +59,7 @@ _DOUBLE = re.compile(
 )
 _ASIDE = re.compile(r"\([^()\d]*\)")
 _SENTENCE = re.compile(r"[!?;\n。！？；]+|\.(?=\s|$)")
+_SPEED_UP = re.compile(r"\bspeed(s|ing)? up\b")
 _AGAINST_CLOCK = re.compile(
     r"\b(?:gegen den|entgegen dem) uhrzeigersinn\b|\bcounter[- ]clockwise\b|\banti[- ]clockwise\b"
 )
@@ -64,6 +70,8 @@ _NOT_CLAUSE = re.compile(
     r"|\b(?=(?:instead of|rather than|anstatt|statt|au lieu)\b)"
 )
 _INSTEAD = re.compile(r"\b(?:instead of|rather than|anstatt|statt|au lieu de|en lugar de)\b")
+_REPLACING = ("instead", "rather", "statt", "lieu", "lugar")
+"""What any of the words before what is replaced has in it."""
 _ORDERED = "#order"
 _FAR_BOUND = re.compile(r"(?P<low>至少|最少|不少于|不低于)|至多|最多|不超过|不高于")
 
@@ -89,6 +97,11 @@ class Clause:
         return frozenset(self.words | self.context)
 
     @cached_property
+    def starts(self) -> frozenset[str]:
+        """How the words of the complete clause begin, see :func:`gvla2.memory.word_forms.starts_of`."""
+        return starts_of(self.matter)
+
+    @cached_property
     def sides(self) -> dict[str, frozenset[int]]:
         """The clause's sides by axis, without the order of its parts; when the clause is complete."""
         return {axis: frozenset(signs) for axis, signs in self.poles.items() if axis != _ORDERED}
@@ -106,17 +119,19 @@ class Statement:
 def read(text: str) -> Statement:
     """The statement of a text; the same text always gives the same."""
     plain = unicodedata.normalize("NFKC", text[:MAX_READ]).casefold().replace("’", "'")
-    plain = re.sub(r"\bspeed(s|ing)? up\b", "accelerate", plain)
-    plain = _AGAINST_CLOCK.sub("counterclockwise", _ASIDE.sub(" ", plain))
+    plain = _SPEED_UP.sub("accelerate", plain) if "speed" in plain else plain
+    plain = _ASIDE.sub(" ", plain) if "(" in plain else plain
+    plain = _AGAINST_CLOCK.sub("counterclockwise", plain) if "clock" in plain or "uhrz" in plain else plain
     clauses: list[Clause] = []
     orders: list[tuple[frozenset[str], frozenset[str]]] = []
     for sentence in _SENTENCE.split(plain):
         if not sentence.strip():
             continue
-        negates = _MAY_NEGATE.search(sentence) is not None
+        negates = _has_any(_MAY_NEGATE, sentence)
         needless = negates and _NEEDLESS.search(sentence) is not None
         sentence = _DOUBLE.sub(" ", IDIOMS.sub(" ", sentence) if negates else sentence)
-        parts = [part for piece in _NOT_CLAUSE.split(sentence) for part in _steps(piece)]
+        pieces = _NOT_CLAUSE.split(sentence) if "," in sentence or _has_any(_REPLACING, sentence) else [sentence]
+        parts = [part for piece in pieces for part in _steps(piece)]
         made: list[Clause] = []
         for part in parts:
             clause, order = _clause(part)
@@ -138,7 +153,6 @@ _THEN = re.compile(
     )
     + r")\s*"
 )
-_THEN_WORDS = re.compile("|".join(map(re.escape, sorted(THEN))))
 _ACTS = "|".join(
     sorted(
         re.escape(w)
@@ -150,22 +164,33 @@ _ACTS = "|".join(
         )
     )
 )
+_MAY_AND = re.compile(r"\s(?:and|und|et|y)\s|[\u3400-\u9fff],")
 _AND = re.compile(rf",?\s+(?:and|und|et|y)\s+(?=(?:{_ACTS})\b)|(?<=[\u3400-\u9fff]),")
 
 
 def _is_sequence(sentence: str) -> bool:
-    return bool(_THEN_WORDS.search(sentence) and _THEN.search(sentence)) or any(
-        word in sentence for word in ("first", "zuerst", "先", "primero")
-    )
+    if _has_any(("first", "zuerst", "先", "primero"), sentence):
+        return True
+    return _has_any(THEN, sentence) and _THEN.search(sentence) is not None
 
 
 def _steps(text: str) -> list[str]:
-    steps = _THEN.split(text) if _THEN_WORDS.search(text) else [text]
-    return [part for step in steps for part in _AND.split(step) if part and part.strip()]
+    steps = _THEN.split(text) if _has_any(THEN, text) else [text]
+    return [
+        part
+        for step in steps
+        for part in (_AND.split(step) if _MAY_AND.search(step) else [step])
+        if part and part.strip()
+    ]
+
+
+def _has_any(words: Iterable[str], text: str) -> bool:
+    """Quicker than a pattern that would say the same."""
+    return any(map(text.__contains__, words))
 
 
 def _clause(text: str) -> tuple[Clause, tuple[frozenset[str], frozenset[str]] | None]:
-    clause = Clause(forbidden=bool(_INSTEAD.search(text)))
+    clause = Clause(forbidden=_has_any(_REPLACING, text) and bool(_INSTEAD.search(text)))
     words = _words(_without_figures(text, clause))
     main, side = _sort(words, clause)
     order = None
@@ -205,7 +230,10 @@ def _without_figures(text: str, clause: Clause) -> str:
 
 def _words(text: str) -> list[str]:
     found: list[str] = []
-    for word in _WORD.findall(text.replace("n't", "n't ")):
+    spoken = _WORD.findall(text.replace("n't", "n't "))
+    if "'" not in text and (text.isascii() or _HAN.search(text) is None):
+        return spoken
+    for word in spoken:
         head, _, tail = word.partition("'")
         for part in [word] if word in NEGATORS else [p for p in (head, tail) if p]:
             last = 0
@@ -266,6 +294,7 @@ def _sort(words: Sequence[str], clause: Clause) -> tuple[set[str], tuple[str, se
     return main, (relation, side) if relation and side else None
 
 
+@lru_cache(maxsize=32768)
 def concept_of(word: str) -> str:
     """What a word stands for: its entry in the lexicon, or its stem."""
     if word in CONCEPTS:
@@ -287,8 +316,11 @@ def _stem(word: str) -> str:
     return word
 
 
+_SOFT = SOFT | FUNCTION_WORDS | FIRST
+
+
 def _is_soft(word: str) -> bool:
-    return word in SOFT or word in FUNCTION_WORDS or word in FIRST or (len(word) == 1 and word.isascii())
+    return word in _SOFT or (len(word) == 1 and word.isascii())
 
 
 def _particle(word: str, words: Sequence[str], index: int) -> bool:
@@ -332,31 +364,19 @@ def _names_a_thing(word: str, words: Sequence[str], index: int) -> bool:
 def _switches(words: Sequence[str], clause: Clause) -> None:
     """Sides of "on" and "off", which are prepositions everywhere but after a switching verb."""
     joined = set(words)
-    if joined & {
-        "turn",
-        "turns",
-        "turned",
-        "turning",
-        "switch",
-        "switched",
-        "switching",
-        "power",
-        "powered",
-        "leave",
-        "left",
-    }:
+    if not joined.isdisjoint(TURNING):
         for word, sign in (("on", 1), ("off", -1)):
             if word in joined:
                 clause.poles.setdefault("power", []).append(sign)
                 clause.words.discard("turn")
-    elif joined & {"keep", "keeps", "keeping", "stay", "stays", "remain", "remains"}:
+    elif not joined.isdisjoint(STAYING):
         for index, word in enumerate(words):
             ends = index + 1 == len(words) or (
                 words[index + 1] in FUNCTION_WORDS and words[index + 1] not in DETERMINERS
             )
             if word in ("on", "off") and (ends or words[index + 1] in CONDITIONS):
                 clause.poles.setdefault("power", []).append(1 if word == "on" else -1)
-    elif words and any(word.startswith("schalt") for word in words):
+    elif any(word.startswith("schalt") for word in words):
         sign = {"ein": 1, "an": 1, "aus": -1, "ab": -1}.get(words[-1], 0)
         if sign:
             clause.poles.setdefault("power", []).append(sign)

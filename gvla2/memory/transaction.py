@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.database import Connection
 from gvla2.memory.episodes import StoredEpisode
-from gvla2.memory.events import EVENT_COLUMNS, GENESIS, RESERVED, chain_hash, payload_digest
+from gvla2.memory.events import (
+    EVENT_COLUMNS,
+    GENESIS,
+    RESERVED,
+    Link,
+    chain_hash,
+    payload_digest,
+)
+from gvla2.memory.linking import Tie, link_many
 from gvla2.memory.putting import Put, put_many
 from gvla2.memory.records import FORGOTTEN, Record, clean, dump, finite
 from gvla2.memory.view import View, models_of
@@ -52,6 +60,11 @@ class Transaction:
         self._began = self._written = self._seq
         self.forgotten: list[str] = []
         """Ids that :meth:`forget` took out."""
+        self.written: set[str] = set()
+        """Ids of the records that were put: they are sound, and of this rev."""
+        self.created: set[str] = set()
+        """Those of them that were not there before."""
+        self._events: list[tuple[object, ...]] = []
 
     # Reading ------------------------------------------------------------------------------------------------------
 
@@ -70,6 +83,7 @@ class Transaction:
     @property
     def view(self) -> View:
         """Every other way to read, within this transaction."""
+        self.flush()
         return self._view
 
     # Writing ------------------------------------------------------------------------------------------------------
@@ -102,22 +116,11 @@ class Transaction:
         self, source: str, kind: str, target: str, *, why: str = "", scores: Mapping[str, float] | None = None
     ) -> bool:
         """Let ``source`` refer to ``target``; False where it does already. Both count as changed (rev)."""
-        if len(self.records(ids=[source, target])) < 2 or not kind:
-            raise MemoryStoreError(
-                f"Cannot link '{source}' to '{target}' as '{kind}': two different records of bank "
-                f"'{self.bank}' and a kind are needed."
-            )
-        row = (self.bank, source, clean(kind, 64), target)
-        known = "SELECT 1 FROM memory_link WHERE bank = ? AND source = ? AND kind = ? AND target = ?"
-        if self._sql.row(known, row):
-            return False
-        self._sql.run(
-            "INSERT INTO memory_link (bank, source, kind, target, at) VALUES (?, ?, ?, ?, ?)",
-            (*row, self.now),
-        )
-        self.touch([source, target])
-        self.record_event(f"link:{row[2]}", source, target, why=why, scores=scores)
-        return True
+        return bool(link_many(self, self._sql, [Tie(source, kind, target, why, scores or {})]))
+
+    def link_many(self, ties: Sequence[Tie]) -> list[Link]:
+        """The same for many, faster; those that were not there already."""
+        return link_many(self, self._sql, ties)
 
     def unlink(
         self, source: str, kind: str, target: str, *, why: str = "", scores: Mapping[str, float] | None = None
@@ -141,15 +144,24 @@ class Transaction:
 
     def save_episode(self, episode: StoredEpisode) -> None:
         """Keep an episode for replay, in place of what is stored for its source; its digest goes on the chain."""
-        source = clean(episode.source, 200)
-        if not source or not math.isfinite(episode.at):
-            raise MemoryStoreError("An episode can be stored under a source and with a finite time only.")
-        try:
-            data = episode.to_json()
-        except (ValueError, TypeError, RecursionError) as error:
-            raise MemoryStoreError(f"The episode '{source}' is no sound JSON: {error}.") from error
-        self._sql.run(_EPISODE, (self.bank, source, self.rev, float(episode.at), data))
-        self.record_event("episode", source, change=dump({"episode": episode_digest(episode.at, data)}))
+        self.save_episodes([episode])
+
+    def save_episodes(self, episodes: Iterable[StoredEpisode]) -> None:
+        """The same for many, faster."""
+        rows = []
+        for episode in episodes:
+            source = clean(episode.source, 200)
+            if not source or not math.isfinite(episode.at):
+                raise MemoryStoreError("An episode can be stored under a source and with a finite time only.")
+            try:
+                data = episode.to_json()
+            except (ValueError, TypeError, RecursionError) as error:
+                raise MemoryStoreError(f"The episode '{source}' is no sound JSON: {error}.") from error
+            rows.append((self.bank, source, self.rev, float(episode.at), data))
+        if rows:
+            self._sql.run_many(_EPISODE, rows)
+        for _, source, _, at, data in rows:
+            self.record_event("episode", source, change=dump({"episode": episode_digest(at, data)}))
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: row, vector, links, its episodes' text, and what events say of it.
@@ -159,17 +171,17 @@ class Transaction:
         """
         from gvla2.memory.forgetting import forget
 
+        self.flush()
         return forget(self, self._sql, id, why)
 
     # For the store's own modules ----------------------------------------------------------------------------------
 
     def touch(self, ids: Sequence[str]) -> None:
         """Let these records count as changed (rev), so that an index hears of it."""
-        for id in ids:
-            self._sql.run(
-                "UPDATE memory SET rev = ? WHERE bank = ? AND id = ? AND state <> ?",
-                (self.rev, self.bank, id, FORGOTTEN),
-            )
+        self._sql.run_many(
+            "UPDATE memory SET rev = ? WHERE bank = ? AND id = ? AND state <> ?",
+            [(self.rev, self.bank, id, FORGOTTEN) for id in ids],
+        )
 
     def check_action(self, action: str) -> None:
         """Raises :class:`MemoryStoreError` for a name that only the store itself may give an event."""
@@ -191,9 +203,15 @@ class Transaction:
         self.record_events([event])
 
     def record_events(self, events: Sequence[tuple[object, ...]]) -> None:
-        """Write events that :meth:`next_event` made, in their order."""
-        self._sql.run_many(_EVENT, events)
+        """Write events that :meth:`next_event` made, in their order: together with later ones, by :meth:`flush`."""
+        self._events += events
         self._written += len(events)
+
+    def flush(self) -> None:
+        """Write the events up to now; done before anything is read in ways that could show them."""
+        if self._events:
+            self._sql.run_many(_EVENT, self._events)
+            self._events.clear()
 
     def next_event(
         self,
@@ -218,6 +236,7 @@ class Transaction:
         """Advance the head of the chain, if anything happened; the last thing before the commit."""
         if self._seq != self._written:
             raise MemoryStoreError("A change failed midway, so that its transaction cannot be committed.")
+        self.flush()
         if self._seq != self._began:
             row = (self.bank, self.rev, self._seq, self._hash, self.now, dump(self.models))
             self._sql.run(_HEAD, row)

@@ -69,6 +69,18 @@ class View:
         )
         return sound(row)
 
+    def by_keys(self, bank: str, keys: Sequence[str]) -> dict[str, Record]:
+        """The records of many dedup keys, by key."""
+        found: dict[str, Record] = {}
+        for start in range(0, len(keys), CHUNK):
+            some = keys[start : start + CHUNK]
+            query = f"SELECT {_RECORD} FROM memory m WHERE m.bank = ? AND m.dedup_key IN ({_marks(some)})"
+            for row in self._sql.rows(query, [bank, *some]):
+                record = sound(row)
+                if record is not None:
+                    found[record.dedup_key] = record
+        return found
+
     def records(
         self, bank: str, states: Sequence[str] | None = None, ids: Sequence[str] | None = None
     ) -> list[Record]:

@@ -21,16 +21,19 @@ def alike(first: str, second: str) -> bool:
     )
 
 
+def starts_of(words: Set[str]) -> frozenset[str]:
+    """How the words begin. Forms of one word begin alike: where the starts of some words are not all among those of
+    others, one of the words is for certain no form of any of the others.
+    """
+    return frozenset([word[:3] for word in words])
+
+
 def begin_apart(first: Set[str], second: Set[str]) -> bool:
     """Whether the first has a concept that for certain is no form of any of the second: none begins like it.
 
     Quick; a False does not say the opposite.
     """
-    own = first - second
-    if not own:
-        return False
-    begun = {word[:3] for word in second}
-    return any(word[:3] not in begun for word in own)
+    return not starts_of(first) <= starts_of(second)
 
 
 def split_alike(first: Set[str], second: Set[str]) -> tuple[list[str], list[str], list[str]]:

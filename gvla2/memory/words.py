@@ -14,6 +14,7 @@ MAX_TEXT = 8192
 MAX_WORD = 64
 """Longer words (encoded data, mostly) count by their beginning."""
 
+_NO_TOPIC = FUNCTION_WORDS | frozenset("0123456789")
 _WORD = re.compile(r"\w+")
 # Scripts that put no spaces between words: Thai, Lao, Khmer, Myanmar, kana, Han.
 _UNSPACED = re.compile(
@@ -46,19 +47,23 @@ def tokens(text: str) -> list[str]:
 
 def topic_words(text: str) -> list[str]:
     """The tokens that carry a topic: function words and single digits are left out."""
-    return _topical(tokens(text))
+    return _topical(tokens(text), text.isascii())
 
 
-def _topical(words: Iterable[str]) -> list[str]:
+def _topical(words: Iterable[str], plain: bool) -> list[str]:
+    if plain:
+        return [word for word in words if word not in _NO_TOPIC]
     return [word for word in words if word not in FUNCTION_WORDS and not (len(word) == 1 and word.isdigit())]
 
 
 def read_once(query: str, content: str) -> tuple[list[str], int]:
     """The topic words of :func:`text_of`, and the :func:`wording` of the content, quicker than one by one."""
     said = tokens(content)
+    plain = query.isascii() and content.isascii()
     if len(query) + 1 + len(content) > MAX_TEXT:
         return topic_words(text_of(query, content)), _number(said)
-    return _topical(tokens(query) + said), _number(said)  # no word reaches across the space between them
+    # No word reaches across the space between them.
+    return _topical(tokens(query) + said, plain), _number(said)
 
 
 def text_of(query: str, content: str) -> str:

@@ -34,7 +34,8 @@ class IKSolution:
     """Joints (dof,) in radians for a pose, with what makes them good or bad.
 
     ``limit_margin`` is the smallest distance to a joint limit, radians; ``manipulability`` is
-    sqrt(det(J J^T)) (0 at a singularity); ``position_error`` metres; ``rotation_error`` radians.
+    sqrt(det(J J^T)) as a share of the arm's best (0 at a singularity), so that small arms and large ones compare;
+    ``position_error`` metres; ``rotation_error`` radians.
     """
 
     joints: FloatArray

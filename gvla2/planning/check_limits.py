@@ -14,7 +14,7 @@ class CheckLimits:
       workspace soon meets a joint limit; more than the workspace's diagonal is a slip of the pen.
     * ``max_speed`` of the tool.
     * ``limit_margin`` to each joint's limit; ``joint_jump``: largest joint step between two samples (1 cm) of a
-      straight move, beyond it the arm would flip; ``min_manipulability`` sqrt(det(J J^T)), 0 at a singularity.
+      straight move, beyond it the arm would flip; ``min_manipulability``: share of the arm's best, 0 at a singularity.
     * ``free_clearance`` where a planned move starts and ends, so that the motion planner has room to leave and arrive;
       ``linear_clearance`` along straight moves.
     * ``sweep_step``: how far apart along a straight move clearance is looked at.
@@ -26,7 +26,7 @@ class CheckLimits:
     max_speed: float = 1.0
     limit_margin: float = 0.02
     joint_jump: float = 0.35
-    min_manipulability: float = 0.004
+    min_manipulability: float = 0.032
     free_clearance: float = 0.005
     linear_clearance: float = 0.001
     sweep_step: float = 0.02

@@ -35,11 +35,13 @@ def check_trajectory(
     parameters: Mapping[str, float] | None = None,
     limits: CheckLimits = DEFAULT_LIMITS,
     skill: str = "",
+    lengths: Mapping[str, float] | None = None,
 ) -> CheckReport:
     """What speaks against ``trajectory``, started at ``start_pose`` (4, 4) and ``start_joints`` (dof,), radians.
 
     Each check gives one passed finding, or one failed finding a problem. ``effects`` of kind ``bound`` must hold
-    for the plan's ``parameters``; those that are limited to a skill count when it is ``skill``. A malformed
+    for the plan's ``parameters``; those that are limited to a skill count when it is ``skill``, those in shares of a
+    side of the handled object where ``lengths`` (metres, by side) give it. A malformed
     trajectory (not-a-number, no direction) fails ``kinematics`` and ``clearance`` as ``unchecked``.
     """
     schema = check_schema(trajectory, scene)
@@ -52,7 +54,8 @@ def check_trajectory(
         legs = resolve_motion(trajectory, scene, arm, start_pose, start_joints)
         findings += check_kinematics(legs, limits)
         findings += check_clearance(legs, scene, arm, limits)
-    findings += check_memory(effects, parameters or {}, skill)
+    stages = [w.stage for w in trajectory]
+    findings += check_memory(effects, parameters or {}, skill, lengths=lengths, stages=stages)
     return CheckReport(tuple(findings))
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Arm
 from gvla2.planning.check_limits import CheckLimits
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Effect, disordered
 from gvla2.planning.findings import CheckName, Finding
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS, Trajectory, Waypoint
@@ -59,6 +59,9 @@ def check_schema(trajectory: Trajectory, scene: Scene) -> list[Finding]:
         elif w.speed <= 0 or w.tolerance <= 0:
             fail(i, "not_positive", f"{name}: speed {w.speed:g} m/s and tolerance {w.tolerance:g} m must be > 0.",
                  min(w.speed, w.tolerance), 0.0)  # fmt: skip
+        if w.guard is not None and not w.guard.sound:
+            fail(i, "bad_guard", f"{name}: guard force {w.guard.force} N, stall {w.guard.stall} m: finite numbers, "
+                 "none below and one above zero, are needed.")  # fmt: skip
         if problem := _orientation_problem(w):
             fail(i, "bad_orientation", f"{name}: {problem}")
         strangers = (w.allowed_contacts | ({w.carries} if w.carries else set())) - known - {"table"}
@@ -199,18 +202,43 @@ def check_gripper(trajectory: Trajectory, scene: Scene) -> list[Finding]:
     return found or [passed("gripper", "Closes, carries and releases in order.")]
 
 
-def check_memory(effects: Iterable[Effect], parameters: Mapping[str, float], skill: str) -> list[Finding]:
-    """Bounds from remembered failures hold for the plan's parameters."""
+def check_memory(
+    effects: Iterable[Effect],
+    parameters: Mapping[str, float],
+    skill: str,
+    *,
+    lengths: Mapping[str, float] | None = None,
+    stages: Sequence[str] = (),
+) -> list[Finding]:
+    """What remembered failures ask for: bounds hold for the plan's parameters, its stages come in order.
+
+    A bound in shares of a side binds where ``lengths`` (metres, by side) give that side of the handled object.
+    """
     found: list[Finding] = []
-    bounds = [
-        e for e in effects if e.kind == "bound" and e.skill in ("", skill) and e.parameter in parameters
-    ]
+    own = [e for e in effects if e.skill in ("", skill)]
+    bounds = [e for e in own if e.kind == "bound" and e.parameter in parameters]
+    orders = [e for e in own if e.kind == "order"]
+    held = 0
     for effect in bounds:
+        if (bound := effect.absolute(lengths or {})) is None:
+            continue
+        held += 1
         value = parameters[effect.parameter]
-        kept = value >= effect.value - EPS if effect.op == ">=" else value <= effect.value + EPS
+        kept = value >= bound.value - EPS if bound.op == ">=" else value <= bound.value + EPS
         if not kept:
-            origin = f" (from {effect.source})" if effect.source else ""
+            share = f", {effect.value:.4g} of the object's {effect.scale}" if effect.scale else ""
             found.append(Finding("memory", False, -1, "bound_broken",
                 f"{effect.parameter} = {value:.4g} breaks the remembered bound {effect.op} "
-                f"{effect.value:.4g}{origin}; change it.", value, effect.value))  # fmt: skip
-    return found or [passed("memory", f"{len(bounds)} remembered bound(s) hold.")]
+                f"{bound.value:.4g}{share}{_origin(effect)}; change it.", value, bound.value))  # fmt: skip
+    for effect in orders:
+        if disordered(effect, stages):
+            earlier, later = effect.stages
+            found.append(Finding("memory", False, -1, "order_broken",
+                f"The stage '{later}' comes before '{earlier}', the other way round than "
+                f"remembered{_origin(effect)}; put '{earlier}' first."))  # fmt: skip
+    rest = f" and {len(orders)} order(s) of stages" if orders else ""
+    return found or [passed("memory", f"{held} remembered bound(s){rest} hold.")]
+
+
+def _origin(effect: Effect) -> str:
+    return f" (from {effect.source})" if effect.source else ""

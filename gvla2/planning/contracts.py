@@ -9,7 +9,7 @@ from typing import Any, Protocol
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.arm import Arm
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import Effect, Scale
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory
 
@@ -62,11 +62,15 @@ class Abstention:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One way to do it that a planner weighed: what, how good, and why it was dropped ("" when it was not)."""
+    """One way to do it that a planner weighed: what, how good, and why it was dropped ("" when it was not).
+
+    ``approaches`` are the names by which an effect of kind ``forbid`` rules it out ("approach:top").
+    """
 
     description: str
     score: float
     rejected: str = ""
+    approaches: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,9 @@ class Plan:
     """A planner's answer: a trajectory, or an abstention with its reason.
 
     ``skill`` is a word such as "pick"; ``roles`` maps theme, goal, part to scene object ids;
-    ``parameters`` are the numbers theta that shaped the motion, SI units; ``notes`` are plain sentences.
+    ``parameters`` are the numbers theta that shaped the motion, SI units; ``scales`` names, for those of them that go
+    with a side of the handled object, that side and its length (:data:`~gvla2.planning.effects.Scale`), so that what
+    is learnt of them holds for other sizes. ``notes`` are plain sentences.
     ``fallback`` names the planner that stepped in, "" when none did. ``transcript`` holds prompts and answers
     of a language model, where one was asked.
     """
@@ -88,6 +94,7 @@ class Plan:
     notes: tuple[str, ...] = ()
     fallback: str = ""
     transcript: tuple[Mapping[str, Any], ...] = ()
+    scales: Mapping[str, Scale] = field(default_factory=dict)
 
 
 class Planner(Protocol):

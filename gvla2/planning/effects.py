@@ -1,23 +1,39 @@
-"""Typed effects: how a remembered lesson changes a planner's parameters theta."""
+"""Typed effects: how a remembered lesson changes a planner's parameters theta, and what checks hold it to.
+
+Values of parameters that go with the object (how deep to grasp it) are remembered as shares of one of its sides, so
+that a lesson from a cube of 5 cm holds for one of 7 cm; those of the hand and the room stay in SI units.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Any, Literal
 
 from gvla2.errors import PlanningError
+from gvla2.planning.scene import SceneObject
 
 REQUIRED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "bound": ("parameter", "op", "value"),
         "prior": ("parameter", "value", "count"),
         "forbid": ("parameter",),
+        "order": ("parameter",),
     }
 )
 """What an effect of each kind must say for itself when it is read from JSON."""
+
+SIDES = ("length", "width", "height")
+"""Sides of the handled object that values may be shares of: the longer and the shorter one of its level sides, and
+how tall it stands."""
+
+Scale = tuple[str, float]
+"""One of :data:`SIDES` and how long it is, metres, > 0."""
+
+BEFORE = " before "
+"""Between the two stages that an ``order`` names."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +43,14 @@ class Effect:
     * ``bound``: ``parameter`` ``op`` ``value`` must hold (``op`` is ">=" or "<="): a constraint from a failure.
     * ``prior``: ``parameter`` was good at mean ``value`` with deviation ``sd`` over ``count`` successes: a hint.
     * ``forbid``: the named approach ``parameter`` (for example "approach:top") must not be used.
+    * ``order``: ``parameter`` is "A before B": where a plan has both stages, the first A comes before the first B.
 
-    ``skill`` limits it to one skill ("" is any). Values are in the parameter's own unit (see the planner).
-    ``source`` is the id of the memory record it comes from.
+    ``skill`` limits it to one skill ("" is any). Values are in the parameter's own unit (see the planner) or, where
+    ``scale`` names a side (:data:`SIDES`), shares of that side of the handled object. ``source`` is the id of the
+    memory record it comes from.
     """
 
-    kind: Literal["bound", "prior", "forbid"]
+    kind: Literal["bound", "prior", "forbid", "order"]
     parameter: str
     value: float = 0.0
     op: Literal[">=", "<="] = ">="
@@ -40,10 +58,14 @@ class Effect:
     count: int = 0
     skill: str = ""
     source: str = ""
+    scale: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object."""
-        return asdict(self)
+        """As a JSON object; without ``scale`` where there is none, as before there were scales."""
+        data = asdict(self)
+        if not self.scale:
+            del data["scale"]
+        return data
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any], source: str = "") -> Effect:
@@ -56,7 +78,7 @@ class Effect:
             effect = cls(**{**data, "source": source or data.get("source", "")})
         except TypeError as error:
             raise PlanningError(f"Not a parameter effect: {dict(data)!r} ({error}).") from error
-        if effect.kind not in ("bound", "prior", "forbid") or effect.op not in (">=", "<="):
+        if effect.kind not in REQUIRED or effect.op not in (">=", "<="):
             raise PlanningError(f"Not a parameter effect: {dict(data)!r}.")
         absent = [name for name in REQUIRED[effect.kind] if name not in data]
         if absent:
@@ -66,18 +88,70 @@ class Effect:
         numbers = (effect.value, effect.sd, effect.count)
         if not all(isinstance(n, int | float) and math.isfinite(n) for n in numbers):
             raise PlanningError(f"Not a parameter effect: {dict(data)!r} has a number that is none.")
+        if effect.scale not in ("", *SIDES):
+            raise PlanningError(
+                f"Not a parameter effect: {dict(data)!r} has the scale {effect.scale!r}; there are {', '.join(SIDES)}."
+            )
+        if effect.kind == "order" and not all(effect.stages):
+            raise PlanningError(f"Not a parameter effect: {dict(data)!r} does not say 'A{BEFORE}B'.")
         return effect
+
+    @property
+    def stages(self) -> tuple[str, str]:
+        """The two stages of an ``order``, the earlier first; empty where it does not say them."""
+        earlier, _, later = self.parameter.partition(BEFORE)
+        return earlier.strip(), later.strip()
+
+    def shared(self, scales: Mapping[str, Scale]) -> Effect:
+        """The same in shares of the side that the plan's ``scales`` name for its parameter, if they name one."""
+        side, length = scales.get(self.parameter, ("", 0.0))
+        if self.scale or self.kind not in ("bound", "prior") or side not in SIDES or length <= 0.0:
+            return self
+        return replace(self, value=self.value / length, sd=self.sd / length, scale=side)
+
+    def absolute(self, lengths: Mapping[str, float]) -> Effect | None:
+        """The same in the parameter's own unit, for an object of these ``lengths`` (metres, by side).
+
+        None where it is a share of a side that they do not give.
+        """
+        if not self.scale:
+            return self
+        length = lengths.get(self.scale, 0.0)
+        if not length > 0.0:
+            return None
+        return replace(self, value=self.value * length, sd=self.sd * length, scale="")
+
+
+def sides_of(thing: SceneObject) -> dict[str, float]:
+    """How long each of :data:`SIDES` of a perceived thing is, metres."""
+    width, length = sorted(float(v) for v in thing.extents[:2])
+    return {"length": length, "width": width, "height": thing.top - thing.bottom}
 
 
 def apply_effects(
-    parameters: Mapping[str, float], effects: Iterable[Effect], skill: str, prior_strength: float = 2.0
+    parameters: Mapping[str, float],
+    effects: Iterable[Effect],
+    skill: str,
+    prior_strength: float = 2.0,
+    *,
+    lengths: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, float], list[str]]:
     """Parameters after priors (a pull of count / (count + prior_strength) to the mean), then bounds (clamps).
 
-    Returns the new parameters and one plain sentence a change, for the run's page.
+    ``lengths`` are the handled object's sides, metres: what was learnt in shares of a side that is not given is
+    passed over. Returns the new parameters and one plain sentence a change, for the run's page.
     """
     changed, notes = dict(parameters), []
-    relevant = [e for e in effects if e.skill in ("", skill) and e.parameter in changed]
+    relevant: list[Effect] = []
+    for effect in effects:
+        if effect.skill not in ("", skill) or effect.parameter not in changed:
+            continue
+        if (own := effect.absolute(lengths or {})) is None:
+            notes.append(
+                f"{effect.parameter}: {effect.source} was passed over, the object's {effect.scale} is unknown"
+            )
+        else:
+            relevant.append(own)
     for effect in (e for e in relevant if e.kind == "prior" and e.count > 0):
         before = changed[effect.parameter]
         changed[effect.parameter] += effect.count / (effect.count + prior_strength) * (effect.value - before)
@@ -95,3 +169,14 @@ def apply_effects(
                 f"from {effect.source}"
             )
     return changed, notes
+
+
+def disordered(effect: Effect, stages: Sequence[str]) -> bool:
+    """Whether a plan's ``stages``, in their order, go against an ``order``: both are there, the later one first.
+
+    A plan that does without one of them is not held to it: other planners name their stages otherwise.
+    """
+    earlier, later = effect.stages
+    if effect.kind != "order" or earlier not in stages or later not in stages:
+        return False
+    return list(stages).index(later) < list(stages).index(earlier)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -65,6 +65,26 @@ def grasp_rotation(approach: FloatArray, closing: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
+class Guard:
+    """What ends a motion early and well: it met what it was sent to meet, a stop, a plate, a bottom.
+
+    ``force`` newtons on the hand and what it holds, their weight included, as a wrist sensor feels them (the size of
+    their sum: what both fingers squeeze cancels out); ``stall`` metres that the tool is held back behind its
+    command. 0 switches either off; one of them must be above 0. A guard never widens what a motion may do:
+    a robot that can't feel carries the motion out to its end.
+    """
+
+    force: float = 0.0
+    stall: float = 0.0
+
+    @property
+    def sound(self) -> bool:
+        """Whether it can end anything: finite, nothing below zero, one number above."""
+        numbers = (self.force, self.stall)
+        return bool(np.isfinite(numbers).all()) and min(numbers) >= 0.0 and max(numbers) > 0.0
+
+
+@dataclass(frozen=True)
 class Waypoint:
     """One stop of the tool centre point.
 
@@ -72,7 +92,8 @@ class Waypoint:
     tool in m/s; ``stage`` names the phase ("approach", "grasp", "lift"); ``motion`` is ``free`` (planned around
     obstacles) or ``linear`` (a straight line of the tool); ``allowed_contacts`` are ids of scene objects, or
     "table", that the hand may touch on the way; ``tolerance`` of position in metres.
-    ``carries`` is the id of the object in the hand on the way here, or "".
+    ``carries`` is the id of the object in the hand on the way here, or "". With a ``guard`` the motion also ends,
+    as it should, where the guard stops it; the next waypoint is gone to from there.
     """
 
     xyz: tuple[float, float, float]
@@ -85,6 +106,7 @@ class Waypoint:
     carries: str = ""
     tolerance: float = 0.01
     frame: str = "world"
+    guard: Guard | None = None
 
 
 @dataclass(frozen=True)
@@ -130,6 +152,31 @@ class Trajectory:
                 "carries": w.carries,
                 "tolerance": w.tolerance,
                 "frame": w.frame,
+                "guard": {"force": w.guard.force, "stall": w.guard.stall} if w.guard else None,
             }
             for w in self.waypoints
         ]
+
+    @classmethod
+    def from_json(cls, waypoints: Sequence[Mapping[str, Any]]) -> Trajectory:
+        """What :meth:`to_json` wrote. Fields that have a default may be absent.
+
+        Raises :class:`ValueError` that names the first waypoint which is none; what its numbers mean is for the
+        checks to say.
+        """
+        return cls(tuple(_waypoint(i, data) for i, data in enumerate(waypoints)))
+
+
+def _waypoint(index: int, data: Mapping[str, Any]) -> Waypoint:
+    try:
+        fields = dict(data)
+        x, y, z = (float(v) for v in fields.pop("xyz"))
+        if turned := fields.pop("orientation", None):
+            vectors = {k: tuple(float(v) for v in turned[k]) for k in ("vector", "closing") if k in turned}
+            fields["orientation"] = Orientation(**{**turned, **vectors})
+        if guard := fields.pop("guard", None):
+            fields["guard"] = Guard(**guard)
+        allowed = frozenset(fields.pop("allowed_contacts", ()))
+        return Waypoint((x, y, z), allowed_contacts=allowed, **fields)
+    except (TypeError, ValueError, KeyError) as error:
+        raise ValueError(f"Waypoint {index} is not a waypoint: {data!r} ({error}).") from error

@@ -45,6 +45,8 @@ class EpisodeRecord:
     ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is what the referee looks
     for, in words. ``timings`` are wall seconds a stage. ``notes`` are fallbacks and warnings, each a sentence that
     the run's page shows. ``judgement`` is the simulator's referee's; it is filled last, so nothing can learn from it.
+    ``attempts`` are the records of the attempts before this one, first to last, each with its own timings and none of
+    its own; an episode that never planned anew has none.
     """
 
     episode_id: str
@@ -68,6 +70,12 @@ class EpisodeRecord:
     failure: Failure | None = None
     timings: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    attempts: tuple[EpisodeRecord, ...] = ()
+
+    @property
+    def seconds(self) -> float:
+        """Wall seconds of all stages of all attempts."""
+        return sum(sum(each.timings.values()) for each in (*self.attempts, self))
 
     def result(self, command: str) -> dict[str, Any]:
         """``result.json``: the outcome and who produced it. ``success`` is the eased profile, None if unknown."""
@@ -87,5 +95,18 @@ class EpisodeRecord:
             "parameters": dict(self.plan.parameters) if self.plan else None,
             "failure": asdict(self.failure) if self.failure else None,
             "timings": dict(self.timings),
+            "attempts": [each.attempted() for each in (*self.attempts, self)],
             "notes": list(self.notes),
+        }
+
+    def attempted(self) -> dict[str, Any]:
+        """One of the attempts in ``result.json``: what was tried and what came of it."""
+        return {
+            "skill": self.plan.skill if self.plan else None,
+            "parameters": dict(self.plan.parameters) if self.plan else None,
+            "executed": len(self.report.waypoints) if self.report else 0,
+            "completed": self.report.completed if self.report else False,
+            "verdict": self.verdict.outcome if self.verdict else None,
+            "failure": asdict(self.failure) if self.failure else None,
+            "timings": dict(self.timings),
         }

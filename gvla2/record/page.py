@@ -12,6 +12,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from gvla2.record import sections, wording
+from gvla2.record.attempts import attempt_rows
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.pictures import Pictures
 
@@ -42,7 +43,8 @@ def render_page(
         story=sections.story(record),
         tiles=sections.tiles(record),
         steps=sections.steps(record),
-        total=sum(record.timings.values()),
+        attempts=attempt_rows(record),
+        total=record.seconds,
         objects=sections.object_rows(record.scene, record.plan) if record.scene else [],
         parameters=parameters,
         plan_notes=plan_notes,
@@ -74,6 +76,7 @@ def render(template: str, **values: Any) -> str:
         terms=sections.terms,
         effect_words=sections.effect_words,
         orientation_words=sections.orientation_words,
+        guard_words=sections.guard_words,
     )
     environment.filters.update(
         number=wording.number,

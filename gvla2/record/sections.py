@@ -12,7 +12,7 @@ from gvla2.memory.contracts import MemoryItem
 from gvla2.planning.contracts import Candidate, Plan
 from gvla2.planning.findings import CheckName, CheckReport, Finding
 from gvla2.planning.scene import Scene
-from gvla2.planning.trajectory import Orientation
+from gvla2.planning.trajectory import Guard, Orientation
 from gvla2.record.contents import EpisodeRecord, Stage
 from gvla2.record.drawing import css_colour, marker_colour
 from gvla2.record.wording import OUTCOMES, State, count, executed, finding, fixed, listing, number, state
@@ -252,12 +252,16 @@ def effect_words(effect: Mapping[str, object] | None) -> str:
         return ""
     kind, parameter = str(effect.get("kind", "effect")), str(effect.get("parameter", ""))
     skill = f", for the skill “{effect['skill']}”" if effect.get("skill") else ""
+    of = f" of the object's {effect['scale']}" if effect.get("scale") else ""
     match kind:
         case "bound":
-            return f"{parameter} {effect.get('op', '>=')} {_figure(effect.get('value', 0.0))}{skill}"
+            return f"{parameter} {effect.get('op', '>=')} {_figure(effect.get('value', 0.0))}{of}{skill}"
         case "prior":
             spread = f" ± {_figure(effect.get('sd'))}" if effect.get("sd") else ""
-            return f"{parameter} ≈ {_figure(effect.get('value'))}{spread}, {effect.get('count', 0)} successes{skill}"
+            times = f"{effect.get('count', 0)} successes"
+            return f"{parameter} ≈ {_figure(effect.get('value'))}{spread}{of}, {times}{skill}"
+        case "order":
+            return f"{parameter}{skill}"
         case "forbid":
             return f"never {parameter}{skill}"
     return ", ".join(f"{key} {value}" for key, value in effect.items())
@@ -311,6 +315,13 @@ def orientation_words(orientation: Orientation) -> str:
             return f"turned {number(math.degrees(orientation.angle), 0)}° about {toward}"
         case "slerp":
             return f"{number(100 * orientation.angle, 0)} % of the way to {toward}"
+
+
+def guard_words(guard: Guard) -> str:
+    """What ends a guarded motion early: "25 N", "held back 3 mm"."""
+    force = f"{number(guard.force, 1)} N" if guard.force else ""
+    stall = f"held back {number(1000 * guard.stall, 1)} mm" if guard.stall else ""
+    return " or ".join(words for words in (force, stall) if words)
 
 
 def direction(vector: tuple[float, float, float], both: bool = False) -> str:

@@ -45,6 +45,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "skill": plan.skill,
         "roles": dict(plan.roles),
         "parameters": dict(plan.parameters),
+        "scales": {name: list(scale) for name, scale in plan.scales.items()},
         "candidates": [asdict(c) for c in plan.candidates],
         "abstention": asdict(plan.abstention) if plan.abstention else None,
         "notes": list(plan.notes),
@@ -57,6 +58,18 @@ def plan_json(plan: Plan) -> dict[str, Any]:
 def trajectory_json(trajectory: Trajectory) -> dict[str, Any]:
     """The paper's view tau = [(x, y, z, g)], metres and opening in [0, 1], and the full waypoints."""
     return {"frame": "world", "tau": plain(trajectory.xyzg()), "waypoints": trajectory.to_json()}
+
+
+def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
+    """One of the earlier attempts: what was planned, executed and found."""
+    plan = attempt.plan
+    return {
+        **attempt.attempted(),
+        "plan": plan_json(plan) if plan else None,
+        "trajectory": trajectory_json(plan.trajectory) if plan and plan.trajectory is not None else None,
+        "report": attempt.report.to_json() if attempt.report else None,
+        "verdict": asdict(attempt.verdict) if attempt.verdict else None,
+    }
 
 
 Writer = Callable[[EpisodeRecord], Any]
@@ -80,6 +93,11 @@ STAGE_FILES: tuple[tuple[str, str, Writer], ...] = (
         "scene_after.json",
         "the scene perceived afterwards",
         lambda r: scene_json(r.after_scene) if r.after_scene else None,
+    ),
+    (
+        "attempts.json",
+        "the attempts before the last, each with its plan and report",
+        lambda r: [attempt_json(each) for each in r.attempts] or None,
     ),
     ("verdict.json", "the verifier's verdict", lambda r: asdict(r.verdict) if r.verdict else None),
     ("learned.json", "what memory learnt", lambda r: asdict(r.learned) if r.learned else None),

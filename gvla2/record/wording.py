@@ -209,7 +209,7 @@ def details(record: EpisodeRecord) -> list[str]:
     elif record.plan is not None and record.plan.abstention is not None:
         parts.append(f"{record.plan.abstention.kind}: {one_line(record.plan.abstention.message)}")
     if record.timings:
-        parts.append(seconds(sum(record.timings.values())))
+        parts.append(seconds(record.seconds))
     return parts
 
 

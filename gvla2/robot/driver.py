@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from gvla2.geometry.transform import FloatArray
 
@@ -25,12 +26,14 @@ class MoveResult:
     ``tracking_error`` is the largest joint error at the end of the motion, radians, after the driver gave the arm
     its time to settle. ``contacts`` are names of the robot's own links that touched something on the way, each
     once (never names of scene bodies; empty for a robot without such sensing). ``diverged`` is True when a
-    measurement was not finite or physically impossible: the motion was broken off there.
+    measurement was not finite or physically impossible: the motion was broken off there. ``stopped`` is True when
+    a guard ended it (see :class:`GuardedDriver`).
     """
 
     tracking_error: float
     contacts: tuple[str, ...] = ()
     diverged: bool = False
+    stopped: bool = False
 
 
 @dataclass(frozen=True)
@@ -73,4 +76,22 @@ class Driver(Protocol):
 
     def hold(self) -> None:
         """Stop where the arm is measured to be and stay there; must work after any error, and twice."""
+        ...
+
+
+StopRule = Callable[[FloatArray, FloatArray, FloatArray | None], bool]
+"""Commanded joints (dof,), measured joints (dof,), radians, and the force (3,) on the hand and what it holds, newtons,
+world frame, None for a robot that does not measure it; True where the motion is to end."""
+
+
+@runtime_checkable
+class GuardedDriver(Protocol):
+    """What a :class:`Driver` has besides when it can end a motion on contact; without it guards are not felt."""
+
+    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
+        """As :meth:`Driver.follow`, asking ``stop`` at least 50 times a second, also while it settles.
+
+        A force is a mean over some hundredths of a second: a knock is no press.
+        On True the arm stops where it is, without settling, and the result says ``stopped``.
+        """
         ...

@@ -13,7 +13,8 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener
-from gvla2.robot.driver import Driver, DriverState
+from gvla2.robot.driver import Driver, DriverState, GuardedDriver, MoveResult
+from gvla2.robot.guarding import GuardWatch
 from gvla2.robot.held import CarriedScene
 from gvla2.robot.motion import MotionFailure, MotionPlanner
 from gvla2.robot.report import AbortCode, ExecutionReport, WaypointReport
@@ -59,7 +60,8 @@ def execute(
 
     Orientations are resolved from the measured tool pose. A waypoint is planned from the measured joints around
     ``scene``; objects that a waypoint ``carries`` move with the hand from where the fingers closed, and stay where
-    they are let go. Each report goes to ``listener.waypoint`` as it is made.
+    they are let go. A motion that its guard ends is carried out: the arm holds, and the next one starts from there.
+    Each report goes to ``listener.waypoint`` as it is made.
 
     A keyboard interrupt, or an exception of the driver or the listener, makes the driver hold the arm; the
     waypoint under way is reported as ``interrupted`` and the exception passed on.
@@ -77,6 +79,8 @@ class _Step:
     contacts: tuple[str, ...] = ()
     planning_seconds: float = 0.0
     motion_seconds: float = 0.0
+    force: float | None = None
+    note: str = ""
 
 
 class _Abort(Exception):  # noqa: N818 - it ends a loop, it is no error
@@ -118,7 +122,7 @@ class _Run:
             for index, waypoint in enumerate(self.trajectory):
                 step = _Step(index, waypoint)
                 self._carry_out(step)
-                self._report(step)
+                self._report(step, message=step.note)
         except _Abort as abort:
             if abort.code != "not_started":
                 self.driver.hold()
@@ -149,7 +153,7 @@ class _Run:
         samples = self._plan(step, state, pose)
         self.joint_path += [tuple(row) for row in samples[:: max(1, round(0.05 / options.dt))].tolist()]
         step.motion_seconds = (len(samples) - 1) * options.dt
-        moved = self.driver.follow(samples, options.dt, self.opening)
+        moved = self._follow(step, samples)
         step.contacts = moved.contacts
         if moved.diverged:
             raise _Abort("diverged", "The driver measured something impossible and broke the motion off.")
@@ -158,10 +162,26 @@ class _Run:
             self.holds = False
             raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
         error = float(np.linalg.norm(self.arm.forward(state.joints)[:3, 3] - pose[:3, 3]))
-        if error > options.tracking_factor * waypoint.tolerance:
+        if not moved.stopped and error > options.tracking_factor * waypoint.tolerance:
             raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
         if abs(waypoint.gripper - self.opening) > 1e-3:
             self._grip(step)
+
+    def _follow(self, step: _Step, samples: FloatArray) -> MoveResult:
+        """Move, and hold where the waypoint's guard ends the motion."""
+        guard, dt = step.waypoint.guard, self.options.dt
+        if guard is None:
+            return self.driver.follow(samples, dt, self.opening)
+        if not isinstance(self.driver, GuardedDriver):
+            step.note = "This robot does not feel guards: the motion went on to its end."
+            return self.driver.follow(samples, dt, self.opening)
+        watch = GuardWatch(guard, self.arm)
+        moved = self.driver.follow_guarded(samples, dt, self.opening, watch)
+        step.force = watch.force
+        if moved.stopped:
+            self.driver.hold()
+            step.status, step.note = "guarded", watch.reason
+        return moved
 
     def _plan(self, step: _Step, state: DriverState, pose: FloatArray) -> FloatArray:
         """Joint samples (T, dof) to the waypoint, checked."""
@@ -248,6 +268,7 @@ class _Run:
             message=message,
             planning_seconds=step.planning_seconds,
             motion_seconds=step.motion_seconds,
+            force=step.force,
         )
         self.reports.append(report)
         self.listener.waypoint(report)

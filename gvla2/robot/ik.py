@@ -13,6 +13,9 @@ from gvla2.robot.kinematics import Kinematics, import_pinocchio
 POSITION_TOLERANCE, ROTATION_TOLERANCE = 5e-4, 5e-3
 """A pose counts as reached within this many metres and radians; steps go on well below."""
 
+_SAMPLED = 400
+"""Members of the library among which the arm's best manipulability is looked for."""
+
 _COMFORT = 0.15
 """Distance to a joint limit, radians, under which a solution is pushed away from it where the arm has spare joints."""
 
@@ -38,6 +41,7 @@ class InverseKinematics:
         )
         poses = np.array([kinematics.forward(row) for row in self._library])  # (L, 4, 4)
         self._positions, self._rotations = poses[:, :3, 3], poses[:, :3, :3]
+        self._best = max(kinematics.manipulability(row) for row in self._library[:_SAMPLED])
 
     def solve(self, world_from_tcp: FloatArray, near: FloatArray | None = None) -> IKSolution | None:
         """The solution nearest to ``near`` (home by default), away from joint limits; None if none is found."""
@@ -97,7 +101,7 @@ class InverseKinematics:
         return IKSolution(
             joints=joints,
             limit_margin=kinematics.limit_distance(joints),
-            manipulability=kinematics.manipulability(joints),
+            manipulability=min(1.0, kinematics.manipulability(joints) / self._best),
             position_error=float(np.linalg.norm(error[:3])),
             rotation_error=float(np.linalg.norm(error[3:])),
         )

@@ -27,7 +27,9 @@ class WaypointReport:
     ``error`` is the distance of the tool from its target; ``contacts`` are the names of the robot's own links
     that felt a contact (never names of scene bodies); ``gripper_width`` in metres; ``held`` says that the fingers
     stopped on something, None when the robot cannot tell. ``status`` is the motion planner's word
-    ("linear", "direct", "rrt_connect", "failed"); ``abort`` is "" when the waypoint was carried out.
+    ("linear", "direct", "rrt_connect", "failed"), or "guarded" where the waypoint's guard ended the motion early, as
+    it may; ``abort`` is "" when the waypoint was carried out. ``force`` is the largest that the hand felt on a
+    guarded motion, newtons, None where nothing measured it.
     """
 
     index: int
@@ -43,6 +45,7 @@ class WaypointReport:
     message: str = ""
     planning_seconds: float = 0.0
     motion_seconds: float = 0.0
+    force: float | None = None
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ def _problem(waypoint: Waypoint, known: set[str]) -> str:
         return f"its gripper opening {waypoint.gripper} is outside [0, 1]."
     if waypoint.speed <= 0 or waypoint.tolerance <= 0:
         return "its speed and tolerance must be above zero."
+    if waypoint.guard is not None and not waypoint.guard.sound:
+        return f"its guard {waypoint.guard} needs a force or a stall above zero, finite numbers both."
     if waypoint.carries and waypoint.carries not in known:
         return f"it carries '{waypoint.carries}', which is not in the scene; there are {sorted(known)}."
     return ""

@@ -201,7 +201,8 @@ class TaskSite:
     Rectangle of ``size`` (x, y) about ``centre`` (x, y) on a table top at ``table_height``; ``reachable`` tells
     whether the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so
     that nothing is painted like it; None where it is not known. ``follows`` tells whether the arm by itself can take
-    the tool on straight lines through world poses (4, 4), for tasks whose motion is prescribed.
+    the tool on straight lines through world poses (4, 4), for tasks whose motion is prescribed. ``span`` is how far
+    the fingers open, metres: what is to be grasped must be smaller.
     """
 
     centre: tuple[float, float]
@@ -210,6 +211,7 @@ class TaskSite:
     reachable: Callable[[FloatArray], bool]
     table_rgb: tuple[float, float, float] | None = None
     follows: Callable[[Sequence[FloatArray]], bool] = lambda poses: True
+    span: float = 0.08
 
 
 class Task(Protocol):

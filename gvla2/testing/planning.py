@@ -11,7 +11,7 @@ import numpy as np
 from gvla2.errors import PerceptionError
 from gvla2.geometry.views import Views
 from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
-from gvla2.planning.effects import Effect
+from gvla2.planning.effects import SIDES, Effect
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS
 from gvla2.testing import inputs
@@ -127,6 +127,11 @@ def _check_plan(plan: object, request: PlanRequest, what: str) -> None:
         )
     for name, value in plan.parameters.items():
         require(isfinite(value), f"plan(){what}: parameter '{name}' is {value}.")
+    for name, (side, length) in plan.scales.items():
+        require(
+            side in SIDES and isfinite(length) and length > 0.0,
+            f"plan(){what}: the scale of '{name}' is {(side, length)}; give one of {', '.join(SIDES)} and its metres.",
+        )
     if plan.trajectory is None:
         return
     count = len(plan.trajectory)

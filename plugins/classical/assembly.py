@@ -15,6 +15,7 @@ from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.openings import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
+from gvla2_plugins.classical.shells import with_their_walls
 from gvla2_plugins.classical.things import Thing
 
 FRAGMENT_REACH = 0.10  # metres between the middles of two fragments of one thing
@@ -37,7 +38,7 @@ def assemble(
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
         parts += [replace(opened(frames, p), group=group) for p in taken]
-    return rest_on_each_other(parts, hand)
+    return rest_on_each_other(with_their_walls(pixels, parts), hand)
 
 
 def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:

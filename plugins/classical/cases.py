@@ -17,7 +17,7 @@ BESIDE = 0.025  # metres that a lid may stand over its box
 FLUSH = 0.012  # metres between a drawer's front and the side of its cabinet
 REACH = 0.08  # metres that a handle stands off
 COVERED = 0.3  # of a side of a cabinet: a drawer's front is no smaller
-BAR = 0.025  # metres: a handle is no thicker, and twice as long
+BAR = 0.02  # metres: a handle is no thicker, and twice as long
 HINGED = 0.05  # metres between a box's edge and the lower edge of its open lid
 
 
@@ -206,7 +206,7 @@ def _stands_off(piece: Thing, case: Thing, axis: int, sign: float) -> bool:
     if not piece.floating or piece.turn is not None or piece.noun:
         return False
     local = case.local(piece.points)
-    low, high = np.percentile(local[:, [1 - axis, 2]], [3.0, 97.0], axis=0)
+    low, high = np.percentile(local[:, [1 - axis, 2]], [1.0, 99.0], axis=0)
     breadth = high - low
     if breadth.min() > BAR or breadth.max() < 2.0 * breadth.min():
         return False

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2_plugins.classical.frames import Frame, seen_through
@@ -13,6 +14,8 @@ from gvla2_plugins.classical.things import Thing
 
 FLAT = 0.03  # metres: a ring is no higher
 NARROWEST = 0.008  # metres: a smaller hole is no hole that is seen
+THICK, FLOOR = 0.016, 0.02  # metres: no wall and no floor is thicker
+STRAY = 0.05  # share of the points that need not be where they should
 FEWEST = 20  # points that tell where a wall is
 
 
@@ -57,3 +60,24 @@ def _hole(frames: Sequence[Frame], thing: Thing) -> float:
         return 0.0
     off = np.hypot(upper[:, 0], upper[:, 1]) if thing.kind == "cylinder" else np.abs(upper[:, :2]).max(axis=1)
     return 2.0 * float(np.percentile(off, 2.0))
+
+
+def within_walls(thing: Thing, points: FloatArray) -> NDArray[np.bool_]:
+    """(N,) bool: points (N, 3) in the hollow of a thing, away from its walls and its floor."""
+    local = thing.local(points)
+    high = local[:, 2] > FLOOR - 0.5 * thing.extents[2]
+    if thing.kind == "cylinder":
+        return np.asarray(high & (np.hypot(local[:, 0], local[:, 1]) < 0.5 * thing.extents[0] - THICK))
+    return np.asarray(high & (np.abs(local[:, :2]) < 0.5 * thing.extents[:2] - THICK).all(axis=1))
+
+
+def crowded(thing: Thing) -> bool:
+    """Whether points of a thing were seen in its middle, where a hollow one has none."""
+    local = np.abs(thing.local(thing.points)[:, :2]) / thing.extents[:2]
+    high = thing.points[:, 2] > thing.bottom + 0.3 * thing.extents[2]
+    return bool((high & (local < 0.25).all(axis=1)).mean() > STRAY)
+
+
+def on_walls(thing: Thing) -> bool:
+    """Whether what is seen of a thing is its walls and its floor."""
+    return bool(within_walls(thing, thing.points).mean() < 2 * STRAY)

@@ -103,11 +103,11 @@ def _face_grid(thing: Thing, axis: int) -> FloatArray:
     )
 
 
-def sees_into(frames: Sequence[Frame], thing: Thing) -> bool:
-    """Whether cameras look through the upper half of the solid, inside its walls: a cup, a box, a tray."""
+def sees_into(frames: Sequence[Frame], thing: Thing, share: float = 0.4) -> bool:
+    """Whether cameras look through a ``share`` of the solid's upper half, inside its walls: a cup, a box, a tray."""
     if thing.kind == "sphere" or thing.extents[2] < 0.025 or min(thing.extents[:2]) < 0.04:
         return False
     x, y, z = np.meshgrid(np.linspace(-0.28, 0.28, 5), np.linspace(-0.28, 0.28, 5), np.linspace(0.05, 0.3, 3))
     inside = np.stack([x, y, z], axis=-1).reshape(-1, 3) * thing.extents
     pose = thing.pose
-    return bool(seen_through(frames, inside @ pose[:3, :3].T + pose[:3, 3]).mean() > 0.4)
+    return bool(seen_through(frames, inside @ pose[:3, :3].T + pose[:3, 3]).mean() > share)

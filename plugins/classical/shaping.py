@@ -9,6 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.frames import Frame
+from gvla2_plugins.classical.openings import crowded, on_walls, within_walls
 from gvla2_plugins.classical.outline import completed, hangs, sees_into, silhouette
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.solids import (
@@ -29,6 +30,7 @@ MOST_SEEN = 420  # points a fit looks at
 MARGIN = 0.012  # metres about a thing's points where its outline is looked at
 ROUND = 1.12  # a round solid, which has fewer parameters, is taken up to this factor of a box's cost
 INTRUDED = 0.08  # share of free points within a solid from which it is the wrong solid, not a hollow one
+HALF, ONE_SIDE = 1.35, 2.6  # length over breadth of what is seen of a round thing from one side
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
 DISTANCES: dict[Kind, Distance] = {
     "box": box_distance,
@@ -98,14 +100,43 @@ def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap:
         floating=evidence.floating,
         lowest=evidence.lowest,
     )
-    if fit.intrusion < INTRUDED and sees_into(frames, thing):
-        # The inner wall is seen too: only the outline tells where the outer one is.
-        fit = evidence.fit(kind, fit.parameters, filled=True)
-        yaw, centre, extents = _upright(kind, fit.parameters)
-        return replace(thing, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
+    if (hollow := _hollow(frames, evidence, thing, kind, fit)) is not None:
+        return hollow
     if fit.agreement < 0.5 * GOOD or not _within(evidence, centre, extents):
         thing = _bounding(thing, evidence)
     return completed(frames, pixels, thing)
+
+
+def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kind, fit: Fit) -> Thing | None:
+    """The thing as a hollow one, where one sees into it; None where one does not.
+
+    The inner wall is seen too: only the outline tells where the outer one is. Where a view shows it in pieces, rays
+    beside a piece pass through the hollow; they say nothing against the walls.
+    """
+    if fit.intrusion < INTRUDED and sees_into(frames, thing) and not crowded(thing):
+        fit = evidence.fit(kind, fit.parameters, filled=True)
+        yaw, centre, extents = _upright(kind, fit.parameters)
+        return replace(thing, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
+    square = evidence.lengths.max() < 1.15 * evidence.lengths.min()
+    about = [*evidence.middle, evidence.yaw, *evidence.lengths, evidence.highest, evidence.bottom]
+    starts: list[tuple[Kind, FloatArray]] = [("box", np.asarray(about))]
+    if square:
+        radial = [*evidence.middle, evidence.lengths.mean(), evidence.highest, evidence.bottom]
+        starts.insert(0, ("cylinder", np.asarray(radial)))
+    if evidence.floating or (fit.agreement >= GOOD and fit.intrusion < INTRUDED):
+        return None
+    for kind, start in starts:
+        yaw, centre, extents = _upright(kind, start)
+        trial = replace(thing, kind=kind, centre=centre, yaw=yaw, extents=extents)
+        if not sees_into(frames, trial, share=0.8) or crowded(trial):
+            continue
+        outer = replace(evidence, free=evidence.free[~within_walls(trial, evidence.free)])
+        fit = outer.fit(kind, start, filled=True)
+        yaw, centre, extents = _upright(kind, fit.parameters)
+        walls = replace(trial, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
+        if fit.agreement >= GOOD and fit.intrusion < INTRUDED and on_walls(walls):
+            return walls
+    return None
 
 
 def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Evidence:
@@ -130,12 +161,26 @@ def _fits(evidence: Evidence) -> dict[Kind, Fit]:
         "box": evidence.fit("box", [*middle, evidence.yaw, *evidence.lengths, highest, bottom])
     }
     width, depth, top = fits["box"].parameters[3:6]
-    if max(width, depth) < 1.35 * min(width, depth):
+    long, short = float(evidence.lengths.max()), float(evidence.lengths.min())
+    if max(width, depth) >= 1.35 * min(width, depth) and HALF < long / short < ONE_SIDE:
+        # A round thing that is seen from one side shows a strip as wide as it is.
+        fits["cylinder"] = _from_one_side(evidence, long, short)
+    elif max(width, depth) < 1.35 * min(width, depth):
         diameter = float(evidence.lengths.mean())
         fits["cylinder"] = evidence.fit("cylinder", [*middle, diameter, highest, bottom])
         if 0.6 < (top - bottom) / diameter < 1.5:
             fits["sphere"] = evidence.fit("sphere", [*middle, highest - 0.5 * diameter, diameter])
     return fits
+
+
+def _from_one_side(evidence: Evidence, long: float, short: float) -> Fit:
+    """The best cylinder that shows no more than one of its sides."""
+    along = evidence.yaw + (0.0 if evidence.lengths[0] < evidence.lengths[1] else 0.5 * np.pi)
+    behind = 0.5 * (long - short) * np.array([np.cos(along), np.sin(along)])
+    starts = [
+        [*(evidence.middle + sign * behind), long, evidence.highest, evidence.bottom] for sign in (1.0, -1.0)
+    ]
+    return min((evidence.fit("cylinder", start) for start in starts), key=lambda fit: fit.cost)
 
 
 def _within(evidence: Evidence, centre: FloatArray, extents: FloatArray) -> bool:

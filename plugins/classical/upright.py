@@ -17,6 +17,9 @@ HOVER = 0.05  # metres between a vessel and a head on a neck that is not seen
 SLIM = 0.045  # metres: what is no wider can be a stick, a grip, a neck
 WITHIN = 0.006  # metres inside a wall where a seen point tells that the thing is hollow
 FEWEST = 10
+LONG = 1.6  # what is longer, in its breadths, closes nothing round
+SEAM = 0.003  # metres: a gap that is no greater is none
+FAR_SIDE = 0.008  # metres beside a neck where a piece of it may seem to be
 
 
 def join_stems(draft: Draft) -> None:
@@ -46,7 +49,7 @@ def join_stems(draft: Draft) -> None:
         draft.change(main, replace(whole, noun="umbrella" if handle else "stick", on=k, floating=False))
         draft.take_in(main, [j for j in order if j != main and not (handle and j == top)])
         if handle:
-            draft.change(top, replace(draft.things[top], noun="handle", part_of=main))
+            draft.change(top, replace(_as_seen(draft.things[top]), noun="handle", part_of=main))
 
 
 def join_bottles(draft: Draft) -> None:
@@ -58,8 +61,10 @@ def join_bottles(draft: Draft) -> None:
         chain = _chain(draft, k)
         if not chain:
             continue
-        cover = chain[-1] if _covers(draft, chain[-1], chain[-2] if len(chain) > 1 else k) else -1
+        cover = chain[-1] if _closes(draft, chain, k) else -1
         body = [j for j in chain if j != cover]
+        if cover >= 0:
+            draft.change(cover, _as_seen(draft.things[cover]))
         if not body and cover >= 0:
             wide = draft.things[cover].spans[0] > 0.75 * vessel.spans[0]
             if vessel.kind == "cylinder" and wide:
@@ -73,6 +78,7 @@ def join_bottles(draft: Draft) -> None:
             top = max(draft.things[j].top for j in body)
             points = np.concatenate([draft.things[j].points for j in body])
             turned = draft.things[max(body, key=lambda j: draft.things[j].spans[:2].max())]
+            top = top if cover < 0 else max(top, draft.things[cover].bottom)
             whole = grown(replace(vessel, yaw=_yaw(vessel, turned)), points, vessel.bottom, top)
             draft.change(k, replace(whole, noun="bottle"))
             draft.take_in(k, body)
@@ -96,7 +102,13 @@ def name_knives(draft: Draft) -> None:
 
 
 def _could_hold(thing: Thing) -> bool:
-    return thing.kind in ("box", "cylinder") and thing.turn is None and thing.extents[2] > 0.05
+    solid = thing.kind in ("box", "cylinder") and thing.turn is None and not thing.floating
+    return solid and thing.on < 0 and thing.extents[2] > 0.05 and min(thing.extents[:2]) > SLIM
+
+
+def _as_seen(thing: Thing) -> Thing:
+    """A thing that was brought down to what carries it, from its lowest seen point up: its edge hides what is below."""
+    return thing.resting_at(thing.lowest) if thing.lowest > thing.bottom + SEAM else thing
 
 
 def _inside(stand: Thing) -> float:
@@ -111,6 +123,10 @@ def _goes_into(thing: Thing, stand: Thing) -> bool:
         return False
     local = np.abs(stand.local(thing.points))
     deep = (local[:, :2] < 0.5 * stand.extents[:2] - WITHIN).all(axis=1)
+    if stand.hollow and stand.extents[2] > min(stand.extents[:2]) and deep.mean() > 0.9:
+        return True  # over the mouth of something deep there is nothing to stand on
+    if thing.top < stand.top - SEAM and deep.mean() > 0.9:
+        return True  # nor is there where it ends below the rim
     deep &= thing.points[:, 2] < stand.top - WITHIN
     return bool(deep.sum() >= FEWEST and deep.mean() > 0.3)
 
@@ -137,8 +153,9 @@ def _coaxial(thing: Thing, other: Thing, share: float) -> bool:
 
 def _wider(draft: Draft, top: int, below: list[int]) -> bool:
     """Whether the uppermost piece is a piece of its own: broader than the one under it, or away from all others."""
-    under = draft.things[max(below, key=lambda j: draft.things[j].top)]
     piece = draft.things[top]
+    lower = [j for j in below if draft.things[j].lowest < piece.bottom]  # others are beside it
+    under = draft.things[max(lower or below, key=lambda j: draft.things[j].top)]
     return bool(piece.spans[:2].max() > 1.25 * under.spans[:2].max() or piece.lowest > under.top + 0.01)
 
 
@@ -153,18 +170,40 @@ def _vessel(thing: Thing) -> bool:
 
 
 def _chain(draft: Draft, k: int) -> list[int]:
-    """What stands in line on a vessel, each piece alone on the one before, none as broad as the vessel but a lid."""
+    """What stands in line on a vessel, each piece alone on the one before, none as broad as the vessel but a lid.
+
+    Pieces cut from the vessel side by side, as a neck that is seen from two sides, count as one.
+    """
     chain: list[int] = []
-    at, vessel = k, draft.things[k]
+    at, carriers, vessel = k, [k], draft.things[k]
     while True:
-        above = [j for j in draft.on_top(at) if j not in chain and not draft.things[j].noun]
-        if len(above) != 1:
+        above = [
+            j
+            for c in carriers
+            for j in draft.on_top(c)
+            if j not in chain and j not in carriers and not draft.things[j].noun
+        ]
+        cut = [j for j in above if len(above) > 1 and _is_cut(draft.things[j], vessel, draft.things[at])]
+        rest = [j for j in above if j not in cut]
+        if cut and len(rest) < 2:
+            chain = [*cut, *chain] if rest else [*chain, *cut]
+            at = at if rest else max(cut, key=lambda j: len(draft.things[j].members))
+            carriers = [*carriers, *cut] if rest else cut
+        if not rest and cut:
+            continue
+        if len(rest) != 1:
             return chain
-        piece = draft.things[above[0]]
-        if not _coaxial(piece, vessel, AXIS) or not _belongs(draft, above[0], at, vessel):
+        piece = draft.things[rest[0]]
+        if not _coaxial(piece, vessel, AXIS) or not _belongs(draft, rest[0], at, vessel):
             return chain
-        chain.append(above[0])
-        at = above[0]
+        chain.append(rest[0])
+        at, carriers = rest[0], [rest[0]]
+
+
+def _is_cut(piece: Thing, vessel: Thing, under: Thing) -> bool:
+    """Whether a piece was one with the vessel before a split by height, and is over what it stands on."""
+    own = piece.group == vessel.group and piece.group >= 0
+    return own and bool(under.covers(piece.points[:, :2], FAR_SIDE).mean() > 0.8)
 
 
 def _belongs(draft: Draft, j: int, at: int, vessel: Thing) -> bool:
@@ -175,15 +214,37 @@ def _belongs(draft: Draft, j: int, at: int, vessel: Thing) -> bool:
         return True
     if _covers(draft, j, at):
         return True
-    if piece.floating and under.top < piece.bottom < under.top + HOVER:
+    foot = _as_seen(piece).bottom
+    if (piece.floating or foot > under.top + 2 * SEAM) and under.top < foot < under.top + HOVER:
         return bool(vessel.kind == "cylinder" and piece.spans[:2].min() < 0.6 * vessel.spans[0])
+    on_neck = under is not vessel and under.spans[:2].max() < 0.6 * min(vessel.spans[:2])
+    if on_neck or _narrows(under):
+        return bool(piece.spans[:2].max() < 1.5 * max(vessel.spans[:2]))  # a head on a neck
     return bool(piece.kind == "cylinder" and narrow)
+
+
+def _narrows(vessel: Thing) -> bool:
+    """Whether a round thing is much slimmer at its top: a neck was not told from it."""
+    if vessel.kind != "cylinder":
+        return False
+    local = vessel.local(vessel.points)
+    upper = local[local[:, 2] > 0.42 * vessel.extents[2], :2]
+    if len(upper) < FEWEST:
+        return False
+    return float(np.percentile(np.linalg.norm(upper, axis=1), 90.0)) < 0.3 * vessel.extents[0]
+
+
+def _closes(draft: Draft, chain: list[int], k: int) -> bool:
+    """Whether the last of a chain covers what carries it."""
+    carrier = draft.carrier(chain[-1])
+    return carrier in (k, *chain) and _covers(draft, chain[-1], carrier)
 
 
 def _covers(draft: Draft, j: int, at: int) -> bool:
     """Whether a flat thing of another colour lies on a round thing and is about as wide."""
     piece, under = draft.things[j], draft.things[at]
-    flat = piece.extents[2] < 0.6 * max(piece.extents[:2])
+    flat = _as_seen(piece).extents[2] < 0.6 * max(piece.extents[:2])
+    flat &= bool(max(piece.spans[:2]) < LONG * min(piece.spans[:2]))
     share = float(max(piece.spans[:2]) / max(under.spans[:2]))
     standing = abs(piece.bottom - under.top) < 0.008
     return bool(

@@ -6,58 +6,19 @@ Each rule answers with a score in [0, 1], or None where the evidence does not te
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gvla2.correspondence import Correspondence, correspond
-from gvla2.evidence import RobotEvidence
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import SceneObject
+from gvla2_plugins.geometric.case import Case, Finding, goal_now, outside_footprint, something_at
+from gvla2_plugins.geometric.placing import inside, place
+from gvla2_plugins.geometric.working import closed, drawn, inserted, opened, pulled, shut, twisted
 
-if TYPE_CHECKING:
-    from gvla2_plugins.geometric import GeometricConfig
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A score in [0, 1], None when unknown, and why."""
-
-    score: float | None
-    reason: str
-
-
-class Case:
-    """One episode's evidence with its objects looked up; lookups give None where there is nothing."""
-
-    def __init__(self, evidence: RobotEvidence, config: GeometricConfig) -> None:
-        self.evidence, self.config = evidence, config
-        self.before = evidence.before
-        self.matched: Correspondence | None = (
-            correspond(evidence.before, evidence.after) if evidence.after is not None else None
-        )
-
-    def role(self, *names: str) -> SceneObject | None:
-        """The object before, by the first of these roles that the plan gives."""
-        ids = {o.id: o for o in self.before.objects}
-        return next((ids[i] for name in names if (i := self.evidence.plan.roles.get(name, "")) in ids), None)
-
-    def later(self, thing: SceneObject) -> SceneObject | None:
-        """The same object after, None when it was not seen again."""
-        return self.matched.of(thing.id) if self.matched is not None else None
-
-    @property
-    def holding(self) -> bool:
-        """The fingers are stopped by something at the end."""
-        return self.evidence.gripper_width > self.config.empty_width
-
-    @property
-    def last_held(self) -> bool | None:
-        """What the robot felt at the last waypoint."""
-        reports = self.evidence.report.waypoints
-        return reports[-1].held if reports else None
+IN_IT = 0.012
+"""What reaches higher than a thing's foot by more has it inside, metres: perceived heights err by less."""
+CLEARED = 0.9
+"""Share of a holder's height by which a thing is lifted out of it."""
 
 
 def completion(case: Case) -> Finding:
@@ -75,11 +36,11 @@ def _pick(case: Case) -> Finding:
         return Finding(None, "The plan does not say what was to be picked.")
     if not case.holding:
         return Finding(0.0, "The hand is empty at the end.")
-    if case.evidence.after is None:
+    if case.after is None:
         return Finding(None, "The hand holds something, but nothing was perceived at the end.")
     later = case.later(theme)
     if later is None:
-        if _something_at(theme, case.evidence.after, case.config.same_place):
+        if something_at(theme, case.after, case.config.same_place):
             return Finding(0.2, f"Something still stands where {theme.label} stood.")
         if case.last_held is False:
             return Finding(0.2, f"{theme.label} is gone from its place, but the hand felt nothing.")
@@ -89,9 +50,12 @@ def _pick(case: Case) -> Finding:
     risen = later.bottom - theme.bottom
     # A sentence may ask for less than a clear lift.
     enough = min(case.config.risen, 0.5 * case.evidence.plan.parameters.get("lift_height", np.inf))
+    holder = _holder(case, theme)
+    if risen >= enough and holder is not None and not _out_of(case, later, holder):
+        return Finding(0.4, f"{theme.label} rose by {100 * risen:.1f} cm: it may still be in {holder.label}.")
     if risen >= enough:
         return Finding(1.0, f"{theme.label} rose by {100 * risen:.1f} cm and the hand holds something.")
-    if _in_hand(case, later):
+    if case.in_hand(later):
         return Finding(0.45, f"{theme.label} is in the hand, but rose by {100 * risen:.1f} cm only.")
     moved = float(np.linalg.norm(later.centre - theme.centre))
     return Finding(
@@ -100,13 +64,30 @@ def _pick(case: Case) -> Finding:
     )
 
 
-def _in_hand(case: Case, thing: SceneObject) -> bool:
-    """Whether the tool ended within the thing's box, give or take what perception misses."""
-    reports = case.evidence.report.waypoints
-    if not reports:
-        return False
-    inside = transform_points(invert_rigid(thing.world_from_object), np.asarray(reports[-1].reached))
-    return bool((np.abs(inside) <= 0.5 * thing.extents + case.config.same_place).all())
+def _holder(case: Case, theme: SceneObject) -> SceneObject | None:
+    """What the theme stood in: it is around the theme's foot, and less high than its top."""
+    own = {theme.id, theme.parent, *(p.id for p in case.before.parts_of(theme.id))}
+    return next(
+        (
+            o
+            for o in case.before.obstacles(frozenset(own - {""}))
+            if theme.bottom + IN_IT < o.top < theme.top
+            and o.bottom < theme.bottom + IN_IT
+            and outside_footprint(theme.centre, o) == 0.0
+        ),
+        None,
+    )
+
+
+def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
+    """Whether the hand, holding it, rose by the best part of the holder's height; or it is no longer over it.
+
+    How far down in the holder a thing reaches is not seen: it is taken to stand on its floor.
+    """
+    if outside_footprint(later.centre, holder) > 0.5 * float(later.extents[:2].max()):
+        return True
+    held = [r.reached[2] for r in case.evidence.report.waypoints if r.held]
+    return bool(held) and held[-1] - held[0] >= CLEARED * (holder.top - holder.bottom)
 
 
 def _push(case: Case) -> Finding:
@@ -114,7 +95,7 @@ def _push(case: Case) -> Finding:
     theme, goal = case.role("theme", "part"), case.role("goal")
     if theme is None:
         return Finding(None, "The plan does not say what was to be pushed.")
-    if case.evidence.after is None:
+    if case.after is None:
         return Finding(None, "Nothing was perceived at the end.")
     later = case.later(theme)
     if later is None:
@@ -123,8 +104,8 @@ def _push(case: Case) -> Finding:
         return _shifted(case, theme, later)
     reach = float(later.extents[:2].max())
     if goal.shape == "region":
-        return _inside(case, later, goal, reach)
-    gap = outside_footprint(later.centre, _goal_now(case, goal)) - 0.5 * reach
+        return inside(case, later, goal, reach)
+    gap = outside_footprint(later.centre, goal_now(case, goal)) - 0.5 * reach
     if gap <= 0.015:
         return Finding(1.0, f"{theme.label} lies against {goal.label}.")
     return Finding(
@@ -149,53 +130,6 @@ def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Finding:
     if 0.5 * planned <= along <= 1.5 * planned:
         return Finding(1.0, f"{said}.")
     return Finding(max(0.0, 0.4 * min(along / planned, 1.0)), f"{said}: not as planned.")
-
-
-def _place(case: Case) -> Finding:
-    """The theme rests on the goal, in it, or beside it where the plan meant that, and the hand let go."""
-    theme, goal = case.role("theme", "part"), case.role("goal")
-    if theme is None or goal is None:
-        return Finding(None, "The plan does not say what was to be put where.")
-    if case.last_held:
-        return Finding(0.1, "The hand still holds something at the end.")
-    if case.evidence.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
-    later = case.later(theme)
-    if later is None:
-        return Finding(None, f"{theme.label} was not seen again.")
-    reach, slack = float(later.extents[:2].max()), max(0.015, 0.2 * float(later.extents[2]))
-    beside = _meant_beside(case, goal, reach)
-    if beside is not None:
-        off = float(np.linalg.norm((later.centre - beside)[:2]))
-        if off > max(0.03, 0.5 * reach):
-            return Finding(0.1, f"{theme.label} lies {100 * off:.1f} cm from where it was to be put.")
-        if later.bottom > case.before.table_height + slack:
-            return Finding(0.2, f"{theme.label} does not rest on the table.")
-        return Finding(1.0, f"{theme.label} rests beside {goal.label}, where it was to be put.")
-    found = _inside(case, later, goal, reach)
-    goal_now = _goal_now(case, goal)
-    if found.score == 1.0 and not goal_now.bottom - slack <= later.bottom <= goal_now.top + slack:
-        return Finding(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
-    return found
-
-
-def _inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> Finding:
-    """The thing's centre in the goal's footprint; half a body's width off, the goal is touched, not reached."""
-    outside = outside_footprint(thing.centre, _goal_now(case, goal))
-    if outside <= case.config.margin:
-        return Finding(1.0, f"{thing.label} lies within {goal.label}.")
-    score = max(0.0, 0.45 * (1 - outside / reach))
-    return Finding(score, f"{thing.label} lies {100 * outside:.1f} cm outside {goal.label}.")
-
-
-def _meant_beside(case: Case, goal: SceneObject, reach: float) -> FloatArray | None:
-    """(3,) where the hand was to let go, when that is clearly beside the goal; None when it is on or in it."""
-    plan = case.evidence.plan
-    carried = [w.xyz for w in (plan.trajectory.waypoints if plan.trajectory else ()) if w.carries]
-    if not carried:
-        return None
-    spot = np.asarray(carried[-1], dtype=np.float64)
-    return spot if outside_footprint(spot, goal) > 0.5 * reach else None
 
 
 def _press(case: Case) -> Finding:
@@ -227,30 +161,13 @@ def _press(case: Case) -> Finding:
 _RULES: dict[str, Callable[[Case], Finding]] = {
     "pick": _pick,
     "push": _push,
-    "place": _place,
+    "place": place,
     "press": _press,
+    "open": opened,
+    "close": closed,
+    "pull": pulled,
+    "shut": shut,
+    "twist": twisted,
+    "insert": inserted,
+    "draw": drawn,
 }
-
-
-def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
-    """How far a world point (3,) lies outside the goal's footprint, horizontally, metres; 0 inside."""
-    local = transform_points(invert_rigid(goal.world_from_object), np.asarray(point, dtype=np.float64))
-    if goal.shape in ("disc", "cylinder", "sphere"):
-        return max(0.0, float(np.linalg.norm(local[:2])) - 0.5 * float(goal.extents[:2].max()))
-    beyond = np.maximum(np.abs(local[:2]) - 0.5 * goal.extents[:2], 0.0)
-    return float(np.linalg.norm(beyond))
-
-
-def _goal_now(case: Case, goal: SceneObject) -> SceneObject:
-    """Where the goal is at the end: paint stays where it was seen unhidden, things may have been shifted."""
-    if goal.shape == "region":
-        return goal
-    return case.later(goal) or goal
-
-
-def _something_at(old: SceneObject, scene: Scene, reach: float) -> bool:
-    """Whether anything solid stands at an object's old place."""
-    return any(
-        float(np.linalg.norm((o.centre - old.centre)[:2])) < reach and o.bottom < old.top
-        for o in scene.obstacles()
-    )

@@ -8,7 +8,8 @@ import numpy as np
 
 from gvla2.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2_plugins.geometric.completion import Case, Finding, completion
+from gvla2_plugins.geometric.case import Case, Finding
+from gvla2_plugins.geometric.completion import completion
 
 if TYPE_CHECKING:
     from gvla2_plugins.geometric import GeometricConfig

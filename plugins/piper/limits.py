@@ -1,22 +1,11 @@
-"""What is allowed to be sent to a Piper: facts of the arm, and this backend's own tighter bounds."""
+"""What is allowed to be sent to a Piper: bounds of this backend, tighter than the maker's."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from gvla2.geometry.transform import FloatArray
-
-LOW = np.array([-2.6179, 0.0, -2.967, -1.745, -1.22, -2.09439])
-HIGH = np.array([2.6179, 3.14, 0.0, 1.745, 1.22, 2.09439])
-"""Joint limits of the maker, radians."""
-
-MAX_WIDTH = 0.07
-"""Opening of the gripper, metres."""
-
-FULL_SPEED = np.radians([180.0, 195.0, 180.0, 225.0, 225.0, 225.0])
-"""Joint speeds at 100 %, rad/s, of the maker's data sheet."""
+from gvla2.robot.piper_arm import FULL_SPEED
 
 HIGHEST_SPEED_SHARE = 0.20
 """No configuration makes this backend faster than this share of full speed."""

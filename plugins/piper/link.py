@@ -11,11 +11,12 @@ import numpy as np
 
 from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray
+from gvla2.robot.piper_arm import MAX_WIDTH
 from gvla2_plugins.piper import frames
 from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback, Snapshot
 from gvla2_plugins.piper.gate import CommandGate
-from gvla2_plugins.piper.limits import MAX_WIDTH, Bounds
+from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.urgency import be_urgent
 
 _NO_FRAMES = (

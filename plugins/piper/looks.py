@@ -14,27 +14,29 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import FloatArray, look_along, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.planning.scene import Scene
-from gvla2_plugins.piper import shape
+from gvla2.robot.piper_arm import piper_description
+from gvla2.robot.task import Primitive
 
 EXPLAINED = 0.025
 """A depth this near (m) to the modelled arm's, or behind it, is the arm: the solids are a little too large."""
 
-_ARM_RGB, _FINGER_RGB, _TABLE_RGB = (0.88, 0.88, 0.90), (0.25, 0.25, 0.28), (0.76, 0.61, 0.43)
+_TABLE_RGB = (0.76, 0.61, 0.43)
 
 
 class ArmLooks:
     """The arm's links as triangles; ``world_from_base`` (4, 4) places them."""
 
     def __init__(self, world_from_base: FloatArray, tcp_offset: float) -> None:
-        self._base, self._offset = world_from_base, tcp_offset
-        self.solids = shape.solids(tcp_offset)
-        self.surfaces = [_surface(solid, index) for index, solid in enumerate(self.solids)]
+        self._base, self._arm = world_from_base, piper_description(tcp_offset)
+        solids = [(link, solid) for link, parts in self._arm.solids.items() for solid in parts]
+        self._links = [link for link, _ in solids]
+        self.surfaces = [_surface(solid, index) for index, (_, solid) in enumerate(solids)]
         self._caster = RayCaster(self.surfaces)
 
     def poses(self, joints: FloatArray, width: float) -> dict[int, FloatArray]:
         """world_from_surface (4, 4) by index at joints (6,) and an opening in metres."""
-        links = shape.link_poses(joints, width, self._offset)
-        return {i: self._base @ links[solid.link] for i, solid in enumerate(self.solids)}
+        links = self._arm.link_poses(joints, width)
+        return {i: self._base @ links[link] for i, link in enumerate(self._links)}
 
     def mask(self, views: Sequence[View], joints: FloatArray, width: float) -> tuple[View, ...]:
         """The views with the pixels marked that the arm explains."""
@@ -78,11 +80,10 @@ class Preview:
         return self._caster.cast([self._camera], poses)[0].image
 
 
-def _surface(solid: shape.Solid, index: int) -> Surface:
+def _surface(solid: Primitive, index: int) -> Surface:
     if solid.kind == "box":
         mesh = trimesh.creation.box(extents=solid.size)
     else:
         mesh = trimesh.creation.cylinder(0.5 * solid.size[0], height=solid.size[2], sections=24)
-    rgb = _FINGER_RGB if solid.link in shape.FINGERS else _ARM_RGB
-    vertices = transform_points(solid.link_from_solid, mesh.vertices)
-    return Surface(vertices, np.asarray(mesh.faces, dtype=np.int64), np.array(rgb), index)
+    vertices = transform_points(solid.body_from_shape, mesh.vertices)
+    return Surface(vertices, np.asarray(mesh.faces, dtype=np.int64), np.array(solid.rgb), index)

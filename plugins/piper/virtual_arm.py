@@ -18,8 +18,8 @@ import can
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.robot.piper_arm import FULL_SPEED, HIGH, LOW, MAX_WIDTH
 from gvla2_plugins.piper import frames
-from gvla2_plugins.piper.limits import FULL_SPEED, HIGH, LOW, MAX_WIDTH
 from gvla2_plugins.piper.urgency import be_urgent
 
 PARKED = (0.0, 0.02, -0.02, 0.0, 0.15, 0.0)
@@ -96,6 +96,11 @@ class VirtualArm:
 
     def __exit__(self, *exc: object) -> None:
         self.stop()
+
+    @property
+    def targets(self) -> tuple[FloatArray, float]:
+        """Joints (6,) radians and opening (metres) that it was told to go to."""
+        return self._target.copy(), self._width_target
 
     def _live(self) -> None:
         before = time.monotonic()

@@ -13,8 +13,8 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
 from gvla2_plugins.skill.proposals import Proposal
 
-LIMIT_COMFORT, EASE, ROOM = 0.5, 0.08, 0.04
-"""Distance to joint limits (radians), manipulability and clearance (metres) from which more is no better."""
+LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
+"""Distance to joint limits (radians), manipulability (share of the best) and clearance (metres) that are enough."""
 
 
 @dataclass(frozen=True)
@@ -36,43 +36,51 @@ def choose(
     skill: str,
     parameters: Mapping[str, float],
     tries: int,
+    lengths: Mapping[str, float],
 ) -> Ranking:
     """Rank proposals by their geometry and the arm's ease, and check the best ones in full until one passes.
 
     Score = preference + 0.2 margin to joint limits + 0.1 manipulability + 0.2 clearance, each at its worst
     waypoint, relative to what is comfortable and capped there.
-    After a rejection by the checks, the candidate that was answered then is passed over.
+    After a rejection by the checks, the candidate that was answered then is passed over. Proposals kept in reserve
+    are ranked by themselves when none of the others passed.
     """
     forbidden = _forbidden(request.advice.effects, skill)
     reach = _Reach(request)
-    scored = [(*_ease(p, request, reach), p) for p in proposals]
-    scored.sort(key=lambda item: -item[0])  # stable: equal scores keep the schema's order
     candidates: list[Candidate] = []
     chosen: Proposal | None = None
-    tried, passed_over = 0, not request.rejections
+    passed_over = not request.rejections
     unreached: dict[bytes, str] = {}
-    for score, trouble, proposal in scored:
-        rejected = next(
-            (f"memory forbids {a} ({forbidden[a]})" for a in proposal.approaches if a in forbidden), ""
-        )
-        rejected = rejected or trouble
-        poses = b"".join(pose.tobytes() for pose in proposal.trajectory.poses(request.start))
-        rejected = rejected or unreached.get(poses, "")
-        if not rejected and chosen is None:
-            if tried < tries:
-                tried += 1
-                report = _check(proposal, request, skill, parameters)
-                rejected = " ".join(report.reasons)
-                failed = {f.check for f in report.findings if not f.passed}
-                if failed == {"kinematics"}:  # nor will the same poses with the hand opened otherwise do
-                    unreached[poses] = rejected
-            else:
-                rejected = f"not checked: {tries} better ones were"
-            if not rejected and not passed_over:
-                passed_over, rejected = True, "rejected by the checks: " + "; ".join(request.rejections)
-            if not rejected:
-                chosen = proposal
-        candidates.append(Candidate(proposal.description, round(float(score), 4), rejected))
+    for reserve in (False, True):
+        if chosen is not None:
+            break  # the arm is asked about what is kept in reserve only when nothing else will do
+        scored = [(*_ease(p, request, reach), p) for p in proposals if p.reserve == reserve]
+        scored.sort(key=lambda item: -item[0])  # stable: equal scores keep the schema's order
+        tried = 0
+        for score, trouble, proposal in scored:
+            rejected = next(
+                (f"memory forbids {a} ({forbidden[a]})" for a in proposal.approaches if a in forbidden), ""
+            )
+            rejected = rejected or trouble
+            poses = b"".join(pose.tobytes() for pose in proposal.trajectory.poses(request.start))
+            rejected = rejected or unreached.get(poses, "")
+            if not rejected and chosen is None:
+                if tried < tries:
+                    tried += 1
+                    report = _check(proposal, request, skill, parameters, lengths)
+                    rejected = " ".join(report.reasons)
+                    failed = {f.check for f in report.findings if not f.passed}
+                    if failed == {"kinematics"}:  # nor will the same poses with the hand opened otherwise do
+                        unreached[poses] = rejected
+                else:
+                    rejected = f"not checked: {tries} better ones were"
+                if not rejected and not passed_over:
+                    passed_over, rejected = True, "rejected by the checks: " + "; ".join(request.rejections)
+                if not rejected:
+                    chosen = proposal
+            candidates.append(
+                Candidate(proposal.description, round(float(score), 4), rejected, proposal.approaches)
+            )
     return Ranking(tuple(candidates), chosen)
 
 
@@ -127,7 +135,11 @@ def _ease(proposal: Proposal, request: PlanRequest, reach: _Reach) -> tuple[floa
 
 
 def _check(
-    proposal: Proposal, request: PlanRequest, skill: str, parameters: Mapping[str, float]
+    proposal: Proposal,
+    request: PlanRequest,
+    skill: str,
+    parameters: Mapping[str, float],
+    lengths: Mapping[str, float],
 ) -> CheckReport:
     """What the checks say."""
     return check_trajectory(
@@ -139,4 +151,5 @@ def _check(
         effects=request.advice.effects,
         parameters=parameters,
         skill=skill,
+        lengths=lengths,
     )

@@ -18,8 +18,6 @@ DYNAMIC = ("onto", "on to", "into", "in to", "to", "over to", "across to", "up t
 """Wordings that always tell where something goes, not where it is."""
 
 
-WORKED = ("open", "close", "pull", "twist")
-"""Skills done to a lid, a drawer or something stuck: places that are said then tell what it is a part of."""
 MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
 
@@ -48,7 +46,20 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.7) -> I
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
     said = [s for s in (_read(c) for c in clauses(tokens)) if s is not None]
-    return replace(combine(said), notes=tuple(notes))
+    intent = combine(said)
+    if intent.skill == "place" and _not_lifted(tokens):
+        intent = replace(intent, skill="push")
+    return replace(intent, notes=tuple(notes))
+
+
+def _not_lifted(tokens: Sequence[str]) -> bool:
+    """Whether a sentence forbids to take hold of something: "move it there without lifting it"."""
+    for i in range(len(tokens)):
+        if said := phrase_at(tokens, i, lexicon.NEGATIONS):
+            after = tokens[i + len(said.split()) :][:2]
+            if any(verbs_of(t) & lexicon.TAKING for t in after):
+                return True
+    return False
 
 
 def _read(clause: Clause) -> Said | None:
@@ -66,8 +77,7 @@ def _clause(tokens: list[str]) -> Intent | None:
     match = _verb(tokens)
     if match is None:
         return _verbless(tokens, amount)
-    # "pull it out of the tower": the verb's "out" belongs to where it is taken from
-    consumed = {i for i in match.at if not (tokens[i] == "out" and tokens[i + 1 : i + 2] == ["of"])}
+    consumed = {i for i in match.at if i == match.at[0] or not _tells_more(tokens, i, match.at[0])}
     after = [t for i, t in enumerate(tokens) if i not in consumed and i > match.at[0]]
     before = [t for i, t in enumerate(tokens) if i not in consumed and i < match.at[0]]
     chunks, direction = _chunks(after, match.skill)
@@ -82,6 +92,8 @@ def _clause(tokens: list[str]) -> Intent | None:
     if match.skill in ("unsupported", "open", "close", "twist") and nothing and lexicon.HAND & set(tokens):
         return None  # "close your hand and push ...", "with the gripper closed"
     intent = Intent(match.skill, " ".join(match.words), theme, goal, relation, amount, direction)
+    if match.skill == "push" and goal is None and direction is None and "up" in tokens:
+        return replace(intent, skill="pull")  # "slide the umbrella up"
     nowhere = goal is None and direction is None and match.skill == "place"
     if nowhere and match.words[0] in lexicon.CARRYING and _aloft(chunks):
         return replace(intent, skill="pick")
@@ -90,6 +102,15 @@ def _clause(tokens: list[str]) -> Intent | None:
     if nowhere and theme is not None and theme.noun == "lamp" and "off" in tokens:
         return replace(intent, skill="unsupported", verb="put off")
     return settle(intent)
+
+
+def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
+    """Whether a word of a verb's phrase also says something of its own: "turn the lid", "pull it out of the tower"."""
+    word, following = tokens[i], "".join(tokens[i + 1 : i + 2])
+    if word == "off":  # "screw the lid off the jar", but "screw off the lid"
+        named = following in lexicon.DETERMINERS | set(lexicon.COLOUR_WORDS) or bool(noun_class(following))
+        return named and i > verb_at + 1
+    return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
 
 
 def _aloft(chunks: Sequence[_Chunk]) -> bool:
@@ -147,7 +168,8 @@ def _verbless(tokens: Sequence[str], amount: float | None) -> Intent | None:
         return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
         return Intent("place", "want", theme, goal, relation, amount, direction)
-    if wish and theme is not None and _aloft(chunks):
+    out = any(c.relation == "from" and not c.phrase().empty for c in chunks[1:])
+    if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
     words = [t for t in tokens if t.isalpha()]
     known_only = all(t in lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS for t in words)
@@ -233,10 +255,10 @@ def _roles(skill: str, chunks: Sequence[_Chunk]) -> tuple[Phrase | None, Phrase 
             goal, relation = phrase, chunk.relation
         elif goal is not None and chunk.relation != "from":
             goal = replace(goal, landmark=(chunk.relation, phrase))
-        elif skill in WORKED and (phrase.noun in MEANS or phrase.pronoun):
+        elif skill in lexicon.WORKED and (phrase.noun in MEANS or phrase.pronoun):
             continue  # "by its handle", "out of it"
         elif (skill == "press" and chunk.relation in ("on", "in", "to")) or (
-            skill in WORKED and theme.noun in OWNED and theme.owner is None
+            skill in lexicon.WORKED and theme.noun in OWNED and theme.owner is None
         ):
             theme = replace(theme, owner=phrase)
         else:

@@ -16,8 +16,8 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.skill.proposals import horizontal
 
-GRASP_PLAY = 0.006
-"""The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 2 mm a side."""
+GRASP_PLAY = 0.004
+"""The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""
 SNUG = 0.008
 """Room on each side of a hand that is not opened fully, metres."""
 ROUND = ("cylinder", "disc", "sphere")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from gvla2_plugins.skill.clauses import Joint
+from gvla2_plugins.skill.lexicon import PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
 
@@ -54,8 +55,8 @@ def combine(said: Sequence[Said]) -> Intent:
         return replace(intents[0], skill="") if intents else Intent()
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
-    if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
-        acting = [i for i in acting if i.skill != "push" or (i.theme is not None and not i.theme.pronoun)]
+    if any(i.skill == "press" for i in acting):  # "press the button by pushing it", "bring the lamp to light"
+        acting = [i for i in acting if i.skill == "press" or not _means_of_pressing(i)]
     skill = _one_skill({i.skill for i in acting})
     named = [
         i.theme for i in acting if i.theme is not None and not i.theme.pronoun and not i.theme.everywhere
@@ -63,6 +64,8 @@ def combine(said: Sequence[Said]) -> Intent:
     theme = (
         _one_theme(named, skill) if named else next((i.theme for i in acting if i.theme is not None), None)
     )
+    if skill == "pick" and any(i.goal is not None for i in intents):
+        skill = "place"  # "get it out of the stack and onto the tray"
     # A clause without a verb of its own may go on with the goal: "push it, without lifting, to the square".
     aims = [i for i in intents if i.goal is not None]
     whole = Intent(
@@ -86,6 +89,14 @@ def combine(said: Sequence[Said]) -> Intent:
     if several:
         return replace(whole, trouble="it names several things to act on; ask for one at a time")
     return settle(whole)
+
+
+def _means_of_pressing(intent: Intent) -> bool:
+    """Whether a clause beside a pressing one only says how: "... by pushing it", "bring the lamp ..." to light."""
+    if intent.skill == "push":
+        return intent.theme is None or intent.theme.pronoun
+    lamp = intent.theme is not None and intent.theme.noun == "lamp"
+    return lamp and intent.skill == "pick" and intent.verb in ("bring", "get") and intent.goal is None
 
 
 def _going_to(said: Said, everything: Sequence[Said]) -> Said:
@@ -154,6 +165,10 @@ def settle(intent: Intent) -> Intent:
     noun = intent.theme.noun if intent.theme is not None else ""
     if intent.skill == "fetch":
         return replace(intent, skill="place" if intent.goal is not None or intent.direction else "pick")
+    if intent.skill in ("open", "close") and noun in ("button", "lamp") and intent.verb.startswith("flip"):
+        return replace(intent, skill="press")
+    if intent.skill == "push" and intent.verb == "work" and noun in ("lamp", "button"):
+        return replace(intent, skill="press")
     if intent.skill == "push" and noun == "button" and intent.goal is None and intent.direction is None:
         return replace(intent, skill="press")
     if (
@@ -183,6 +198,8 @@ def _one_skill(skills: set[str]) -> str:
         ({"pull", "pick", "place"}, "place"),
         ({"pull", "open"}, "open"),
         ({"pick", "open"}, "open"),
+        ({"place", "open"}, "open"),  # a jar, and its lid is put somewhere
+        ({"pick", "place", "open"}, "open"),
         ({"push", "close"}, "close"),
         ({"pull", "close"}, "close"),
     ):
@@ -196,6 +213,8 @@ def _one_theme(named: Sequence[Phrase], skill: str) -> Phrase | None:
     if skill == "press":
         buttons = [p for p in named if p.noun == "button"]
         return max(buttons or named, key=_telling)
+    if skill in WORKED:  # "open the red jar by twisting its lid": the lid is the jar's
+        named = [p for p in named if p.noun not in PARTS] or named
     best = max(named, key=_telling)
     for other in named:
         same_noun = other.noun in ("", "object", best.noun)

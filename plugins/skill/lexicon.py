@@ -11,22 +11,24 @@ VERBS: dict[str, tuple[str, ...]] = {
         "pick * up", "pick", "pick out", "lift * up", "lift", "grab", "grab hold", "raise * up", "raise", "grasp",
         "hoist * up", "hoist", "get hold", "get ahold", "take hold", "lay hold", "seize", "elevate", "snatch * up",
         "snatch", "pluck", "clutch", "grip", "hold * up", "hold", "heave * up", "heave", "scoop * up", "scoop",
-        "give * lift",        "boost", "gather * up", "catch", "lever * up", "bring * up", "move * up", "close * around",
+        "give * lift", "boost", "gather * up", "catch", "lever * up", "bring * up", "move * up", "close * around",
         "wrap * around", "make * rise", "make * float",
     ),
     "fetch": (
         "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "hand", "give", "acquire", "remove",
+        "take * off", "take * out", "get * off", "get * out", "bring * out", "lift * off", "lift * out",
     ),
     "place": (
         "put * down", "put", "place", "set * down", "set", "lay * down", "lay", "drop * off", "drop", "deposit",
         "stack", "rest", "position", "deliver", "transfer", "carry", "relocate", "transport", "leave", "move",
-        "stow", "store", "park", "load", "pile", "arrange", "sort", "insert", "slip", "thread", "fit",
+        "stow", "store", "park", "load", "pile", "arrange", "sort", "insert", "slip", "thread", "fit", "hang", "hook",
+        "mount", "stick", "lower", "loop", "lodge", "settle", "tuck", "put * away", "put * back",
     ),
     "push": (
         "push", "slide", "shove", "nudge", "sweep", "scoot", "poke", "shift", "drag", "propel", "skid",
         "give * push", "give * shove", "give * nudge", "thrust", "bulldoze", "budge", "prod", "bump", "press against", "steer", "guide",
         "drive", "ram", "herd", "usher", "coax", "plough", "plow", "maneuver", "manoeuvre",
-        "shuffle", "jostle", "shepherd", "use * push", "use * nudge", "use * shove",
+        "shuffle", "jostle", "shepherd", "use * push", "use * nudge", "use * shove", "work", "glide", "skate",
     ),
     "press": (
         "press * down", "press", "push * down", "push down on", "push in", "push on", "give * press", "give * tap",
@@ -34,33 +36,43 @@ VERBS: dict[str, tuple[str, ...]] = {
         "get * light up", "get * come on", "bring * down on", "turn * on", "switch * on", "power * up",
         "power * on", "light * up", "light", "illuminate", "activate", "hit", "tap", "click", "depress", "toggle",
         "flip * on", "flip", "enable", "trigger", "start", "make * shine", "make * glow",
-        "make * light", "make * bright", "flick * on", "flick", "brighten", "touch",
+        "make * light", "make * bright", "flick * on", "flick", "brighten", "touch", "get * lit", "have * lit",
+        "bring * to life", "make * work", "get * working",
     ),
     "open": (
         "open * up", "open", "lift * open", "raise * open", "swing * open", "prise * open", "pry * open", "flip * open",
         "lever * open", "slide * open", "pull * open", "draw * open", "tug * open", "yank * open", "ease * open",
-        "get * open", "make * open", "prop * open",
+        "get * open", "make * open", "prop * open", "pop * open", "pop * off", "pop", "prise * off", "pry * off",
+        "prise", "pry", "prise * up", "pry * up", "flip * up", "swing * up", "swing * back", "fold * open", "fold * back",
+        "fold * up", "tip * back", "tilt * back", "tip * open", "tilt * open", "uncover", "push * open", "throw * open",
     ),
     "twist": (
         "unscrew", "screw * off", "screw * open", "twist * off", "twist * open", "twist", "untwist", "uncap", "unseal",
-        "rotate * off", "rotate", "uncork",
+        "rotate * off", "rotate", "uncork", "loosen", "undo", "spin * off", "turn * lid", "turn * cap", "turn * stopper",
+        "spin * lid", "spin * cap", "unfasten",
     ),
     "close": (
         "close * up", "close", "shut", "swing * shut", "swing * closed", "swing * over", "push * shut", "push * closed",
         "pull * shut", "pull * closed", "pull * over", "flip * shut", "flip * closed", "flip * over", "fold * shut",
         "fold * over", "slide * shut", "slide * closed", "bring * over", "get * shut", "get * closed", "lower * lid",
+        "fold * down", "fold * closed", "flip * down", "swing * down", "tip * shut", "tip * closed", "tip * over",
+        "turn * shut", "turn * closed", "turn * lid over", "cover * lid", "cover * with", "seal * up", "seal", "drop * shut",
+        "let * fall shut", "let * lid down", "pull * lid down", "bring * lid down", "bring down * lid", "pull down * lid",
+        "ease * shut", "ease * closed", "bring * shut",
     ),
     "pull": (
         "pull * out", "pull", "slide * out", "draw * out", "tug * out", "tug", "yank * out", "yank", "ease * out",
-        "drag * out", "slip * out", "work * out",
+        "drag * out", "slip * out", "work * out", "draw * from", "slide * from", "slip * from",
+        "ease * from", "work * from", "extract", "withdraw", "pull on", "pull at", "tug on", "tug at", "give * pull",
+        "give * tug", "make * come out", "wiggle * out", "coax * out", "drag * from",
     ),
 }  # fmt: skip
 """Skill to phrases; ``*`` stands for words between. ``fetch`` is a taking that a goal turns into ``place``."""
 
 UNSUPPORTED: frozenset[str] = frozenset(
     """screw turn kick throw toss hurl pack unpack peck pour fill
-    empty fold unfold wipe clean wash cut slice chop stab break smash crush eat drink cook stir mix shake wave write
-    draw paint measure count hang tie untie plug unplug roll spin tilt bend squeeze bite lock unlock dance sing
+    empty unfold wipe clean wash cut slice chop stab break smash crush eat drink cook stir mix shake wave write
+    draw paint measure count tie untie plug unplug roll spin tilt bend squeeze bite lock unlock dance sing
     jump run walk sit stand sleep fly explode burn destroy kill buy sell watch read
     dim extinguish release assemble build""".split()
 )
@@ -165,6 +177,9 @@ CONFUSED: dict[str, frozenset[str]] = {
 SHAPE_NOUNS: frozenset[str] = frozenset(("block", "cylinder", "ball", "disc", "plate", "object"))
 """Classes that name a shape only: a label of such a class says nothing about what the thing is for."""
 
+WORKED: tuple[str, ...] = ("open", "close", "pull", "twist")
+"""Skills done to a lid, a drawer or something stuck: places that are said then tell what it is a part of."""
+
 OWNERS: dict[str, str] = {"lamp": "button"}
 """Things that are worked by a part: to press a lamp is to press its button."""
 
@@ -217,7 +232,7 @@ SELECTORS: dict[str, tuple[str, ...]] = {
 """Words that single one out of several."""
 
 RELATIONS: dict[str, tuple[str, ...]] = {
-    "on": ("around", "on top of", "onto the top of", "onto", "on to", "on", "upon", "over the top of", "atop", "above", "over",
+    "on": ("down onto", "down over", "down around", "down on", "down the", "around", "on top of", "onto the top of", "onto", "on to", "on", "upon", "over the top of", "atop", "above", "over",
            "around", "round"),
     "in": ("into", "inside of", "inside", "in to", "in", "within"),
     "to": ("all the way to", "over to", "across to", "up to", "until it reaches", "until it touches", "so that it covers", "so it covers", "so that it reaches",
@@ -280,7 +295,7 @@ FILLERS: frozenset[str] = frozenset(
     want like need must should to be is are was so which that colored coloured color colour shaped looking there here
     of for go ahead up down high higher lower along across vertically horizontally safely firmly simply also all way
     s it its way again little bit few lying standing located sitting placed side edge rim own has have some
-    help task try away further make sure ok okay hey hi well let let's lets we off table standing being by entire
+    help task try until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away further make sure ok okay hey hi well let let's lets we off table standing being by entire
     whole very rather completely fully nicely direction distance about around roughly approximately exactly at marked painted
     highlighted outlined designated indicated namely meaning as among find locate spot see notice identify look search
     reach approach head come begin keep continue use using via want wants""".split()
@@ -307,6 +322,9 @@ SHINING: frozenset[str] = frozenset(
 
 CARRYING: frozenset[str] = frozenset("move carry put transport relocate position transfer".split())
 """Verbs of placing that mean lifting where the only place said is the air."""
+
+TAKING: frozenset[str] = frozenset("lift pick grasp grab raise grip hold hoist".split())
+"""What a push does without."""
 
 SUPPORTS: frozenset[str] = frozenset("table tabletop desk surface ground floor bench counter".split())
 """Words of the table that something may be lifted off."""

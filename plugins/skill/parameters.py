@@ -18,12 +18,16 @@
 
 They are what is asked for. The motion stops short where it must: the fingertips stay 4 mm above the table whatever
 ``grasp_depth`` says, and a press ends before what the button stands on (:func:`limited`). None is tuned to a task;
-the derivations stand at each function. Memory changes them by :func:`gvla2.planning.effects.apply_effects`.
+the derivations stand at each function. Memory changes them by :func:`gvla2.planning.effects.apply_effects`; what it
+learns of those in :data:`SCALED` it keeps as shares of the object's height, of all others in SI units.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from gvla2.planning.arm import Hand
+from gvla2.planning.effects import Scale
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.parameters_work import WORKING, work_defaults
@@ -37,6 +41,21 @@ PALM_GAP = 0.005
 PRESS_GAP = 0.0012
 """The fingertips' end stays this far above what a button stands on, metres: hardly more than the 1 mm that the checks
 want on straight moves, since a button may travel nearly all of its height."""
+
+
+SCALED: Mapping[str, str] = {
+    "grasp_depth": "height",
+    "insert_depth": "height",
+    "push_height": "height",
+    "press_depth": "height",
+}
+"""Parameters that go with a side of the handled object: an object twice as tall is grasped twice as deep."""
+
+OF_THE_HAND = ("pull",)
+"""Skills in which the depth of a grasp is a matter of the finger pads alone: a bar is held, of whatever size."""
+
+LEAST_SIDE = 0.002
+"""Perceived sides that are shorter tell nothing, metres."""
 
 
 def defaults(skill: str, theme: SceneObject, hand: Hand, config: SkillConfig) -> dict[str, float]:
@@ -134,6 +153,15 @@ def _press(hand: Hand) -> dict[str, float]:
     Beyond its stop a button does not yield; the arm's compliance takes up the rest.
     """
     return {"standoff": hand.finger_length, "press_depth": 0.010}
+
+
+def scales(skill: str, theta: Mapping[str, float], lengths: Mapping[str, float]) -> dict[str, Scale]:
+    """The side of the object that each parameter goes with, and its length; those of the hand go with none."""
+    return {
+        name: (side, lengths[side])
+        for name, side in SCALED.items()
+        if name in theta and skill not in OF_THE_HAND and lengths[side] >= LEAST_SIDE
+    }
 
 
 def limited(theta: dict[str, float], theme: SceneObject, scene: Scene) -> tuple[dict[str, float], list[str]]:

@@ -7,14 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.effects import apply_effects
+from gvla2.planning.effects import apply_effects, sides_of
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.candidates import choose
-from gvla2_plugins.skill.fitting import threaded, unscrewed
+from gvla2_plugins.skill.exploring import varied
+from gvla2_plugins.skill.fitting import fitted, unscrewed
 from gvla2_plugins.skill.grammar import Intent, parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_button
-from gvla2_plugins.skill.parameters import defaults, limited
+from gvla2_plugins.skill.joined import joined
+from gvla2_plugins.skill.parameters import defaults, limited, scales
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.proposals import Job, Proposal
 from gvla2_plugins.skill.schemas import SCHEMAS
@@ -50,6 +52,9 @@ class SkillPlanner:
         if refusal := _not_understood(intent, request.instruction):
             return replace(plan, abstention=refusal)
         theme = self._theme(intent, request)
+        if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
+            # "Get the block on the square", where no block is on a square: it is to go there.
+            intent, theme = aimed, self._theme(aimed, request)
         if isinstance(theme, Abstention):
             return replace(plan, abstention=theme)
         intent = replace(
@@ -71,7 +76,7 @@ class SkillPlanner:
         if goal is not None:
             roles["goal"] = goal.object.id
             notes += goal.notes
-            intent = replace(intent, skill=threaded(intent, theme.object, goal.object))
+            intent = replace(intent, skill=fitted(intent, theme.object, goal.object, request.scene))
         return self._propose(intent, theme.object, goal.object if goal else None, roles, notes, request)
 
     def _sort(self, pair: Pair, request: PlanRequest) -> Plan:
@@ -112,12 +117,21 @@ class SkillPlanner:
         share: tuple[int, int] = (0, 1),
     ) -> Plan:
         if intent.skill in CARRIED:
-            theme = assembled(theme, request.scene)
+            theme, scene = joined(theme, request.scene)
+            request, roles = replace(request, scene=scene), {**roles, "theme": theme.id}
+            theme = assembled(theme, scene)
         theta = defaults(intent.skill, theme, request.arm.hand, self.config)
         if "lift_height" in theta:
             drawn = max(theta["lift_height"], rise(theme, request.scene) + CLEAR)
             theta["lift_height"] = drawn if intent.amount is None else intent.amount
-        theta, changes = apply_effects(theta, request.advice.effects, intent.skill)
+        lengths = sides_of(theme)
+        theta, changes = apply_effects(theta, request.advice.effects, intent.skill, lengths=lengths)
+        if self.config.explore > 0.0:
+            config, bounds = self.config, [e for e in request.advice.effects if e.kind == "bound"]
+            said = frozenset({"lift_height"} if intent.amount is not None else ())
+            theta, tried = varied(theta, config.explore, config.explore_seed, request, theme.id, said)
+            theta, kept = apply_effects(theta, bounds, intent.skill, lengths=lengths)
+            changes += [*tried, *kept]
         theta, limits = limited(theta, theme, request.scene)
         target = None
         if goal is None and intent.direction is not None:
@@ -127,11 +141,12 @@ class SkillPlanner:
             intent.skill, request.scene, request.arm.hand, request.arm.workspace, theta, theme, goal,
             intent.relation, target, share,
         )  # fmt: skip
-        plan = Plan(None, intent.skill, roles, theta, notes=(*notes, *changes, *limits))
+        given = scales(intent.skill, theta, lengths)
+        plan = Plan(None, intent.skill, roles, theta, notes=(*notes, *changes, *limits), scales=given)
         found = SCHEMAS[intent.skill](job)
         if isinstance(found, Abstention):
             return replace(plan, abstention=found)
-        ranking = choose(found, request, intent.skill, theta, self.config.tries)
+        ranking = choose(found, request, intent.skill, theta, self.config.tries, lengths)
         plan = replace(plan, candidates=ranking.candidates)
         if ranking.chosen is None:
             kind = (
@@ -140,6 +155,20 @@ class SkillPlanner:
             message = f"No way to {intent.skill} the {theme.label}: {ranking.reasons()}."
             return replace(plan, abstention=Abstention(kind, message))
         return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
+
+
+def _aimed(intent: Intent) -> Intent | None:
+    """A taking of what is said to be on something, read as putting it there; None for any other."""
+    landmark = intent.theme.landmark if intent.theme is not None else None
+    if (
+        intent.skill != "pick"
+        or intent.theme is None
+        or landmark is None
+        or landmark[0] not in ("on", "in", "to")
+    ):
+        return None
+    theme, goal = replace(intent.theme, landmark=None), landmark[1]
+    return replace(intent, skill="place", theme=theme, goal=goal, relation=landmark[0])
 
 
 def _all_forbidden(found: list[Proposal], reasons: str) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2_plugins.skill.parameters import TABLE_GAP
 from gvla2_plugins.skill.wholes import holders, parts_of
 
@@ -63,7 +63,8 @@ class Job:
 @dataclass(frozen=True)
 class Proposal:
     """One way to do it. ``approaches`` are the names by which memory may forbid it ("approach:top");
-    ``preference`` in [0, 1] how much the geometry speaks for it, before the arm is asked.
+    ``preference`` in [0, 1] how much the geometry speaks for it, before the arm is asked. One in ``reserve`` is looked
+    at only when all others failed.
     """
 
     description: str
@@ -71,6 +72,7 @@ class Proposal:
     preference: float
     trajectory: Trajectory
     notes: tuple[str, ...] = ()
+    reserve: bool = False
 
 
 @dataclass
@@ -104,15 +106,16 @@ class Path:
         gripper: float | None = None,
         allowed: frozenset[str] = frozenset(),
         slow: bool = False,
+        guard: Guard | None = None,
     ) -> Path:
-        """A straight move, in parts where it is long."""
+        """A straight move, in parts where it is long; with a ``guard`` it ends where that stops it."""
         speed = self.contact_speed if slow else self.speed
         if self.waypoints:
             begin = np.asarray(self.waypoints[-1].xyz)
             parts = int(np.ceil(float(np.linalg.norm(xyz - begin)) / LONGEST_LINE - 1e-9))
             for k in range(1, parts):
-                self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed)
-        return self._add(stage, xyz, "linear", speed, gripper, allowed)
+                self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed, guard)
+        return self._add(stage, xyz, "linear", speed, gripper, allowed, guard)
 
     def trajectory(self) -> Trajectory:
         """All that was written."""
@@ -126,6 +129,7 @@ class Path:
         speed: float,
         gripper: float | None,
         allowed: frozenset[str],
+        guard: Guard | None = None,
     ) -> Path:
         self.gripper = self.gripper if gripper is None else gripper
         x, y, z = (float(v) for v in xyz)
@@ -140,6 +144,7 @@ class Path:
                 allowed,
                 self.carries,
                 self.tolerance,
+                guard=guard,
             )
         )
         return self

@@ -88,6 +88,47 @@ def draw_box(rng: np.random.Generator, site: TaskSite, scale: float) -> LidBox |
     return box
 
 
+HOOK_LEANS = (0.0, 0.35)
+"""How far the fingertips may lean away from the box when they hook behind its lid, radians."""
+
+
+BESIDE, INTO = 0.6, 0.025
+"""How far out along the lid fingers push it from beside, as a share of its length; how far they reach behind it."""
+
+
+def shut_paths(box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
+    """Ways to shut the lid through ``angles`` (N,), tool poses (4, 4) each: before, behind the lid, and over.
+
+    A hook behind its edge from above, leaning or not, the hand either way round; or fingers behind it from beside,
+    for an edge that is too far off.
+    """
+    back, up = box.root[:3, 0], np.array([0.0, 0.0, 1.0])
+    hooks = [hook_path(box, angles, sign, lean) for lean in HOOK_LEANS for sign in (1.0, -1.0)]
+    ways = []
+    for path in hooks:
+        behind = rigid(translation=0.03 * back) @ path[0]
+        ways.append([rigid(translation=0.05 * up) @ behind, behind, *path])
+    for side in (1.0, -1.0):
+        for closing in (up, -up, back, -back):
+            path = beside_path(box, angles, side, closing)
+            behind = rigid(translation=0.02 * box.lid_pose(float(angles[0]))[:3, 2]) @ path[0]
+            ways.append([behind @ rigid(translation=(0.0, 0.0, -0.085)), behind, *path])
+    return ways
+
+
+def beside_path(box: LidBox, angles: FloatArray, side: float, closing: FloatArray) -> list[FloatArray]:
+    """Tool poses (4, 4) of a level hand beside the lid whose fingers are behind it at ``angles`` (N,)."""
+    axis = box.root[:3, 1]
+    turned = grasp_rotation(-side * axis, closing)
+    rim = side * (box.scale * LID[1] / 2 - INTO) * axis
+    spots = [
+        box.along_lid(float(angle), BESIDE * box.scale * LID[0])
+        + HOOK_BEHIND * box.lid_pose(float(angle))[:3, 2]
+        for angle in angles
+    ]
+    return [rigid(turned, spot + rim) for spot in spots]
+
+
 def lip_path(box: LidBox, angles: FloatArray, beyond: float, sign: float) -> list[FloatArray]:
     """Tool poses (4, 4) of a hand that holds the lip at ``angles`` (N,), pointing to the hinge along the lid.
 
@@ -101,9 +142,14 @@ def lip_path(box: LidBox, angles: FloatArray, beyond: float, sign: float) -> lis
     return poses
 
 
-def hook_path(box: LidBox, angles: FloatArray, sign: float) -> list[FloatArray]:
-    """Tool poses (4, 4) of a hand that points down and hooks behind the lid's edge at ``angles`` (N,)."""
+def hook_path(box: LidBox, angles: FloatArray, sign: float, lean: float = 0.0) -> list[FloatArray]:
+    """Tool poses (4, 4) of a hand that points down and hooks behind the lid's edge at ``angles`` (N,).
+
+    The fingertips lean away from the box by ``lean`` radians: an edge further off is then in reach.
+    """
     down, back = np.array([0.0, 0.0, -1.0]), box.root[:3, 0]
-    turned = grasp_rotation(down, sign * box.root[:3, 1])
+    approach = np.cos(lean) * down + np.sin(lean) * back
+    behind = np.cos(lean) * back - np.sin(lean) * down
+    turned = grasp_rotation(approach, sign * box.root[:3, 1])
     edges = [box.along_lid(float(angle), box.scale * LID[0]) for angle in angles]
-    return [rigid(turned, edge + HOOK_BEHIND * back + HOOK_BELOW * down) for edge in edges]
+    return [rigid(turned, edge + HOOK_BEHIND * behind + HOOK_BELOW * approach) for edge in edges]

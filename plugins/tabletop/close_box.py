@@ -7,8 +7,8 @@ import numpy as np
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Layout, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, draw_box, hook_path
-from gvla2_plugins.tabletop.demonstrations.lids import FALLS, hook_from, push_shut
+from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, draw_box, shut_paths
+from gvla2_plugins.tabletop.demonstrations.lids import FALLS, push_shut
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.placing import sample_until
 from gvla2_plugins.tabletop.wording import sentence_of
@@ -16,15 +16,12 @@ from gvla2_plugins.tabletop.wording import sentence_of
 EASED, STRICT = 2.4, 2.6
 """Travel of the lid that counts, radians out of 2.618."""
 
-MOST_SCALE = 1.05
-"""The edge of a larger lid is out of the arm's reach when it hangs open."""
-
 
 class CloseBox:
     """Close the box. eased: the lid has come 2.4 rad of its 2.618; strict: 2.6 rad."""
 
     def __init__(self, config: ScaledConfig) -> None:
-        self._scale = min(config.factor("close_box"), MOST_SCALE)
+        self._scale = config.factor("close_box")
 
     @property
     def instructions(self) -> tuple[str, ...]:
@@ -45,10 +42,9 @@ class CloseBox:
 
         def draw() -> LidBox | None:
             box = draw_box(rng, site, self._scale)
-            for sign in () if box is None else (1.0, -1.0):
-                if site.follows(hook_from(box, hook_path(box, angles, sign))):
-                    return box
-            return None
+            if box is None or not any(site.follows(way) for way in shut_paths(box, angles)):
+                return None
+            return box
 
         box = sample_until(draw, "an open box")
         colour, lid_colour = sample_colours(rng, site, 2)

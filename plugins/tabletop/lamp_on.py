@@ -83,7 +83,7 @@ class LampOn:
         diameter = self._config.diameter
         centre = root @ _lift(BUTTON_X, BASE[2] + height / 2)
         plate = Primitive("cylinder", (diameter, diameter, height), COLOURS[colour])
-        button = Body("button", (plate,), centre, mass=0.02)
+        button = Body("button", (plate,), centre, mass=0.02, label=f"{colour} button")
         slide = Joint(
             "press",
             "prismatic",

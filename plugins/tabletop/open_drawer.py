@@ -23,6 +23,8 @@ YAW = np.pi / 8
 """Metres. The cabinet's front looks to -x of its root; the bar of the handle runs across it, ``BAR_OUT`` before it."""
 
 STANDOFF, PULL = 0.06, 0.15
+LEANS = (0.0, 0.3, 0.6)
+"""How far the hand may point down, radians: near the table it is broader than there is room for."""
 
 
 class OpenDrawer:
@@ -61,7 +63,7 @@ class OpenDrawer:
             sentence_of(rng, self.instructions, instruction, colour=colour),
             {"eased": eased, "strict": strict},
             f"eased: the drawer was pulled out by more than {OPEN:g} m; strict: it still is",
-            solution=pull_handle("drawer", ("cabinet",), [handle_path(root, self._scale, s) for s in (1.0, -1.0)]),
+            solution=pull_handle("drawer", ("cabinet",), handle_paths(root, self._scale)),
         )  # fmt: skip
 
     def _furniture(
@@ -121,11 +123,21 @@ class OpenDrawer:
         corners = [at(root, sx * x, sy * y)[:2, 3] for sx in (-1, 1) for sy in (-1, 1)]
         if not all(inside(site, corner, 0.0) for corner in corners):
             return None
-        return root if any(site.follows(handle_path(root, k, sign)) for sign in (1.0, -1.0)) else None
+        return root if any(site.follows(path) for path in handle_paths(root, k)) else None
 
 
-def handle_path(root: FloatArray, k: float, sign: float) -> list[FloatArray]:
-    """Tool poses (4, 4): before the bar, at it with a finger above and one below, pulled out."""
-    turned = grasp_rotation(root[:3, 0], sign * np.array([0.0, 0.0, 1.0]))
+def handle_paths(root: FloatArray, k: float) -> list[list[FloatArray]]:
+    """Every :func:`handle_path` of the leans, level ones first, with the hand either way round."""
+    return [handle_path(root, k, sign, lean) for lean in LEANS for sign in (1.0, -1.0)]
+
+
+def handle_path(root: FloatArray, k: float, sign: float, lean: float) -> list[FloatArray]:
+    """Tool poses (4, 4): before the bar, at it with a finger above and one below, pulled out.
+
+    The hand points down by ``lean`` radians.
+    """
+    out, up = -root[:3, 0], np.array([0.0, 0.0, 1.0])
+    approach = -np.cos(lean) * out - np.sin(lean) * up
+    turned = grasp_rotation(approach, sign * (np.cos(lean) * up - np.sin(lean) * out))
     bar = at(root, -k * (CABINET[0] / 2 + BAR_OUT), 0.0, k * BAR_HEIGHT)[:3, 3]
-    return [rigid(turned, bar - back * root[:3, 0]) for back in (STANDOFF, 0.0, PULL)]
+    return [rigid(turned, spot) for spot in (bar - STANDOFF * approach, bar, bar + PULL * out)]

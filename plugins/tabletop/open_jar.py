@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gvla2.errors import ConfigurationError
@@ -23,8 +25,18 @@ PUT_AT, PUT, PUT_HEIGHT = (0.043, 0.277), 0.05, 0.02
 PATCH = 0.10
 """Metres, kilograms: diameters and heights; the eased volume is about the lid's starting place."""
 
-MOST_SPAN = 0.076
+FINGER_ROOM, OVERHANG = 0.006, 0.006
+"""The lid is this much narrower than the hand opens at most, and the jar than the lid; metres."""
+
 LID_RGB = (0.55, 0.57, 0.60)
+
+
+@dataclass(frozen=True)
+class _Sizes:
+    """Diameter and height of lid and jar, metres."""
+
+    lid: tuple[float, float]
+    jar: tuple[float, float]
 
 
 class OpenJar:
@@ -35,33 +47,35 @@ class OpenJar:
     def __init__(self, config: OpenJarConfig) -> None:
         if not 0 < config.turn <= 180:
             raise ConfigurationError(f"task=open_jar needs task.turn in (0, 180] degrees, got {config.turn}.")
-        k = config.factor("open_jar")
-        self._lid = (min(k * LID[0], MOST_SPAN), k * LID[1])
-        self._jar = (min(k * JAR[0], MOST_SPAN - 0.006), k * JAR[1])
+        self._scale = config.factor("open_jar")
         self._turn = float(np.deg2rad(config.turn))
 
     @property
     def instructions(self) -> tuple[str, ...]:
-        """Paraphrases; ``{colour}`` is the jar's colour, ``{target}`` the patch's."""
+        """Paraphrases; ``{colour}`` is the jar's colour, ``{target}`` the patch's.
+
+        Each says where the lid is to go: the strict rule asks for it, and nothing but the sentence tells.
+        """
         return (
-            "open the {colour} jar",
-            "unscrew the lid of the {colour} jar",
-            "twist the lid off the {colour} jar",
+            "open the {colour} jar and put its lid on the {target} square",
+            "unscrew the lid of the {colour} jar and lay it on the {target} square",
+            "twist the lid off the {colour} jar and place it on the {target} square",
             "take the lid off the {colour} jar and put it on the {target} square",
             "unscrew the {colour} jar's lid and set it down on the {target} square",
-            "please open that {colour} jar for me",
+            "please open that {colour} jar for me and leave the lid on the {target} square",
         )
 
     def sample(
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode; a given ``instruction`` decides the jar if it names the colour of exactly one."""
-        root, spots = sample_until(lambda: self._draw(rng, site), "two jars")
+        sizes = self._fitting(site.span)
+        root, spots = sample_until(lambda: self._draw(rng, site, sizes), "two jars")
         *colours, patch = sample_colours(rng, site, 3, beside=(LID_RGB,))
         target, aside = named_by_colour(instruction, colours, 0)
         bodies, threads = [], []
         for i, (spot, colour) in enumerate(zip(spots, colours, strict=True)):
-            jar, lid = self._bodies(i, spot, colour)
+            jar, lid = _bodies(i, spot, colour, sizes)
             bodies += [jar, lid]
             threads.append(
                 Thread(
@@ -97,26 +111,21 @@ class OpenJar:
             f"eased: the lid is off the {colours[target]} jar and away; "
             f"strict: it lies on the {patch} square{aside}",
             solution=unscrew(
-                lid.name, bodies[2 * target].name, turns=(np.deg2rad(105.0),), depth=0.3 * self._lid[1], lift=0.12,
-                square=False, put=("patch", self._lid[1]),
+                lid.name, bodies[2 * target].name, turns=(np.deg2rad(105.0),), depth=0.3 * sizes.lid[1], lift=0.12,
+                square=False, put=("patch", sizes.lid[1]),
             ),
         )  # fmt: skip
 
-    def _bodies(self, i: int, spot: FloatArray, colour: str) -> tuple[Body, Body]:
-        (width, height), (lid_width, lid_height) = self._jar, self._lid
-        glass = Primitive(
-            "cylinder", (width, width, height), COLOURS[colour], rigid(translation=(0, 0, height / 2))
-        )
-        disc = Primitive("cylinder", (lid_width, lid_width, lid_height), LID_RGB)
-        top = spot @ rigid(translation=(0, 0, height + lid_height / 2))
-        return (
-            Body(f"jar_{i}", (glass,), spot, 0.4, fixed=True, label=f"{colour} jar"),
-            Body(f"lid_{i}", (disc,), top, LID_MASS, label="gray lid"),
-        )
+    def _fitting(self, span: float) -> _Sizes:
+        """Jar and lid, no broader than a hand that opens by ``span`` can hold."""
+        k, most = self._scale, span - FINGER_ROOM
+        return _Sizes((min(k * LID[0], most), k * LID[1]), (min(k * JAR[0], most - OVERHANG), k * JAR[1]))
 
-    def _draw(self, rng: np.random.Generator, site: TaskSite) -> tuple[FloatArray, list[FloatArray]] | None:
+    def _draw(
+        self, rng: np.random.Generator, site: TaskSite, sizes: _Sizes
+    ) -> tuple[FloatArray, list[FloatArray]] | None:
         """The root and the poses (4, 4) of the jars' undersides."""
-        root, radius = sample_root(rng, site, YAW), self._lid[0] / 2
+        root, radius = sample_root(rng, site, YAW), sizes.lid[0] / 2
         half = 0.5 * np.asarray(SPAWN) - radius
         jars = [at(root, *rng.uniform(-half, half), 0.0, float(rng.uniform(-np.pi, np.pi))) for _ in range(2)]
         place = at(root, *PUT_AT)[:2, 3]
@@ -126,7 +135,20 @@ class OpenJar:
             return None
         if not all(inside(site, xy, r) for xy, r in zip(spots, radii, strict=True)):
             return None
-        top = sum((self._jar[1], self._lid[1]))
+        top = sizes.jar[1] + sizes.lid[1]
         if not all(in_reach(site, xy, (top, top + 0.15)) for xy in spots[:2]):
             return None
         return (root, jars) if in_reach(site, place, (0.02, top + 0.15)) else None
+
+
+def _bodies(i: int, spot: FloatArray, colour: str, sizes: _Sizes) -> tuple[Body, Body]:
+    (width, height), (lid_width, lid_height) = sizes.jar, sizes.lid
+    glass = Primitive(
+        "cylinder", (width, width, height), COLOURS[colour], rigid(translation=(0, 0, height / 2))
+    )
+    disc = Primitive("cylinder", (lid_width, lid_width, lid_height), LID_RGB)
+    top = spot @ rigid(translation=(0, 0, height + lid_height / 2))
+    return (
+        Body(f"jar_{i}", (glass,), spot, 0.4, fixed=True, label=f"{colour} jar"),
+        Body(f"lid_{i}", (disc,), top, LID_MASS, label="gray lid"),
+    )

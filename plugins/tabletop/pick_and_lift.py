@@ -79,7 +79,11 @@ class PickAndLift:
                 )
         bodies = tuple(
             Body(
-                f"cube_{i}", (Primitive("box", (size, size, size), COLOURS[colour]),), pose, self._config.mass
+                f"cube_{i}",
+                (Primitive("box", (size, size, size), COLOURS[colour]),),
+                pose,
+                self._config.mass,
+                label=f"{colour} cube",
             )
             for i, (pose, colour) in enumerate(zip(poses, colours, strict=True))
         )

@@ -61,8 +61,8 @@ class PushBlock:
         cube = Primitive("box", (size, size, size), COLOURS[block_colour])
         paint = Primitive("box", (side, side, PAINT), COLOURS[target_colour], collides=False)
         bodies = (
-            Body("block", (cube,), block, self._config.mass),
-            Body("target", (paint,), target, fixed=True),
+            Body("block", (cube,), block, self._config.mass, label=f"{block_colour} cube"),
+            Body("target", (paint,), target, fixed=True, label=f"{target_colour} square"),
         )
         volume = rigid(target[:3, :3], (target[0, 3], target[1, 3], table + CENTRE_VOLUME / 2))
 

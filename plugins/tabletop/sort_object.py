@@ -28,6 +28,9 @@ ASIDE = 0.035
 """Metres, kilograms: a thing is in a bin when its middle is within its walls, no higher than ``OVER``.
 Two things of one colour have room ``ASIDE`` of the bin's middle, on either side."""
 
+TOGETHER, ONE_BY_ONE, AFRESH = 1000, 200, 50
+"""Draws of all five places at once, and of places one by one before starting over, which is done so often."""
+
 
 class SortObject:
     """Put each thing into the bin of its own colour. eased: all three are in. strict: and let go of, at rest."""
@@ -51,7 +54,7 @@ class SortObject:
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode; all things are to be sorted, whatever ``instruction`` says."""
-        poses = sample_until(lambda: self._draw(rng, site), "two bins and three things")
+        poses = self._places(rng, site)
         colours = sample_colours(rng, site, 2)
         belongs = [0, 1, int(rng.integers(2))]
         bins = tuple(
@@ -98,16 +101,39 @@ class SortObject:
 
         return solve
 
-    def _draw(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:
-        """Poses (4, 4) of the undersides of both bins and the three things."""
-        roots = [sample_root(rng, site) for _ in range(5)]
+    def _places(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray]:
+        """Poses (4, 4) of the undersides of both bins and the three things: drawn at once, where there is room."""
+        for _ in range(TOGETHER):
+            roots = [sample_root(rng, site) for _ in range(5)]
+            if self._apart(site, roots) and all(self._in_reach(site, i, roots[i]) for i in (2, 3, 4, 0, 1)):
+                return [_turned(root, site) for root in roots]
+        crowded = sample_until(lambda: self._one_by_one(rng, site), "two bins and three things", AFRESH)
+        return [_turned(root, site) for root in crowded]
+
+    def _one_by_one(self, rng: np.random.Generator, site: TaskSite) -> list[FloatArray] | None:
+        """Each thing beside those that lie already: for a small reach, where five at once hardly ever fit."""
+        roots: list[FloatArray] = []
+        for _ in range(ONE_BY_ONE):
+            root = sample_root(rng, site)
+            if self._apart(site, [*roots, root]) and self._in_reach(site, len(roots), root):
+                roots.append(root)
+            if len(roots) == 5:
+                return roots
+        return None
+
+    def _apart(self, site: TaskSite, roots: list[FloatArray]) -> bool:
+        """Whether the first of the bins and things lie in the site, apart from one another."""
         spots = np.stack([root[:2, 3] for root in roots])
         radii = [BIN[0] / np.sqrt(2)] * 2 + [float(np.hypot(*size[:2])) / 2 for size in self._sizes]
-        if not clear(spots, radii, GAP):
-            return None
-        if not all(inside(site, xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True)):
-            return None
-        drops = [at(root, side * ASIDE, 0.0)[:2, 3] for root in roots[:2] for side in (-1.0, 1.0)]
-        if not all(in_reach(site, xy, (0.02, 0.24)) for xy in (*spots[2:], *drops)):
-            return None
-        return [planar(r[:2, 3], site.table_height, float(np.arctan2(r[1, 0], r[0, 0]))) for r in roots]
+        radii = radii[: len(roots)]
+        within = all(inside(site, xy, min(r, BIN[0] / 2)) for xy, r in zip(spots, radii, strict=True))
+        return within and clear(spots, radii, GAP)
+
+    def _in_reach(self, site: TaskSite, index: int, root: FloatArray) -> bool:
+        """Whether the hand gets to the thing, or to both places in the bin."""
+        sides = (-1.0, 1.0) if index < 2 else (0.0,)
+        return all(in_reach(site, at(root, side * ASIDE, 0.0)[:2, 3], (0.02, 0.24)) for side in sides)
+
+
+def _turned(root: FloatArray, site: TaskSite) -> FloatArray:
+    return planar(root[:2, 3], site.table_height, float(np.arctan2(root[1, 0], root[0, 0])))

@@ -13,7 +13,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.motion import MotionPath, MotionPlanner
 from gvla2.robot.timing import MotionLimits, time_path
-from gvla2_plugins.sapien_panda.panda import make_arm
+from gvla2_plugins.sapien.panda import make_arm
 
 
 def clutter(rng: np.random.Generator, arm: Any) -> Scene:

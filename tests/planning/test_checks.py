@@ -15,7 +15,7 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.repair import repair
 from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2.planning.trajectory import MAX_WAYPOINTS, Orientation, Trajectory, Waypoint
+from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
 from gvla2.testing.gantry import Gantry
 
 TABLE = 0.5
@@ -74,6 +74,8 @@ BAD = {
     "nan": (changed(1, xyz=(0.3, float("nan"), 0.6)), ("schema", "not_finite")),
     "infinite gripper": (changed(1, gripper=float("inf")), ("schema", "not_finite")),
     "no speed": (changed(1, speed=0.0), ("schema", "not_positive")),
+    "guard of nothing": (changed(1, guard=Guard()), ("schema", "bad_guard")),
+    "guard below zero": (changed(1, guard=Guard(force=5.0, stall=-0.1)), ("schema", "bad_guard")),
     "stranger": (changed(1, allowed_contacts=frozenset({"ghost"})), ("schema", "unknown_object")),
     "no direction": (changed(0, orientation=Orientation("axis", (0.0, 0.0, 0.0))), ("schema", "bad_orientation")),
     "parallel closing": (
@@ -249,3 +251,23 @@ def test_repair_never_makes_a_trajectory_too_long():
     ends = [at(-0.25, -0.4, 0.2, 1.0), at(0.4, -0.4, 0.2, 1.0, motion="linear")]
     mended, _ = repaired(*(ends * (MAX_WAYPOINTS // 2)))
     assert len(mended) <= MAX_WAYPOINTS
+
+
+def test_bounds_in_shares_bind_by_the_handled_objects_sides():
+    bound = Effect("bound", "grasp_depth", 0.5, ">=", skill="pick", source="r8", scale="height")
+    for height, passes in ((0.04, True), (0.05, False)):
+        report = check(*GOOD, effects=[bound], parameters={"grasp_depth": 0.022}, skill="pick",
+                       lengths={"height": height})  # fmt: skip
+        assert report.passed is passes
+    (reason,) = report.reasons
+    assert all(words in reason for words in ("r8", "0.025", "0.5 of the object's height"))
+    assert check(*GOOD, effects=[bound], parameters={"grasp_depth": 0.0}, skill="pick").passed  # no side is known
+
+
+def test_a_remembered_order_rejects_stages_the_other_way_round():
+    order = Effect("order", "lift before close", skill="pick", source="r9")
+    report = check(*GOOD, effects=[order], skill="pick")
+    assert kinds(report) == {("memory", "order_broken")}
+    assert "r9" in report.reasons[0]
+    assert check(*GOOD, effects=[order], skill="push").passed
+    assert check(*GOOD, effects=[replace(order, parameter="close before lift")], skill="pick").passed

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gvla2.errors import PlanningError
-from gvla2.planning.effects import Effect, apply_effects
+from gvla2.planning.effects import Effect, apply_effects, disordered
 
 THETA = {"lift_height": 0.25, "grasp_depth": 0.02}
 
@@ -51,3 +51,69 @@ def test_effects_survive_json_and_bad_ones_are_refused():
         with pytest.raises(PlanningError, match="Not a parameter effect"):
             Effect.from_json(bad)
     assert Effect.from_json({"kind": "forbid", "parameter": "approach:top"}).kind == "forbid"
+
+
+def test_a_share_of_a_side_holds_for_other_sizes():
+    learnt = Effect("prior", "grasp_depth", 0.025, sd=0.002, count=2).shared(
+        {"grasp_depth": ("height", 0.05)}
+    )
+    assert (learnt.value, learnt.sd, learnt.scale) == (pytest.approx(0.5), pytest.approx(0.04), "height")
+    for height in (0.04, 0.05, 0.08):
+        changed, _ = apply_effects(THETA, [learnt], "pick", lengths={"height": height})
+        assert changed["grasp_depth"] == pytest.approx(0.02 + 0.5 * (0.5 * height - 0.02))
+    tight = Effect("bound", "grasp_depth", 0.6, ">=", scale="height", source="r3")
+    changed, notes = apply_effects(THETA, [tight], "pick", lengths={"height": 0.1})
+    assert changed["grasp_depth"] == pytest.approx(0.06)
+    assert "r3" in notes[0]
+
+
+@given(st.floats(0.005, 0.5), st.floats(-2, 2), st.floats(0, 1))
+def test_shares_go_there_and_back(length, value, sd):
+    effect = Effect("prior", "grasp_depth", value, sd=sd, count=3)
+    share = effect.shared({"grasp_depth": ("height", length)})
+    back = share.absolute({"height": length})
+    assert back is not None
+    assert (back.value, back.sd, back.scale) == (pytest.approx(value), pytest.approx(sd), "")
+    assert share.shared({"grasp_depth": ("height", length)}) == share  # once is enough
+
+
+def test_a_share_of_an_unknown_side_changes_nothing_and_says_so():
+    share = Effect("bound", "grasp_depth", 0.6, scale="width", source="r4")
+    assert share.absolute({"height": 0.1}) is None
+    changed, notes = apply_effects(THETA, [share], "pick", lengths={"height": 0.1, "width": 0.0})
+    assert changed == THETA
+    assert "r4 was passed over" in notes[0]
+    hand = Effect("bound", "standoff", 0.1)
+    assert hand.shared({"grasp_depth": ("height", 0.1)}) == hand
+
+
+def test_records_without_a_scale_read_and_write_as_before():
+    old = {"kind": "prior", "parameter": "grasp_depth", "value": 0.02, "op": ">=", "sd": 0.0, "count": 1,
+           "skill": "pick", "source": ""}  # fmt: skip
+    assert Effect.from_json(old).to_json() == old
+    share = Effect("bound", "grasp_depth", 0.6, scale="height")
+    assert Effect.from_json(share.to_json()) == share
+    with pytest.raises(PlanningError, match="height"):
+        Effect.from_json({**old, "scale": "depth"})
+
+
+@pytest.mark.parametrize(
+    ("stages", "wrong"),
+    [
+        (["approach", "lower", "release"], False),
+        (["approach", "release", "lower"], True),
+        (["lower", "release", "lower"], False),
+        (["approach", "release"], False),  # other words for the same: not held to it
+        ([], False),
+    ],
+)
+def test_an_order_is_broken_by_the_later_stage_coming_first(stages, wrong):
+    order = Effect.from_json({"kind": "order", "parameter": "lower before release"})
+    assert order.stages == ("lower", "release")
+    assert disordered(order, stages) is wrong
+
+
+@pytest.mark.parametrize("said", ["lower", " before release", "lower before", ""])
+def test_an_order_names_two_stages(said):
+    with pytest.raises(PlanningError, match="before"):
+        Effect.from_json({"kind": "order", "parameter": said})

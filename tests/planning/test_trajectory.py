@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
-from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint, grasp_rotation
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint, grasp_rotation
 
 angles = st.floats(-3.0, 3.0)
 
@@ -55,3 +57,31 @@ def test_the_paper_view_and_json_keep_every_number():
     written = trajectory.to_json()[0]
     assert written["allowed_contacts"] == ["a", "b"]
     assert (written["xyz"], written["carries"], written["stage"]) == ([0.1, 0.2, 0.3], "a", "grasp")
+
+
+def test_a_trajectory_comes_back_from_json_as_it_was():
+    turned = Orientation("slerp", (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), 0.25)
+    full = Waypoint(
+        (0.1, -0.2, 0.3), 0.5, "press", turned, "linear", 0.05, frozenset({"b", "a"}), "a", 0.004,
+        guard=Guard(12.0, 0.003),
+    )  # fmt: skip
+    trajectory = Trajectory((full, Waypoint((0.0, 0.0, 1.0), 1.0, "retreat")))
+    written = json.loads(json.dumps(trajectory.to_json()))
+    assert written[0]["guard"] == {"force": 12.0, "stall": 0.003}
+    assert written[1]["guard"] is None
+    assert Trajectory.from_json(written) == trajectory
+    assert Trajectory.from_json([{"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x"}]).waypoints[0].guard is None
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"xyz": [0, 0], "gripper": 1.0, "stage": "x"},
+        {"gripper": 1.0, "stage": "x"},
+        {"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x", "colour": "red"},
+        {"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x", "guard": {"torque": 1.0}},
+    ],
+)
+def test_what_is_no_waypoint_is_named(data):
+    with pytest.raises(ValueError, match="Waypoint 1 is not a waypoint"):
+        Trajectory.from_json([{"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x"}, data])

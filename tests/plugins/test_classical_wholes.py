@@ -5,7 +5,7 @@ import pytest
 
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.perceiver import ClassicalPerceiver
-from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, part_named
 from gvla2_plugins.skill.phrases import read_phrase
 from gvla2_plugins.tabletop import gvla2_tasks

@@ -5,7 +5,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2_plugins.oracle import OracleConfig, gvla2_perceivers
-from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.tabletop import gvla2_tasks
 
 

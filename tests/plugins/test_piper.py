@@ -17,15 +17,15 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.planning.scene import Box, Scene
+from gvla2.robot.piper_arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm, piper_description
 from gvla2.testing.component import check_component
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog, read_log
-from gvla2_plugins.piper.description import HOME, TCP_OFFSET, make_arm, urdf_text
 from gvla2_plugins.piper.feedback import Feedback
 from gvla2_plugins.piper.gate import CommandGate
-from gvla2_plugins.piper.limits import FULL_SPEED, HIGH, LOW, Bounds
+from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink, import_sdk
 from gvla2_plugins.piper.lock import WriterLock
 from gvla2_plugins.piper.scenery import Scenery
@@ -55,7 +55,7 @@ def test_forward_kinematics_are_the_sdks(arm):
 
 
 def test_the_urdf_names_limits_and_speeds(arm):
-    assert urdf_text().count('type="revolute"') == 6
+    assert piper_description().urdf().count('type="revolute"') == 6
     low, high = arm.limits
     assert np.allclose(low, LOW + 0.02)
     assert np.allclose(high, HIGH - 0.02)

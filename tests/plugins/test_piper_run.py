@@ -12,11 +12,11 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.camera import CameraFrames
+from gvla2.robot.piper_arm import HOME
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
 from gvla2_plugins.piper.backend import Piper
-from gvla2_plugins.piper.description import HOME
 from gvla2_plugins.piper.replay import main as replay_main
-from gvla2_plugins.piper.replay import replay, sessions
+from gvla2_plugins.piper.replay import replay, sessions, simulate
 from gvla2_plugins.piper.scenery import Scenery
 from gvla2_plugins.piper.virtual_arm import main as virtual_arm_main
 
@@ -117,6 +117,11 @@ def test_the_gripper_finds_an_object_and_the_log_replays(piper, tmp_path, capsys
     assert replay_main([str(tmp_path / "log.jsonl"), "--film", str(film)]) == 0
     assert film.read_bytes().startswith(b"GIF")
     assert "largest distance" in capsys.readouterr().out
+    assert replay_main([str(tmp_path / "log.jsonl"), "--robot", "sapien_piper"]) == 0
+    assert "largest distance of sapien_piper from measured" in capsys.readouterr().out
+    assert simulate(replayed, "sapien_piper").max() < 0.10
+    for other in ("piper", "none"):
+        assert replay_main([str(tmp_path / "log.jsonl"), "--robot", other]) == 1
     assert replay_main([str(tmp_path / "log.jsonl"), "--session", "7"]) == 1
     assert "not number 7" in capsys.readouterr().err
 

@@ -13,11 +13,11 @@ from gvla2.errors import RobotError
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener
+from gvla2.robot.piper_arm import HOME
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
 from gvla2_plugins.piper.arming import ask_person, check_health, confirm
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog, read_log
-from gvla2_plugins.piper.description import HOME
 from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SafetyStopError

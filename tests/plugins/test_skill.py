@@ -15,7 +15,7 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.testing import inputs
 from gvla2.testing.planning import check_planner
-from gvla2_plugins.sapien_panda.panda import BASE_POSITION, make_arm
+from gvla2_plugins.sapien.panda import BASE_POSITION, make_arm
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
 

@@ -13,7 +13,7 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.testing import inputs
-from gvla2_plugins.sapien_panda.panda import make_arm
+from gvla2_plugins.sapien.panda import make_arm
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.mechanisms import hinge_for, slide_for
@@ -154,6 +154,46 @@ def test_closing_comes_from_behind_the_free_edge_and_lets_go_over_the_box(arm):
     way = [w.xyz[0] for w in made.trajectory if w.stage == "draw over"]
     assert way[0] > things[1].centre[0] > way[-1]
     assert all(w.gripper == 0.0 for w in made.trajectory)
+
+
+@pytest.mark.parametrize("sentence", ["put the lid on the box", "bring the lid down onto the lime box"])
+def test_a_hinged_lid_that_is_put_on_its_box_is_closed(arm, sentence):
+    made, asked = plan(arm, sentence, *box(2.618))
+    assert made.skill == "close"
+    assert sound(made, asked)
+
+
+def test_a_lid_whose_edge_is_out_of_reach_is_pushed_from_beside(arm):
+    made, asked = plan(arm, "close the box", *box(2.618, 1.2, (0.10, 0.20)))
+    assert sound(made, asked)
+    hinge = hinge_for(asked.scene.objects[1], asked.scene)
+    pushes = np.array([w.xyz for w in made.trajectory if w.stage == "push over"])
+    assert len(pushes) > 3
+    off = pushes - hinge.origin
+    assert (np.abs(off @ hinge.axis) < 0.5 * hinge.breadth).all()  # behind the lid, not beside it
+    out = [np.array([o @ hinge.level, o[2]]) for o in off - np.outer(off @ hinge.axis, hinge.axis)]
+    turned = np.unwrap([np.arctan2(o[1], o[0]) for o in out])
+    assert (np.diff(turned) < 0).all()
+    assert turned[-1] < 0.5 * np.pi
+
+
+def test_a_drawer_near_the_arm_is_pulled_from_beside_or_less_far(arm):
+    made, asked = plan(arm, "pull the drawer open", *drawer((0.14, -0.1)))
+    assert sound(made, asked)
+    at = {w.stage: np.array(w.xyz) for w in made.trajectory}
+    drawn = at["pull"] - at["close"]
+    np.testing.assert_allclose(drawn[1:], 0.0, atol=1e-9)
+    assert 0.10 < -drawn[0] <= made.parameters["pull_distance"] + 1e-9
+
+
+def test_what_is_on_nothing_is_put_there(arm):
+    cube = thing("a", "red cube", "box", (0.3, 0.1, 0.025), (0.05, 0.05, 0.05))
+    square = thing("s", "blue square", "region", (0.25, -0.15, 0.0), (0.1, 0.1, 0.001))
+    made, _ = plan(arm, "get the red cube on the blue square", cube, square)
+    assert (made.skill, made.roles) == ("place", {"theme": "a", "goal": "s"})
+    on_it = thing("a", "red cube", "box", (0.25, -0.15, 0.025), (0.05, 0.05, 0.05))
+    made, _ = plan(arm, "get the red cube on the blue square", on_it, square)
+    assert made.skill == "pick"
 
 
 def test_a_drawer_is_pulled_along_its_own_normal(arm):

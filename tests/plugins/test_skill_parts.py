@@ -16,7 +16,7 @@ from gvla2.planning.contracts import Advice, Plan, PlanRequest
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import MAX_WAYPOINTS, grasp_rotation
 from gvla2.testing import inputs
-from gvla2_plugins.sapien_panda.panda import PANDA_HAND, make_arm
+from gvla2_plugins.sapien.panda import PANDA_HAND, make_arm
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.holds import GRASP_PLAY, holds
 from gvla2_plugins.skill.planner import SkillPlanner

@@ -5,7 +5,7 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.robot.demonstration import demonstrate
 from gvla2.robot.task import TaskInstance
-from gvla2_plugins.sapien_panda import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.tabletop import gvla2_tasks
 
 TASKS = {component.name: component for component in gvla2_tasks()}
@@ -24,10 +24,14 @@ def laid(panda, name: str, seed: int, **options) -> TaskInstance:
 
 
 @pytest.mark.parametrize(
-    ("name", "seed"), [("take_umbrella", 1), ("close_box", 6), ("open_wine", 3), ("pickup_cup", 1)]
-)
-def test_it_can_be_done(panda, name, seed):
-    instance = laid(panda, name, seed)
+    ("name", "seed", "scale"),
+    [
+        ("take_umbrella", 1, 1.0), ("close_box", 6, 1.0), ("open_wine", 3, 1.0), ("pickup_cup", 1, 1.0),
+        ("close_box", 1, 1.2), ("open_drawer", 1, 0.8),
+    ],
+)  # fmt: skip
+def test_it_can_be_done(panda, name, seed, scale):
+    instance = laid(panda, name, seed, scale=scale)
     before = panda.judge()
     assert (before.eased, before.strict) == (False, False)
     reports = demonstrate(panda, instance)

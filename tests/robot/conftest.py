@@ -13,7 +13,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.driver import DriverState, GripResult, MoveResult
-from gvla2_plugins.sapien_panda.panda import make_arm
+from gvla2_plugins.sapien.panda import make_arm
 
 
 @pytest.fixture(scope="session")

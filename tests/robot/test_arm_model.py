@@ -17,7 +17,7 @@ from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.joint_search import rrt_connect
 from gvla2.robot.kinematics import Finger
-from gvla2_plugins.sapien_panda import panda
+from gvla2_plugins.sapien import panda
 
 
 def angle_between(a, b):

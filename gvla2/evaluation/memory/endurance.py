@@ -77,7 +77,7 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 
 def flood(url: str, count: int, budget: int, seed: int) -> None:
-    """Admit, and print ``done``, ``active``, ``resident`` and ``peak`` (MB) and ``seconds`` after each step."""
+    """Admit; print ``done``, ``active``, ``resident`` and ``peak`` (MB), ``seconds`` and ``cpu`` after each step."""
     spent = 0.0
     with KnowledgeBank.open(url, options=BankOptions(active_budget=budget), clock=lambda: NOW) as bank:
         step = min(STEP, max(1, count // 10))
@@ -93,6 +93,7 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
                 "resident": resident(),
                 "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3,
                 "seconds": spent,
+                "cpu": time.process_time(),
             }
             print(json.dumps(seen), flush=True)
 

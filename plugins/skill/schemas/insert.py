@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
+from gvla2.planning.trajectory import Guard
 from gvla2_plugins.skill.holds import ROUND
 from gvla2_plugins.skill.proposals import Job, Proposal, pointing
 from gvla2_plugins.skill.schemas.pick import Grasp, grasps, take
@@ -18,6 +19,8 @@ from gvla2_plugins.skill.wholes import parts_of
 
 LEAST_ROOM = 0.001
 """The hole is wider than what goes through by this much at least, metres, for a fit to be believed."""
+BOTTOM = Guard(force=20.0)
+"""Lowering ends where the thing meets the bottom, or the post's end beside the hole: pressed on, it would cant."""
 FREE_TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
 
 
@@ -65,7 +68,7 @@ def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
     touching = own | {post.id, *(p.id for p in parts_of(post, job.scene))}
     down = np.array([*over[:2], max(post.top - theta["insert_depth"] + hangs, job.lowest_tcp())])
     path.line("align", _at(over, post.top + 0.01 + hangs), allowed=touching)
-    path.line("insert", down, allowed=touching, slow=True)
+    path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)
     path.line("release", down, gripper=grasp.opening, allowed=touching, slow=True)
     path.carries = ""
     path.line("retreat", _at(over, height), allowed=touching)

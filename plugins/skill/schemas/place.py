@@ -16,6 +16,8 @@ TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """The object may be put down turned by a quarter: what is out of the wrist's reach one way is in reach the other."""
 FLOOR = 0.01
 """The floor of an open thing is taken to be so thick where it is not seen, metres."""
+ALIKE = 1.15
+"""A thing whose longer side is less than this times the shorter one lies as well either way."""
 SIDE_GAP = 0.03
 """Gap between things put beside one another, metres: room for a finger."""
 
@@ -25,13 +27,31 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
-    turns = TURNS[:1] if job.theme.shape in ("cylinder", "disc", "sphere") else TURNS
+    turns = _turns(job)
     return [
         _place(job, grasp, spot, name, turn)
         for grasp in found
         for spot, name in goal_spots(job)
         for turn in turns
     ]
+
+
+def _turns(job: Job) -> list[float]:
+    """Turns of the theme on its way, radians. Where it shares the goal with others it lies across the line on which
+    they stand side by side, which leaves them the most room.
+    """
+    theme, goal = job.theme, job.goal
+    if theme.shape in ("cylinder", "disc", "sphere"):
+        return [0.0]
+    level = [i for i in range(3) if abs(theme.world_from_object[2, i]) < 0.5]
+    if job.share[1] == 1 or goal is None or len(level) != 2:
+        return list(TURNS)
+    long, short = sorted(level, key=lambda i: -theme.extents[i])
+    along, line = theme.world_from_object[:2, long], goal.world_from_object[:2, 0]
+    across = float(np.arctan2(line[1], line[0]) - np.arctan2(along[1], along[0]) + 0.5 * np.pi)
+    quarters = range(4) if theme.extents[long] < ALIKE * theme.extents[short] else (0, 2)
+    turns = [float((across + 0.5 * np.pi * k + np.pi) % (2 * np.pi) - np.pi) for k in quarters]
+    return sorted(turns, key=abs)
 
 
 def goal_spots(job: Job) -> list[tuple[FloatArray, str]]:
@@ -101,6 +121,8 @@ def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) ->
     put_down(job, path, grasp, over, spot)
     how = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     preference = grasp.preference - 0.05 * (turn != 0.0)
+    if job.share[1] > 1 and job.goal is not None:  # fingers between the things would want room of their own
+        preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
     return Proposal(how, grasp.approaches, preference, path.trajectory())
 
 

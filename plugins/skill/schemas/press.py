@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from gvla2.planning.trajectory import Guard
 from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
 
 YAWS = 8
+
+STOP = Guard(force=25.0)
+"""A press ends at a button's stop: switches and buttons give way at a few newtons, their stops do not."""
 
 
 def propose_press(job: Job) -> list[Proposal]:
@@ -25,8 +29,8 @@ def _press(job: Job, yaw: float, touching: bool) -> Proposal:
     allowed = frozenset({theme.id, theme.parent} if touching else {theme.id})
     path = Path(theta["speed"], theta["contact_speed"], pointing(horizontal(yaw)), gripper=0.0)
     path.go("approach", above, allowed=frozenset({theme.parent}) if touching else frozenset())
-    path.line("press", down, allowed=allowed, slow=True)
-    path.line("stay", down, allowed=allowed, slow=True)
+    path.line("press", down, allowed=allowed, slow=True, guard=STOP)
+    path.line("stay", down, allowed=allowed, slow=True, guard=STOP)
     path.line("retreat", above, allowed=allowed)
     how = f"press from above, yaw {np.degrees(yaw):.0f}°" + (", its base may be touched" if touching else "")
     return Proposal(how, ("approach:top",), 0.4 if touching else 0.8, path.trajectory())

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import product
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -16,10 +19,16 @@ ROOM = 0.004
 """Between a finger and the front that it reaches down before, metres."""
 GIVE = 0.02
 """Tolerance while pulling, metres: the drawer decides where the handle goes, the arm yields."""
+BACK = 0.03
+"""How far the hand backs off from what it let go, metres: its fingertips are then clear of the bar."""
 LEANS = (0.0, 0.3, 0.6)
 """How far down the hand may point when it comes from the front, radians: near the table its body needs the room."""
 SIDE = 0.25
 """Where along the handle, as shares of its length from the middle, the hand may take hold too."""
+YAWS = (0.0, 0.35, -0.35)
+"""How far the hand may come from beside straight before a level bar, radians: its fingers are above and below it."""
+LESS = 0.8
+"""Share of the distance that is pulled where the arm cannot get as far."""
 
 
 def propose_pull(job: Job) -> list[Proposal] | Abstention:
@@ -43,23 +52,23 @@ def propose_pull(job: Job) -> list[Proposal] | Abstention:
     found = []
     for shift in (0.0, SIDE, -SIDE):
         at = _grip_point(slide, width, job.theta["grasp_depth"]) + shift * float(extents.max()) * along
-        for lean in LEANS:
-            for sign in (1.0, -1.0):
-                tilt = Rotation.from_rotvec(lean * np.cross(-slide.out, -UP)).as_matrix()
-                approach, closing = tilt @ -slide.out, sign * (tilt @ across)
-                found.append(
-                    _pull(
-                        job,
-                        slide,
-                        at,
-                        approach,
-                        closing,
-                        1.0,
-                        shift,
-                        f"leaning {np.degrees(lean):.0f}°",
-                        lean,
-                    )
+        yaws = YAWS if level else YAWS[:1]
+        for lean, yaw, less in product(LEANS, yaws, (1.0, LESS)):
+            if (yaw and lean > LEANS[1]) or (less < 1.0 and shift):
+                continue
+            tilt = Rotation.from_euler("z", yaw) * Rotation.from_rotvec(lean * np.cross(-slide.out, -UP))
+            approach, closing = tilt.apply(-slide.out), tilt.apply(across)
+            way = f"leaning {np.degrees(lean):.0f}°" + (
+                f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
+            )
+            cost = lean + 0.5 * abs(yaw) + (1.0 - less)
+            found += [
+                replace(
+                    _pull(job, slide, at, approach, sign * closing, 1.0, shift, way, cost, less),
+                    reserve=bool(yaw) or less < 1.0,
                 )
+                for sign in (1.0, -1.0)
+            ]
         behind = _behind(slide, at) - job.hand.finger_thickness - ROOM  # for the finger between bar and front
         if level and 2 * behind > width + PLAY:
             opening = min(1.0, 2 * behind / job.hand.max_width)
@@ -95,9 +104,11 @@ def _pull(
     shift: float,
     way: str,
     cost: float,
+    less: float = 1.0,
 ) -> Proposal:
     theta, near = job.theta, slide.parts
-    pulled = at + slide.out * theta["pull_distance"]
+    distance = less * theta["pull_distance"]
+    pulled = at + slide.out * distance
     path = Path(theta["speed"], theta["contact_speed"], pointing(closing, approach))
     bar = frozenset({slide.handle.id})
     path.go("approach", at - approach * (theta["standoff"] + theta["grasp_depth"]), gripper=opening)
@@ -107,8 +118,8 @@ def _pull(
     path.line("pull", pulled, allowed=near, slow=True)
     path.line("release", pulled, gripper=opening, allowed=near, slow=True)
     path.carries = ""
-    path.line("retreat", pulled - approach * theta["standoff"], allowed=near)
-    how = f"pull the {slide.handle.label} by {theta['pull_distance'] * 100:.0f} cm, hand {way}"
+    path.line("retreat", pulled - approach * BACK, allowed=near)
+    how = f"pull the {slide.handle.label} by {distance * 100:.0f} cm, hand {way}"
     how += f", {'left' if shift > 0 else 'right'} of its middle" if shift else ""
     name = "approach:top" if way == "from above" else "approach:side"
     preference = 0.8 - 0.4 * cost - 0.1 * bool(shift)

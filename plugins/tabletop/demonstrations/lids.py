@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import Arm
 from gvla2.planning.trajectory import Waypoint
 from gvla2.robot.task import Solution, WorldState
-from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, hook_path, lip_path
+from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, lip_path, shut_paths
 from gvla2_plugins.tabletop.demonstrations.moves import best_path, through
 
 LIP_REACH, STANDOFF = 0.006, 0.06
@@ -40,18 +40,12 @@ def swing_open(box: LidBox) -> Solution:
     return solve
 
 
-def hook_from(box: LidBox, path: Sequence[FloatArray]) -> list[FloatArray]:
-    """A path that hooks the lid's edge, with how the hand gets there: from above, a little behind."""
-    behind = rigid(translation=0.03 * box.root[:3, 0]) @ path[0]
-    return [rigid(translation=(0, 0, 0.05)) @ behind, behind, *path]
-
-
 def push_shut(box: LidBox) -> Solution:
     """Hook closed fingers behind the lid's edge and pull it over the hinge; it falls the rest of the way."""
 
     def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
         angles = np.linspace(TRAVEL, FALLS, 9)
-        paths = [hook_from(box, hook_path(box, angles, sign)) for sign in (1.0, -1.0)]
+        paths = shut_paths(box, angles)
         above, behind, *push = paths[best_path(arm, paths)]
         yield [
             *through("approach", [above], 0.0, free=True, contacts=_BOX),

@@ -1,0 +1,43 @@
+"""What a planner is told before it plans: what memory recalled, and how earlier attempts of the episode failed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from gvla2.diagnosis import diagnose
+from gvla2.errors import PlanningError
+from gvla2.memory.contracts import MemoryContext
+from gvla2.planning.contracts import Advice
+from gvla2.planning.effects import Effect
+from gvla2.record.contents import EpisodeRecord
+
+
+def advice_for(record: EpisodeRecord) -> Advice:
+    """Memory's text and effects, then those of the failed attempts, whose effects bind as memory's do."""
+    context = record.recalled or MemoryContext()
+    effects = [Effect.from_json(item.effect, source=item.id) for item in context.items if item.effect]
+    lines = [context.text] if context.text else []
+    for number, attempt in enumerate(record.attempts, 1):
+        source, signals = f"attempt {number}", diagnose(attempt)
+        effects += [replace(signal.effect, source=source) for signal in signals if signal.effect is not None]
+        reasons = [signal.words for signal in signals]
+        if not reasons and attempt.verdict is not None:
+            reasons = [reason.rstrip(".") for reason in attempt.verdict.reasons]
+        why = "; ".join(reasons) or "the goal was not reached"
+        skill = f" ({attempt.plan.skill})" if attempt.plan is not None and attempt.plan.skill else ""
+        lines.append(f"Earlier in this episode, {source}{skill} failed: {why}.")
+    return Advice("\n".join(lines), tuple(effects))
+
+
+def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:
+    """The context with effects that say nothing definite taken off their items, and one note each."""
+    items, notes = [], []
+    for item in context.items:
+        try:
+            if item.effect:
+                Effect.from_json(item.effect)
+        except PlanningError as error:
+            notes.append(f"The effect of the remembered '{item.id}' was passed over: {error}")
+            item = replace(item, effect=None)  # its words may still serve
+        items.append(item)
+    return replace(context, items=tuple(items)), tuple(notes)

@@ -1,0 +1,111 @@
+"""Trying again within an episode: when, from where, and what becomes of the attempt before."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.memory.contracts import Learned
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.record.contents import EpisodeRecord
+from gvla2.robot.backend import ExecutionListener, RobotBackend
+
+NO_MORE = ("not_started", "interrupted", "diverged")
+"""Ways to stop after which the same robot had better not move again by itself."""
+
+RISE = 0.10
+"""Metres that the opened hand backs off straight up before it goes home, or as far as the workspace goes."""
+
+
+def worth_another(record: EpisodeRecord) -> bool:
+    """Whether to plan anew: something was executed, surely failed, and trying again means the same.
+
+    "10 cm to the left" is said of where a thing stood: after a failed push or placement without a goal that can be seen
+    it means something else.
+    """
+    if record.verdict is None or record.verdict.outcome != "verified_fail" or record.plan is None:
+        return False
+    if record.report is None or not record.report.waypoints or record.after is None:
+        return False
+    stopped = record.report.abort
+    relative = record.plan.skill in ("push", "place") and "goal" not in record.plan.roles
+    return not relative and (stopped is None or stopped.abort not in NO_MORE)
+
+
+def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
+    """The record of the next attempt, which knows the ones before; instruction and memory's answer stay."""
+    before = replace(record, attempts=())
+    return replace(
+        record,
+        attempts=(*record.attempts, before),
+        observation=None,
+        scene=None,
+        refinement="",
+        plan=None,
+        checks=None,
+        report=None,
+        after=None,
+        after_scene=None,
+        verdict=None,
+        failure=None,
+        timings={},
+    )
+
+
+def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:
+    """The attempt before, which stands when this one ended before anything moved; a note says why it did."""
+    before, failure = record.attempts[-1], record.failure
+    why = f"at '{failure.stage}' ({failure.kind}): {failure.message}" if failure else "without a plan."
+    note = f"Attempt {len(record.attempts) + 1} ended before anything moved, {why}"
+    spent = Counter(before.timings)
+    spent.update(record.timings)
+    return replace(before, attempts=record.attempts[:-1], timings=dict(spent), notes=(*before.notes, note))
+
+
+def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionListener) -> str:
+    """Open the hand where the attempt left it, rise and go home, so that the cameras see the table.
+
+    Returns "" or a sentence on what stood in the way; the next attempt then starts from where the arm is.
+    """
+    assert attempt.after is not None
+    scene = attempt.after_scene or attempt.scene
+    assert scene is not None
+    report = robot.execute(_way_home(robot, attempt, scene), scene, listener)
+    stopped = report.abort
+    return f"The arm did not get home before the next attempt: {stopped.message}" if stopped else ""
+
+
+def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Trajectory:
+    assert attempt.after is not None
+    arm, here = robot.arm, attempt.after.world_from_tcp[:3, 3]
+    home = arm.forward(arm.home)
+    up = np.array([here[0], here[1], min(here[2] + RISE, float(arm.workspace.high[2]))])
+    near = frozenset({o.id for o in scene.objects} | {"table"})
+    turned = Orientation("grasp", _tuple(home[:3, 2]), _tuple(home[:3, 1]))
+    return Trajectory(
+        (
+            Waypoint(_tuple(here), 1.0, "let go", motion="linear", allowed_contacts=near),
+            Waypoint(_tuple(up), 1.0, "back off", motion="linear", speed=0.1, allowed_contacts=near),
+            Waypoint(_tuple(home[:3, 3]), 1.0, "home", turned, tolerance=0.02),
+        )
+    )
+
+
+def pooled(parts: list[Learned]) -> Learned:
+    """What memory made of all attempts, as one."""
+    return Learned(
+        added=tuple(i for p in parts for i in p.added),
+        merged=tuple(i for p in parts for i in p.merged),
+        provisional=tuple(i for p in parts for i in p.provisional),
+        discarded=sum(p.discarded for p in parts),
+        notes=tuple(n for p in parts for n in p.notes),
+        degraded=" ".join(dict.fromkeys(p.degraded for p in parts if p.degraded)),
+    )
+
+
+def _tuple(point: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in point)
+    return x, y, z

@@ -1,0 +1,1 @@
+"""The perception suite: perceived scenes against what a simulator's pixels truly show."""

@@ -1,0 +1,91 @@
+"""A picture of what was perceived beside what is there: true outlines against perceived boxes."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image
+from skimage.measure import find_contours
+
+from gvla2.evaluation.perception.scoring import SceneScore
+from gvla2.evaluation.perception.truth import BoolArray, measured
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation, View
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.record.drawing import Canvas, Colour, marker_colour, png
+from gvla2.record.placement import Rect
+
+FOUND: Colour = (255, 255, 255)
+MISSED: Colour = (255, 40, 40)
+
+_EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (1, 2, 4))
+
+
+def overlay_sheet(observation: Observation, result: SceneScore, scene: Scene, width: int = 440) -> bytes:
+    """All views in a row as PNG: the outline of each true thing (white when found, red when missed), the box of each
+    perceived object in a colour of its own with its label.
+    """
+    pictures = []
+    masks = _split(observation, result)
+    for view, shown in zip(observation.views, masks, strict=True):
+        canvas = Canvas(view.image, width, _part(view, shown))
+        for mask, one in zip(shown, result.things, strict=True):
+            for contour in find_contours(np.pad(mask, 1).astype(float), 0.5):  # type: ignore[no-untyped-call]
+                line = [(float(x) - 0.5, float(y) - 0.5) for y, x in contour]
+                canvas.line(line, FOUND if one.match.found else MISSED, width=1.5, halo=0.5)
+        for index, thing in enumerate(scene.objects):
+            _draw(canvas, view.camera, thing, index)
+        pictures.append(canvas.picture())
+    sheet = Image.new(
+        "RGB", (sum(p.width for p in pictures), max(p.height for p in pictures)), (255, 255, 255)
+    )
+    left = 0
+    for picture in pictures:
+        sheet.paste(picture, (left, 0))
+        left += picture.width
+    return png(sheet.quantize(128))
+
+
+def _split(observation: Observation, result: SceneScore) -> list[list[BoolArray]]:
+    """For each view the mask (H, W) of every thing."""
+    views, start = [], 0
+    for ok in measured(observation):
+        count = int(ok.sum())
+        masks = []
+        for one in result.things:
+            mask = np.zeros(ok.shape, dtype=bool)
+            mask[ok] = one.thing.whole[start : start + count]
+            masks.append(mask)
+        views.append(masks)
+        start += count
+    return views
+
+
+def _part(view: View, masks: list[BoolArray]) -> Rect:
+    """The square part of the picture with the things in it, a third of the picture at least."""
+    height, width = view.image.shape[:2]
+    side = min(height, width)
+    rows, columns = np.nonzero(np.any(masks, axis=0)) if masks else (np.zeros(0), np.zeros(0))
+    if not len(rows):
+        return Rect(0, 0, side, side)
+    low, high = np.array([columns.min(), rows.min()]), np.array([columns.max(), rows.max()])
+    part = float(np.clip(1.25 * (high - low).max(), side / 3, side))
+    x, y = np.clip((low + high) / 2 - part / 2, 0, [width - part, height - part])
+    return Rect(float(x), float(y), float(x) + part, float(y) + part)
+
+
+def _draw(canvas: Canvas, camera: Camera, thing: SceneObject, index: int) -> None:
+    uv, depth = camera.project(thing.corners())
+    if (depth <= 0).any():
+        return
+    colour = marker_colour(index)
+    for a, b in _EDGES:
+        canvas.line([_point(uv[a]), _point(uv[b])], colour, width=1.5, halo=0.5)
+    middle = camera.project(thing.centre[None])[0][0]
+    if camera.inside(middle):
+        low, high = uv.min(axis=0), uv.max(axis=0)
+        canvas.label(thing.label, Rect(float(low[0]), float(low[1]), float(high[0]), float(high[1])), colour)
+
+
+def _point(uv: FloatArray) -> tuple[float, float]:
+    return float(uv[0]), float(uv[1])

@@ -1,0 +1,209 @@
+"""Measuring one layout: lay it out, look, perceive, compare with what the pixels truly show."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, Gvla2Error, PerceptionError
+from gvla2.evaluation.perception.overlay import overlay_sheet
+from gvla2.evaluation.perception.scoring import SceneScore, ThingScore, score
+from gvla2.evaluation.perception.truth import Segmented, true_things
+from gvla2.evaluation.perception.twins import TwinTask, with_twins
+from gvla2.evaluation.results import Cell, cell_key
+from gvla2.geometry.views import Observation
+from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
+from gvla2.planning.scene import Scene
+from gvla2.robot.backend import RobotBackend
+from gvla2.robot.depth_noise import DepthNoise, apply_noise
+from gvla2.robot.task import Task
+
+SUITE = "perception"
+VERSION = 1
+"""Of what is measured: rows of another version are measured anew."""
+
+SCENE = "scene"
+"""The ``object`` and ``kind`` of the row that is of a layout as a whole."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What a layout is measured with; ``planner`` None leaves abstentions unmeasured."""
+
+    robot: RobotBackend
+    task: Task
+    perceiver: Perceiver
+    planner: Planner | None
+    noise: DepthNoise
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """One layout to measure: the key and the factors of its row, the seed of the layout, whether to draw it."""
+
+    key: str
+    factors: Mapping[str, str | int]
+    layout: int
+    pictured: bool = False
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The rows of a layout, the scene's first, then one a true thing; ``picture`` is PNG, where one was asked for."""
+
+    cells: tuple[Cell, ...]
+    picture: bytes | None = None
+
+
+def layout_seed(seed: int, episode: int) -> int:
+    """The seed of a layout: a seed's first layout is that of ``gvla2 run seed=...``; no two seeds share any."""
+    return seed + 1_000_000 * episode
+
+
+def measure(wanted: Wanted, bench: Bench) -> Measured:
+    """All rows of a layout; a layout that cannot be measured is a row that says why.
+
+    Raises :class:`ConfigurationError` for a robot that does not know the truth.
+    """
+    if not isinstance(bench.robot, Segmented):
+        raise ConfigurationError(
+            "suite=perception needs a simulated robot that tells which pixel shows what, such as robot=sapien_panda."
+        )
+    try:
+        return _measure(wanted, bench, bench.robot)
+    except ConfigurationError:
+        raise
+    except Gvla2Error as error:
+        return Measured((_scene_row(wanted, {}, {"status": f"failed: {error}", "objects": []}),))
+
+
+def _measure(wanted: Wanted, bench: Bench, truth: Segmented) -> Measured:
+    instance = bench.robot.reset(bench.task, wanted.layout)
+    if instance is None:
+        raise ConfigurationError("suite=perception needs a simulated robot, which lays out tasks.")
+    observation = _look(bench, wanted.layout)
+    things = true_things(truth, observation, instance.layout)
+    started, worked = time.perf_counter(), time.process_time()
+    scene, note = _perceive(bench, observation, instance.instruction)
+    measures: dict[str, float | None] = {
+        "seconds": time.perf_counter() - started,
+        "cpu_seconds": time.process_time() - worked,
+    }
+    result = score(things, scene, observation)
+    picture = overlay_sheet(observation, result, scene) if wanted.pictured else None
+    twins = with_twins(instance)
+    if twins is not None and bench.planner is not None:
+        measures["abstained"] = float(_abstains(bench, bench.planner, wanted.layout))
+    rows = [_thing_row(wanted, one) for one in result.things]
+    measures |= _summary(result)
+    notes = {
+        "status": "ok",
+        "instruction": instance.instruction,
+        "objects": [row.key for row in rows],
+        "strays": _strays(result, scene),
+        "note": note,
+    }
+    return Measured((_scene_row(wanted, measures, notes), *rows), picture)
+
+
+def _look(bench: Bench, layout: int) -> Observation:
+    """What the cameras see, as noisy as in an episode of that seed."""
+    return apply_noise(bench.robot.observe(), bench.noise, np.random.default_rng([layout, 0]))
+
+
+def _perceive(bench: Bench, observation: Observation, instruction: str) -> tuple[Scene, str]:
+    """The scene; an empty one with the reason where the perceiver sees none."""
+    workspace = bench.robot.arm.workspace
+    try:
+        return bench.perceiver.perceive(observation, instruction, workspace), ""
+    except PerceptionError as error:
+        return Scene((), 0.0, workspace), f"Nothing was perceived: {error}"
+
+
+def _abstains(bench: Bench, planner: Planner, layout: int) -> bool:
+    """Whether perceiver and planner together refuse a sentence that two things fit."""
+    instance = bench.robot.reset(TwinTask(bench.task), layout)
+    assert instance is not None
+    observation = _look(bench, layout)
+    scene, note = _perceive(bench, observation, instance.instruction)
+    if note:
+        return True
+    request = PlanRequest(
+        instance.instruction,
+        scene,
+        bench.robot.arm,
+        observation.world_from_tcp,
+        observation.joints,
+        observation,
+    )
+    return planner.plan(request).abstention is not None
+
+
+def _summary(result: SceneScore) -> dict[str, float | None]:
+    """The scene's own figures: medians over its things, and how many objects are none."""
+    found = [one for one in result.things if one.match.found]
+    labels = [one.words.label for one in found if one.words.label is not None]
+    return {
+        "found": result.found,
+        "iou": _median([one.match.iou for one in result.things]),
+        "label": float(np.mean(labels)) if labels else None,
+        "centre_mm": _median([one.centre_mm for one in found]),
+        "extent_mm": _median([one.extent_mm for one in found]),
+        "false": float(len(result.strays)),
+    }
+
+
+def _median(values: list[Any]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def _strays(result: SceneScore, scene: Scene) -> list[str]:
+    """A line for each object that is none."""
+    lines = []
+    for stray in result.strays:
+        what = f"a piece of {stray.piece_of}" if stray.piece_of else "nothing that is there"
+        lines.append(f"{scene.objects[stray.index].label}: {what}")
+    return lines
+
+
+def _scene_row(wanted: Wanted, measures: Mapping[str, float | None], notes: Mapping[str, Any]) -> Cell:
+    return Cell(wanted.key, {**wanted.factors, "object": SCENE, "kind": SCENE}, dict(measures), dict(notes))
+
+
+def _thing_row(wanted: Wanted, one: ThingScore) -> Cell:
+    thing, words = one.thing, one.words
+    measures: dict[str, float | None] = {
+        "found": float(one.match.found),
+        "iou": one.match.iou,
+        "label": _number(words.label),
+        "colour": _number(words.colour),
+        "noun": _number(words.noun),
+        "centre_mm": one.centre_mm,
+        "extent_mm": one.extent_mm,
+        "pixels": float(thing.whole.sum()),
+    }
+    for axis, error in zip("xyz", one.extents_mm, strict=True):
+        measures[f"extent_{axis}_mm"] = error
+    factors = {**wanted.factors, "object": thing.name, "kind": thing.kind}
+    notes = {"status": "ok", "true": thing.label, "perceived": one.perceived, "part": thing.part}
+    return Cell(object_key(wanted.key, thing.name), factors, measures, notes)
+
+
+def object_key(scene_key: str, name: str) -> str:
+    """The key of a thing's row, by the key of its scene's."""
+    return cell_key(SUITE, scene_key, name)
+
+
+def _number(value: bool | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def with_picture(cells: tuple[Cell, ...], path: str) -> tuple[Cell, ...]:
+    """The rows of a layout, the scene's with the place of its picture."""
+    scene, *rest = cells
+    return (replace(scene, notes={**scene.notes, "picture": path}), *rest)

@@ -1,0 +1,177 @@
+"""The tables of the perception suite: by task and by kind of object, medians and the worst of twenty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
+
+GROUPS = ("robot", "perceiver", "depth_noise", "scale")
+SCENE = "scene"
+ALL = "all"
+
+OF_THINGS = (
+    "things",
+    "found ↑",
+    "mask IoU ↑",
+    "label ↑",
+    "colour ↑",
+    "centre mm ↓",
+    "extent mm ↓",
+    "missed most",
+)
+OF_SCENES = ("false a scene ↓", "abstained ↑", "seconds ↓")
+
+
+@dataclass(frozen=True)
+class PerceptionLayout:
+    """A suite with a row a layout (``object`` is ``scene``) and a row a true thing."""
+
+    suite: str
+    title: str
+    explanation: str
+
+
+@dataclass(frozen=True)
+class PerceptionTable:
+    """All cells of one group, in rows by the factor ``by``, and the runs that they come from."""
+
+    layout: PerceptionLayout
+    title: str
+    by: str
+    cells: tuple[Cell, ...]
+    runs: tuple[int, ...]
+
+    def pictures(self) -> list[tuple[str, str]]:
+        """Caption and path of a picture a task; a table by kind has none."""
+        if self.by != "task":
+            return []
+        paths = {
+            str(c.factors["task"]): str(c.notes["picture"]) for c in self.cells if c.notes.get("picture")
+        }
+        return sorted(paths.items())
+
+
+PERCEPTION = PerceptionLayout(
+    suite="perception",
+    title="Perception",
+    explanation=(
+        "Things that the pixels truly show, against the perceived objects. Mask IoU is over all views together, and a "
+        "thing is found above 0.5. Label, colour, centre and extent are of what was found: a label is right when its "
+        "colour words and its head noun are the true ones (a synonym is wrong), an extent's error is that of the worst "
+        "side that is in sight. The first line is the median (a share, where it is in per cent), the second the 95th "
+        "percentile, p95: one in twenty is worse. False objects are no thing, or a second piece of one. Abstained: "
+        "sentences that fit two twins of one colour, refused."
+    ),
+)
+
+
+def make_perception_tables(cells: Iterable[Cell], layout: PerceptionLayout) -> list[PerceptionTable]:
+    """Two tables a group, by task and by kind; of equal cells measured twice the later counts."""
+    groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
+    for cell in sorted(cells, key=lambda cell: cell.run):
+        factors = cell.factors
+        group = tuple(str(factors.get(name, "")) for name in GROUPS)
+        place = tuple(str(factors.get(name)) for name in ("task", "seed", "episode", "object"))
+        groups.setdefault(group, {})[place] = cell
+    tables = []
+    for group, placed in groups.items():
+        kept = tuple(_without_stale(list(placed.values())))
+        runs = tuple(sorted({cell.run for cell in kept}))
+        said = ", ".join(f"{name} {value}" for name, value in zip(GROUPS, group, strict=True))
+        tables += [
+            PerceptionTable(layout, f"{layout.title}: {said}, by {by}", by, kept, runs)
+            for by in ("task", "kind")
+        ]
+    return tables
+
+
+def _without_stale(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells whose layout was last measured together with them: what an older run saw may have had other names."""
+    latest = {key for cell in cells for key in [cell.key, *cell.notes.get("objects", [])] if _is_scene(cell)}
+    return [cell for cell in cells if cell.key in latest]
+
+
+def sheet_of_perception(table: PerceptionTable) -> Sheet:
+    """One row a task, or a kind of thing, and one of them all."""
+    scenes = table.by == "task"
+    groups: dict[str, list[Cell]] = {}
+    for cell in table.cells:
+        if scenes or not _is_scene(cell):
+            groups.setdefault(str(cell.factors.get(table.by)), []).append(cell)
+    rows = [SheetRow(_label(name, cells), _row(cells, scenes)) for name, cells in sorted(groups.items())]
+    if len(rows) > 1:
+        rows.append(SheetRow(ALL, _row(table.cells, scenes)))
+    headings = (*OF_THINGS[:-1], *(OF_SCENES if scenes else ()), OF_THINGS[-1])
+    layouts = sum(map(_is_scene, table.cells))
+    footnote = f"{layouts} layouts; runs {', '.join(map(str, table.runs))} of the results database."
+    return Sheet(table.title, headings, tuple(rows), footnote, table.layout.explanation)
+
+
+def _is_scene(cell: Cell) -> bool:
+    return cell.factors.get("object") == SCENE
+
+
+def _label(name: str, cells: Sequence[Cell]) -> str:
+    failed = sum(cell.notes.get("status", "ok") != "ok" for cell in cells)
+    return f"{name} ({failed} failed)" if failed else name
+
+
+def _row(cells: Sequence[Cell], with_scenes: bool) -> tuple[SheetCell, ...]:
+    scenes = [cell for cell in cells if _is_scene(cell)]
+    things = [cell for cell in cells if not _is_scene(cell)]
+    of_scenes = (_mean(scenes, "false"), _share(scenes, "abstained"), _spread(scenes, "seconds", 2))
+    return (
+        SheetCell((f"{len(things):,}",)),
+        _share(things, "found"),
+        _spread(things, "iou", 2, worst=5),
+        _share(things, "label"),
+        _share(things, "colour"),
+        _spread(things, "centre_mm", 1),
+        _spread(things, "extent_mm", 1),
+        *(of_scenes if with_scenes else ()),
+        SheetCell((_missed(things),)),
+    )
+
+
+def _values(cells: Sequence[Cell], name: str) -> list[float]:
+    values = (cell.measures.get(name) for cell in cells)
+    return [float(value) for value in values if value is not None]
+
+
+def _with(values: Sequence[float], say: Callable[[Sequence[float]], tuple[str, ...]]) -> SheetCell:
+    return SheetCell(say(values)) if values else SheetCell(("",), none=True)
+
+
+def _share(cells: Sequence[Cell], name: str) -> SheetCell:
+    return _with(
+        _values(cells, name), lambda v: (f"{100 * float(np.mean(v)):.0f} %", f"{sum(v):.0f} of {len(v)}")
+    )
+
+
+def _mean(cells: Sequence[Cell], name: str) -> SheetCell:
+    return _with(_values(cells, name), lambda v: (f"{float(np.mean(v)):.2f}",))
+
+
+def _spread(cells: Sequence[Cell], name: str, digits: int, worst: float = 95) -> SheetCell:
+    return _with(
+        _values(cells, name),
+        lambda v: (f"{float(np.median(v)):.{digits}f}", f"p95 {float(np.percentile(v, worst)):.{digits}f}"),
+    )
+
+
+def _missed(things: Sequence[Cell]) -> str:
+    """What was missed most often: the kind and how many of how many."""
+    missed: dict[str, int] = {}
+    for cell in things:
+        if not cell.measures.get("found"):
+            kind = str(cell.factors.get("kind"))
+            missed[kind] = missed.get(kind, 0) + 1
+    if not missed:
+        return ""
+    kind = max(sorted(missed), key=lambda name: missed[name])
+    return f"{kind}: {missed[kind]} of {sum(str(c.factors.get('kind')) == kind for c in things)}"

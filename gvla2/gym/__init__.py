@@ -1,0 +1,14 @@
+"""Every installed task as a Gymnasium environment; needs the extra ``[gym]``.
+
+    env = gymnasium.make("gvla2.gym:gvla2/pick_and_lift-v0")     # names the package to import, or
+    import gvla2.gym; env = gymnasium.make("gvla2/pick_and_lift-v0")
+
+Gymnasium finds the environments of other packages by importing them, so that importing this one registers them. It
+is the only package of gvla2 that does anything when it is imported, and no other imports it.
+"""
+
+from gvla2.gym.registration import env_id, register_envs
+
+__all__ = ["env_id", "register_envs"]
+
+register_envs()

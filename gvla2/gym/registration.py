@@ -1,0 +1,46 @@
+"""Which environments there are: one a task, by the task's name."""
+
+from __future__ import annotations
+
+from gvla2.catalog import Registry, load_plugins
+from gvla2.errors import MissingDependencyError
+
+NAMESPACE, VERSION = "gvla2", 0
+
+MAX_STEPS = 40
+"""Waypoints after which Gymnasium truncates an episode; ``gymnasium.make(..., max_episode_steps=N)`` has its own."""
+
+NO_TASK = "none"
+"""The null choice of the kind ``task``: nothing to do is no environment."""
+
+
+def env_id(task: str) -> str:
+    """The identifier of a task's environment, as ``gymnasium.make`` takes it."""
+    return f"{NAMESPACE}/{task}-v{VERSION}"
+
+
+def register_envs(registry: Registry | None = None) -> tuple[str, ...]:
+    """Tell Gymnasium of every installed task, and return the identifiers.
+
+    What is registered already stays as it is, so that calling it again after installing a plugin is fine. No plugin
+    is built: simulators and their libraries are loaded by ``gymnasium.make``. Raises
+    :class:`MissingDependencyError` without Gymnasium.
+    """
+    try:
+        from gymnasium.envs.registration import register
+        from gymnasium.envs.registration import registry as known
+    except ImportError as error:
+        raise MissingDependencyError(
+            "gymnasium", "A task as an environment", 'pip install "gvla2[gym]"', "MIT"
+        ) from error
+    tasks = (registry or load_plugins()).components("task")
+    ids = tuple(env_id(name) for name in tasks if name != NO_TASK)
+    for identifier, name in zip(ids, (n for n in tasks if n != NO_TASK), strict=True):
+        if identifier not in known:
+            register(
+                identifier,
+                entry_point="gvla2.gym.env:TaskEnv",
+                kwargs={"task": name},
+                max_episode_steps=MAX_STEPS,
+            )
+    return ids

@@ -1,0 +1,91 @@
+"""One waypoint at a time through a robot's executor."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Observation
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.robot.backend import Judgement, RobotBackend
+from gvla2.robot.report import WaypointReport
+
+SAME_GRIP = 0.02
+"""A command that differs less from the last one leaves the fingers as they are: what they squeeze stays squeezed."""
+
+NOT_MOVED = ("unreachable", "no_path", "collision")
+"""Why a motion was not even begun."""
+
+_TOLD = (
+    "stage",
+    "target",
+    "reached",
+    "error",
+    "gripper_width",
+    "held",
+    "contacts",
+    "status",
+    "abort",
+    "message",
+)
+
+
+class Stepper:
+    """Sends waypoints one by one; ``seen`` and ``report`` are the last observation and what became of the last one.
+
+    The executor begins each time from what is measured: what the fingers were told last is remembered here.
+    """
+
+    def __init__(self, robot: RobotBackend, seen: Observation, speed: float) -> None:
+        self._robot, self._speed = robot, speed
+        self._scene = Scene((), float(robot.arm.workspace.low[2]), robot.arm.workspace)
+        self._told = seen.gripper
+        self.seen = seen
+        self.report: WaypointReport | None = None
+
+    def go(self, world_from_tcp: FloatArray, gripper: float) -> Judgement:
+        """Bring the tool to a pose (4, 4), then the fingers to an opening in [0, 1]; the referee's word on the result.
+
+        Raises :class:`gvla2.errors.RobotError` when the simulation has blown up, and :class:`ConfigurationError` when
+        the robot has no referee.
+        """
+        same = abs(gripper - self._told) <= SAME_GRIP
+        opening = self.seen.gripper if same else gripper
+        self.report = None
+        report = self._execute(world_from_tcp, opening, straight=True)
+        if report.abort in NOT_MOVED:
+            report = self._execute(world_from_tcp, opening, straight=False)
+        self.report = report
+        if not same and not report.abort:
+            self._told = gripper
+        judgement = self._robot.judge()
+        if judgement is None:
+            raise ConfigurationError("The robot has no referee: an environment takes a simulated one.")
+        self.seen = self._robot.observe()
+        return judgement
+
+    def _execute(self, pose: FloatArray, opening: float, *, straight: bool) -> WaypointReport:
+        x, y, z = (float(v) for v in pose[:3, 3])
+        turned = Orientation("grasp", _triple(pose[:3, 2]), _triple(pose[:3, 1]))
+        waypoint = Waypoint(
+            (x, y, z),
+            opening,
+            "waypoint",
+            turned,
+            motion="linear" if straight else "free",
+            speed=self._speed,
+            # The fingers reach for thin things; only on a straight line is it sure where they touch the table.
+            allowed_contacts=frozenset({"table"} if straight else ()),
+        )
+        return self._robot.execute(Trajectory((waypoint,)), self._scene).waypoints[0]
+
+
+def reported(report: WaypointReport | None) -> dict[str, Any]:
+    """A report as plain values; without its times, which differ from run to run. Empty for none."""
+    return {} if report is None else {name: getattr(report, name) for name in _TOLD}
+
+
+def _triple(vector: FloatArray) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])

@@ -1,0 +1,116 @@
+"""Asking a planner that may be anybody's: in time, and what comes back is a plan that can be read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from gvla2.errors import PlannerTimeoutError, PlanningError
+from gvla2.planning.contracts import Abstention, Candidate, Plan, Planner, PlanRequest
+from gvla2.planning.deadline import DeadlineError, within
+from gvla2.planning.effects import SIDES
+from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
+
+ABSURD = 10 * MAX_WAYPOINTS
+"""More waypoints than this are not checked one by one; up to it the checks say what is too many."""
+
+_TEXTS = ("stage", "motion", "carries", "frame")
+_NUMBERS = ("gripper", "speed", "tolerance")
+
+
+def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0) -> Plan:
+    """The planner's plan, of sound types, with finite numbers and a number of waypoints that can be checked.
+
+    Raises :class:`PlannerTimeoutError` when ``name`` does not answer within ``seconds`` (0 waits for ever), and
+    :class:`PlanningError` for an answer that is no plan. Whether the plan is a good one, the checks say.
+    """
+    try:
+        plan = within(seconds, lambda: planner.plan(request))
+    except DeadlineError:
+        raise PlannerTimeoutError(
+            f"The planner '{name}' gave no answer within {seconds:g} s; planner_timeout=SECONDS waits longer."
+        ) from None
+    if problem := _problem(plan):
+        raise PlanningError(f"The planner '{name}' returned {problem}.")
+    return plan
+
+
+def _problem(plan: object) -> str:
+    """What is wrong with an answer, to be read after "returned"; "" when nothing is."""
+    if not isinstance(plan, Plan):
+        return f"{type(plan).__name__}, not a Plan"
+    if not isinstance(plan.skill, str) or not _texts(plan.notes) or not isinstance(plan.fallback, str):
+        return "a plan whose skill, notes or fallback are no text"
+    if not isinstance(plan.roles, Mapping) or not _texts([*plan.roles, *plan.roles.values()]):
+        return f"roles that are no mapping from text to text: {plan.roles!r:.80}"
+    if not isinstance(plan.parameters, Mapping) or not all(_finite(v) for v in plan.parameters.values()):
+        return f"parameters that are no mapping from names to finite numbers: {plan.parameters!r:.200}"
+    if not isinstance(plan.scales, Mapping) or not all(_side(v) for v in plan.scales.values()):
+        return f"scales that are no mapping from names to a side and its length: {plan.scales!r:.200}"
+    if not all(isinstance(c, Candidate) for c in plan.candidates):
+        return "candidates that are none"
+    refusal: object = plan.abstention
+    if refusal is not None:
+        return "" if isinstance(refusal, Abstention) else f"an abstention of type {type(refusal).__name__}"
+    if not isinstance(plan.trajectory, Trajectory):
+        return "neither a trajectory nor an abstention with its reason"
+    return _trajectory_problem(plan.trajectory)
+
+
+def _side(value: object) -> bool:
+    """Whether it is a :data:`~gvla2.planning.effects.Scale`."""
+    if not isinstance(value, tuple) or len(value) != 2 or value[0] not in SIDES:
+        return False
+    return _finite(value[1]) and value[1] > 0.0
+
+
+def _trajectory_problem(trajectory: Trajectory) -> str:
+    waypoints = trajectory.waypoints
+    if not isinstance(waypoints, tuple) or not all(isinstance(w, Waypoint) for w in waypoints):
+        return "a trajectory that is no tuple of waypoints"
+    if not waypoints:
+        return "a trajectory without waypoints; say why by an abstention"
+    if len(waypoints) > ABSURD:
+        return f"a trajectory of {len(waypoints)} waypoints; at most {MAX_WAYPOINTS} can be carried out"
+    for index, waypoint in enumerate(waypoints):
+        if problem := _waypoint_problem(waypoint):
+            return f"waypoint {index} ('{waypoint.stage!s:.40}') with {problem}"
+    return ""
+
+
+def _waypoint_problem(w: Waypoint) -> str:
+    odd = [name for name in _TEXTS if not isinstance(getattr(w, name), str)]
+    if odd:
+        return f"a {odd[0]} that is no text: {getattr(w, odd[0])!r:.60}"
+    odd = [name for name in _NUMBERS if not _finite(getattr(w, name))]
+    if odd:
+        return f"a {odd[0]} that is no finite number: {getattr(w, odd[0])!r:.60}"
+    if not _three(w.xyz):
+        return f"an xyz that is no tuple of three finite numbers: {w.xyz!r:.80}"
+    if not isinstance(w.allowed_contacts, frozenset) or not _texts(w.allowed_contacts):
+        return f"allowed_contacts that are no frozenset of ids: {w.allowed_contacts!r:.80}"
+    turned: object = w.orientation
+    if not isinstance(turned, Orientation) or not isinstance(turned.policy, str):
+        return f"an orientation that is none: {turned!r:.80}"
+    if not _three(turned.vector) or not _three(turned.closing) or not _finite(turned.angle):
+        return f"an orientation without finite numbers: {turned!r:.160}"
+    guard: object = w.guard
+    if guard is not None and not (isinstance(guard, Guard) and _finite(guard.force) and _finite(guard.stall)):
+        return f"a guard that is none: {guard!r:.80}"
+    return ""
+
+
+def _finite(value: object) -> bool:
+    """Numpy's scalars count as the numbers that they are; True does not count as one."""
+    if isinstance(value, bool) or not hasattr(value, "__float__") or getattr(value, "shape", ()) != ():
+        return False
+    return math.isfinite(float(value))
+
+
+def _three(value: object) -> bool:
+    """Arrays do not count: waypoints are compared, and arrays have no answer to that."""
+    return isinstance(value, tuple | list) and len(value) == 3 and all(_finite(v) for v in value)
+
+
+def _texts(values: object) -> bool:
+    return isinstance(values, tuple | list | frozenset) and all(isinstance(v, str) for v in values)

@@ -1,0 +1,106 @@
+"""One episode's evidence as the rules of the skills read it, and what several of them ask of two scenes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gvla2.correspondence import Correspondence, correspond
+from gvla2.evidence import RobotEvidence
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Waypoint
+
+if TYPE_CHECKING:
+    from gvla2_plugins.geometric import GeometricConfig
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A score in [0, 1], None when unknown, and why."""
+
+    score: float | None
+    reason: str
+
+
+class Case:
+    """One episode's evidence with its objects looked up; lookups give None where there is nothing."""
+
+    def __init__(self, evidence: RobotEvidence, config: GeometricConfig) -> None:
+        self.evidence, self.config = evidence, config
+        self.before = evidence.before
+        self.after = evidence.after
+        self.matched: Correspondence | None = (
+            correspond(evidence.before, evidence.after) if evidence.after is not None else None
+        )
+
+    def role(self, *names: str) -> SceneObject | None:
+        """The object before, by the first of these roles that the plan gives."""
+        ids = {o.id: o for o in self.before.objects}
+        return next((ids[i] for name in names if (i := self.evidence.plan.roles.get(name, "")) in ids), None)
+
+    def seen(self, object_id: str) -> SceneObject | None:
+        """The object before of that id."""
+        return next((o for o in self.before.objects if o.id == object_id), None)
+
+    def later(self, thing: SceneObject) -> SceneObject | None:
+        """The same object after, None when it was not seen again."""
+        return self.matched.of(thing.id) if self.matched is not None else None
+
+    @property
+    def planned(self) -> tuple[Waypoint, ...]:
+        """The plan's waypoints."""
+        trajectory = self.evidence.plan.trajectory
+        return trajectory.waypoints if trajectory is not None else ()
+
+    def way(self, object_id: str) -> FloatArray:
+        """(3,) from where the hand took hold of a thing to where it last had it, as planned; 0 where it never had."""
+        with_it = [i for i, w in enumerate(self.planned) if w.carries == object_id and i > 0]
+        if not with_it:
+            return np.zeros(3)
+        return np.subtract(self.planned[with_it[-1]].xyz, self.planned[with_it[0] - 1].xyz)
+
+    @property
+    def holding(self) -> bool:
+        """The fingers are stopped by something at the end."""
+        return self.evidence.gripper_width > self.config.empty_width
+
+    @property
+    def last_held(self) -> bool | None:
+        """What the robot felt at the last waypoint."""
+        reports = self.evidence.report.waypoints
+        return reports[-1].held if reports else None
+
+    def in_hand(self, thing: SceneObject) -> bool:
+        """Whether the tool ended within a thing's box, give or take what perception misses."""
+        reports = self.evidence.report.waypoints
+        if not reports:
+            return False
+        inside = transform_points(invert_rigid(thing.world_from_object), np.asarray(reports[-1].reached))
+        return bool((np.abs(inside) <= 0.5 * thing.extents + self.config.same_place).all())
+
+
+def outside_footprint(point: FloatArray, goal: SceneObject) -> float:
+    """How far a world point (3,) lies outside the goal's footprint, horizontally, metres; 0 inside."""
+    local = transform_points(invert_rigid(goal.world_from_object), np.asarray(point, dtype=np.float64))
+    if goal.shape in ("disc", "cylinder", "sphere"):
+        return max(0.0, float(np.linalg.norm(local[:2])) - 0.5 * float(goal.extents[:2].max()))
+    beyond = np.maximum(np.abs(local[:2]) - 0.5 * goal.extents[:2], 0.0)
+    return float(np.linalg.norm(beyond))
+
+
+def goal_now(case: Case, goal: SceneObject) -> SceneObject:
+    """Where the goal is at the end: paint stays where it was seen unhidden, things may have been shifted."""
+    if goal.shape == "region":
+        return goal
+    return case.later(goal) or goal
+
+
+def something_at(old: SceneObject, scene: Scene, reach: float) -> bool:
+    """Whether anything solid stands at an object's old place."""
+    return any(
+        float(np.linalg.norm((o.centre - old.centre)[:2])) < reach and o.bottom < old.top
+        for o in scene.obstacles()
+    )

@@ -1,0 +1,242 @@
+"""The robot backend: an arm at a table, simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import ConfigurationError, RobotError, SimulationError
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.raycast import RayCaster
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.views import Observation, View, Views
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Trajectory, grasp_rotation
+from gvla2.robot.arm_model import ArmModel
+from gvla2.robot.backend import ExecutionListener, Judgement
+from gvla2.robot.executor import execute
+from gvla2.robot.motion import MotionPlanner
+from gvla2.robot.report import ExecutionReport
+from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
+from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien.bodies import PREFIX
+from gvla2_plugins.sapien.cameras import Eyes
+from gvla2_plugins.sapien.cell import TABLE_RGB, Cell
+from gvla2_plugins.sapien.driver import SapienDriver
+from gvla2_plugins.sapien.engine import import_sapien
+from gvla2_plugins.sapien.looks import body_surface
+from gvla2_plugins.sapien.masks import cast_masks
+from gvla2_plugins.sapien.referee import TrueState
+from gvla2_plugins.sapien.truth import true_scene
+from gvla2_plugins.sapien.world import World
+
+ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"
+"""Said after the goal of every episode with that option."""
+
+_SILENT = ExecutionListener()
+
+JUDGE_SECONDS = 0.25
+"""The arm holds still this long before the referee looks, so that a slipping object has slipped."""
+
+
+class SapienArm:
+    """Implements :class:`gvla2.robot.backend.RobotBackend`.
+
+    The same seed and calls give the same episode, bit by bit. The true state of the task's bodies is read by
+    :meth:`judge`, and by :meth:`true_state` and :meth:`true_scene`, which no part of the loop calls; the cameras see
+    the bodies by rays.
+    """
+
+    def __init__(self, config: SapienConfig, make_cell: Callable[[], Cell]) -> None:
+        import_sapien()
+        self._config, self._cell = config, make_cell()
+        self._cell.mounts.check(config.cameras)
+        positive = ("image_size", "video_size", "video_fps", "physics_rate", "grip_force", "grip_speed")
+        bad = [f"{name}={getattr(config, name)}" for name in positive if getattr(config, name) <= 0]
+        if bad:
+            raise ConfigurationError(f"robot={self._cell.robot} needs values above 0 for {', '.join(bad)}.")
+        self._arm = self._cell.arm
+        self._planner = MotionPlanner(self._arm)
+        self._links = tuple(self._cell.looks)
+        self._robot = RayCaster(list(self._cell.looks.values()))
+        self._world: World | None = None
+        self._eyes: Eyes | None = None
+        self._layout = Layout(())
+        self._lights: tuple[bool, ...] = ()
+        self._instance: TaskInstance | None = None
+
+    @property
+    def arm(self) -> ArmModel:
+        """Kinematics and collision model of the arm."""
+        return self._arm
+
+    def reset(self, task: Task | None, seed: int, instruction: str | None = None) -> TaskInstance | None:
+        """A new world with the arm at home and the task's episode for the seed; without a task an empty table."""
+        self.close()
+        instance = None
+        if task is not None:
+            instance = task.sample(np.random.default_rng(seed), self._site(), instruction)
+            if self._config.attach:
+                instance = replace(instance, goal=f"{instance.goal}{ATTACHED}")
+        layout = Layout(()) if instance is None else instance.layout
+        self._world = World(self._config, self._cell, layout)
+        self._layout, self._instance = layout, instance
+        self._open_eyes()
+        return instance
+
+    def observe(self) -> Observation:
+        """RGB-D views of all cameras and the measured hand."""
+        world = self._sane_world("observed")
+        joints, width = world.joints, world.gripper_width
+        world_from_tcp = self._arm.forward(joints)
+        wanted = 0 if self._instance is None else self._instance.image_size
+        size = max(self._config.image_size, wanted)
+        cameras = [self._cell.mounts.camera(name, size, world_from_tcp) for name in self._config.cameras]
+        opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
+        return Observation(Views(tuple(self._look(cameras))), world_from_tcp, joints, opening, width)
+
+    def execute(
+        self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
+    ) -> ExecutionReport:
+        """Move through the waypoints, planning around the perceived scene; stops at the first that fails."""
+        world = self._sane_world("moved")
+
+        def film() -> None:
+            name, size = self._config.cameras[0], self._config.video_size
+            view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
+            listener.frame(self._look([view])[0].image)
+
+        driver = SapienDriver(world, self._config, self._arm.hand.max_width, film)
+        return execute(trajectory, scene, self._arm, self._planner, driver, listener)
+
+    def judge(self) -> Judgement | None:
+        """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""
+        if self._instance is None:
+            return None
+        world = self._sane_world("judged")
+        driver = SapienDriver(world, self._config, self._arm.hand.max_width)
+        driver.hold(JUDGE_SECONDS)
+        state = TrueState(self._sane_world("judged"))
+        verdicts = self._instance.succeeded
+        return Judgement(bool(verdicts["eased"](state)), bool(verdicts["strict"](state)))
+
+    def play(self, joints: FloatArray, widths: FloatArray, dt: float) -> FloatArray:
+        """Send the arm through recorded targets over an empty table; see :class:`gvla2.robot.playback.Playback`."""
+        joints, widths = np.atleast_2d(np.asarray(joints, float)), np.asarray(widths, float)
+        fitting = joints.shape == (len(widths), self._arm.dof) and len(widths) > 0 and dt > 0
+        if not fitting or not (np.isfinite(joints).all() and np.isfinite(widths).all()):
+            raise RobotError(
+                f"{self._cell.robot} plays finite targets (T, {self._arm.dof}) and widths (T,) at dt > 0, got shapes "
+                f"{joints.shape} and {widths.shape} at dt={dt}."
+            )
+        self.reset(None, 0)
+        world = self._sane_world("played")
+        world.place_arm(joints[0], float(widths[0]))
+        measured, before = [], joints[0]
+        for row, (target, width) in enumerate(zip(joints, widths.tolist(), strict=True)):
+            world.drive_arm(target, (target - before) / dt)
+            world.drive_fingers(0.5 * width)
+            while world.time < (row + 1) * dt - 1e-9:
+                world.step()
+            measured.append(self._sane_world("played").joints)
+            before = target
+        return np.array(measured)
+
+    def true_state(self) -> TrueState:
+        """What a referee may read; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""
+        return TrueState(self._sane_world("read"))
+
+    def true_scene(self) -> Scene:
+        """The episode's bodies as scene objects; for demonstrations and the ``oracle`` perceiver."""
+        return true_scene(
+            self._sane_world("read"), self._layout, self._cell.table_height, self._arm.workspace
+        )
+
+    def true_masks(self, observation: Observation) -> tuple[tuple[str, ...], list[NDArray[np.int32]]]:
+        """What each pixel of the observation's cameras shows now, by :func:`cast_masks`; for measuring perceivers."""
+        world = self._sane_world("read")
+        cameras = [view.camera for view in observation.views]
+        links = world.link_poses(self._links)
+        arm = self._robot.cast(cameras, {i: links[name] for i, name in enumerate(self._links)})
+        bodies = {body.name: body for body in self._layout.bodies}
+        poses = {name: world.body_pose(name) for name in bodies}
+        return cast_masks(cameras, arm, bodies, poses, self._cell.table)
+
+    def close(self) -> None:
+        """Let go of the world; the arm's model stays, and :meth:`reset` makes a new world."""
+        self._world, self._eyes, self._instance = None, None, None
+
+    def _open_eyes(self) -> Eyes:
+        """Eyes for the bodies as they look now: a lamp may have been switched on."""
+        peaks = self._sane_world("seen").peaks
+        self._lights = self._layout.lights(peaks)
+        table = self._cell.table
+        things = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
+        self._eyes = Eyes(self._robot, self._links, {name: body_surface(b) for name, b in things.items()})
+        return self._eyes
+
+    def _look(self, cameras: Sequence[Camera]) -> list[View]:
+        world, eyes = self._sane_world("seen"), self._eyes
+        if eyes is None or self._lights != self._layout.lights(world.peaks):
+            eyes = self._open_eyes()
+        poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
+        poses[self._cell.table.name] = self._cell.table.world_from_body
+        return eyes.look(cameras, world.link_poses(self._links), poses)
+
+    def _site(self) -> TaskSite:
+        cell = self._cell
+        return TaskSite(
+            cell.site_centre,
+            cell.site_size,
+            cell.table_height,
+            self._reachable,
+            TABLE_RGB,
+            self._follows,
+            self._arm.hand.max_width,
+        )
+
+    def _reachable(self, point: FloatArray) -> bool:
+        """Whether the hand gets to a world point (3,), pointing down, whichever way it is turned."""
+        if np.linalg.norm((point - self._cell.world_from_base[:3, 3])[:2]) > self._cell.reach:
+            return False
+        down, ways = np.array([0.0, 0.0, -1.0]), (1.0, -1.0) if self._cell.either_way else (1.0,)
+        turns = (np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0]))
+        return all(
+            any(self._easy(rigid(grasp_rotation(down, way * y), point)) for way in ways) for y in turns
+        )
+
+    def _easy(self, pose: FloatArray) -> bool:
+        solution = self._arm.inverse(pose)
+        return solution is not None and solution.manipulability >= self._cell.ease
+
+    def _follows(self, poses: Sequence[FloatArray]) -> bool:
+        """Whether the arm goes straight through tool poses (4, 4), from some posture, without touching itself."""
+        if not all(self._easy(pose) for pose in (poses[0], poses[-1])):
+            return False
+        empty = Scene((), self._cell.table_height, self._arm.workspace)
+        for start in self._arm.ik.solutions(poses[0], self._arm.home, 4):
+            joints, lines = start.joints, []
+            for pose in poses[1:]:
+                line = self._arm.line(joints, pose, 0.03)
+                if line is None:
+                    break
+                lines += list(line)
+                joints = line[-1]
+            else:
+                checker = self._arm.checker(empty, 1.0)
+                if all(checker.free(each) for each in (start.joints, *lines)):
+                    return True
+        return False
+
+    def _sane_world(self, done: str) -> World:
+        if self._world is None:
+            raise RobotError(f"Nothing can be {done} before reset: call reset(task, seed) first.")
+        if not self._world.sane():
+            raise SimulationError(
+                f"The simulation has blown up and cannot be {done}; reset starts a clean one. "
+                "Slower motions or a smaller robot.grip_force avoid it."
+            )
+        return self._world

@@ -1,0 +1,187 @@
+"""Turning a task's layout into SAPIEN's actors and articulations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+from gvla2.robot.task import Body, Joint, Layout, Primitive
+from gvla2_plugins.sapien.engine import import_sapien
+
+PREFIX = "task/"
+"""Before the names of a layout's bodies in SAPIEN, so that they are never taken for links of the robot."""
+
+_STANDING = rigid([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Turns SAPIEN's cylinders, which lie along x, so that they stand along z."""
+
+
+@dataclass(frozen=True)
+class BuiltBodies:
+    """``entities`` by the body's name; ``joints``: by the joint's name, its articulation and its place in it."""
+
+    entities: dict[str, Any]
+    joints: dict[str, tuple[Any, int]]
+
+
+def build_bodies(scene: Any, layout: Layout) -> BuiltBodies:
+    """Put all bodies and joints of a layout into the scene.
+
+    Raises :class:`ConfigurationError` for a layout that is not sound: a joint of unknown bodies, a body with two
+    parents, a ring of joints, a free body with nothing solid.
+    """
+    _check(layout)
+    by_name = {body.name: body for body in layout.bodies}
+    jointed = {joint.parent for joint in layout.joints} | {joint.child for joint in layout.joints}
+    built = BuiltBodies({}, {})
+    for body in layout.bodies:
+        if body.name not in jointed:
+            built.entities[body.name] = _build_actor(scene, body)
+    children = {joint.child for joint in layout.joints}
+    for root in (b for b in layout.bodies if b.name in jointed and b.name not in children):
+        _build_tree(scene, root, by_name, layout.joints, built)
+    return built
+
+
+def pose_of(matrix: FloatArray) -> Any:
+    """SAPIEN's pose of a rigid (4, 4) matrix."""
+    return import_sapien().Pose(np.asarray(matrix, dtype=np.float32))
+
+
+def _build_actor(scene: Any, body: Body) -> Any:
+    builder = scene.create_actor_builder()
+    builder.set_initial_pose(pose_of(body.world_from_body))
+    _add_solids(builder, body)
+    name = PREFIX + body.name
+    return builder.build_static(name) if body.fixed else builder.build(name)
+
+
+def _build_tree(
+    scene: Any, root: Body, by_name: dict[str, Body], joints: tuple[Joint, ...], built: BuiltBodies
+) -> None:
+    """One articulation: ``root`` and everything that hangs on it."""
+    builder = scene.create_articulation_builder()
+    builder.set_initial_pose(pose_of(root.world_from_body))
+    links = {root.name: builder.create_link_builder()}
+    links[root.name].set_name(PREFIX + root.name)
+    _add_solids(links[root.name], root)
+    order: list[Joint] = []
+    waiting = [joint for joint in joints if joint.parent == root.name]
+    while waiting:
+        joint = waiting.pop(0)
+        order.append(joint)
+        waiting += [j for j in joints if j.parent == joint.child]
+        body = by_name[joint.child]
+        link = builder.create_link_builder(links[joint.parent])
+        link.set_name(PREFIX + body.name)
+        link.set_joint_name(joint.name)
+        frame = axis_frame(joint.axis, joint.origin)
+        link.set_joint_properties(
+            joint.kind,
+            [joint.limits],
+            pose_of(invert_rigid(by_name[joint.parent].world_from_body) @ frame),
+            pose_of(invert_rigid(body.world_from_body) @ frame),
+        )
+        _add_solids(link, body)
+        links[body.name] = link
+    articulation = builder.build(fix_root_link=root.fixed)
+    active = {joint.name: joint for joint in articulation.active_joints}
+    for joint in order:
+        made = active[joint.name]
+        # The builder drops the friction that it is given.
+        made.set_friction(joint.friction)
+        made.set_drive_property(joint.stiffness, joint.damping)
+        made.set_drive_target(joint.rest)
+    start = {joint.name: float(np.clip(joint.rest, *joint.limits)) for joint in order}
+    articulation.set_qpos(np.array([start[j.name] for j in articulation.active_joints], dtype=np.float32))
+    for index, made in enumerate(articulation.active_joints):
+        built.joints[made.name] = (articulation, index)
+    for link in articulation.links:
+        built.entities[link.name.removeprefix(PREFIX)] = link.entity
+
+
+def _add_solids(builder: Any, body: Body) -> None:
+    """The body's colliding solids, of the density that gives its mass."""
+    physx = import_sapien().physx
+    solids = [solid for solid in body.solids if solid.collides]
+    volume = sum(_volume(solid) for solid in solids)
+    material = physx.PhysxMaterial(body.friction, body.friction, 0.0)
+    for solid in solids:
+        how = {"material": material, "density": body.mass / volume}
+        if solid.kind == "box":
+            builder.add_box_collision(
+                pose_of(solid.body_from_shape), half_size=[0.5 * side for side in solid.size], **how
+            )
+        elif solid.kind == "cylinder":
+            builder.add_cylinder_collision(
+                pose_of(solid.body_from_shape @ _STANDING),
+                radius=0.5 * solid.size[0],
+                half_length=0.5 * solid.size[2],
+                **how,
+            )
+        else:
+            builder.add_sphere_collision(pose_of(solid.body_from_shape), radius=0.5 * solid.size[0], **how)
+
+
+def axis_frame(axis: FloatArray, origin: FloatArray) -> FloatArray:
+    """world_from_joint (4, 4): SAPIEN's joints and drives move along or about their own x axis."""
+    x = np.asarray(axis, dtype=np.float64)
+    x = x / np.linalg.norm(x)
+    aside = np.eye(3)[int(np.argmin(np.abs(x)))]
+    y = np.cross(aside, x)
+    y = y / np.linalg.norm(y)
+    return rigid(np.stack([x, y, np.cross(x, y)], axis=1), origin)
+
+
+def _volume(solid: Primitive) -> float:
+    x, y, z = solid.size
+    return {"box": x * y * z, "cylinder": np.pi / 4 * x * y * z, "sphere": np.pi / 6 * x**3}[solid.kind]
+
+
+def _check(layout: Layout) -> None:
+    names = [body.name for body in layout.bodies]
+    if len(set(names)) != len(names):
+        raise ConfigurationError(f"The task's layout has two bodies of one name: {sorted(names)}.")
+    parents: dict[str, str] = {}
+    for joint in layout.joints:
+        if joint.parent not in names or joint.child not in names:
+            raise ConfigurationError(
+                f"Joint '{joint.name}' of the task's layout ties '{joint.parent}' to '{joint.child}'; "
+                f"its bodies are {sorted(names)}."
+            )
+        if joint.child in parents:
+            raise ConfigurationError(
+                f"Body '{joint.child}' of the task's layout hangs on two joints; one may carry it."
+            )
+        parents[joint.child] = joint.parent
+    for name in parents:
+        above, seen = name, {name}
+        while above in parents:
+            above = parents[above]
+            if above in seen:
+                raise ConfigurationError(f"The joints of the task's layout form a ring through '{above}'.")
+            seen.add(above)
+    for thread in layout.threads:
+        if thread.parent not in names or thread.child not in names:
+            raise ConfigurationError(
+                f"Thread '{thread.name}' of the task's layout ties '{thread.parent}' to '{thread.child}'; "
+                f"its bodies are {sorted(names)}."
+            )
+        if {thread.parent, thread.child} & (parents.keys() | set(parents.values())):
+            raise ConfigurationError(
+                f"Thread '{thread.name}' of the task's layout ties a body that also hangs on a joint."
+            )
+        if layout[thread.child].fixed or not 0 < thread.release <= np.pi:
+            raise ConfigurationError(
+                f"Thread '{thread.name}' of the task's layout needs a child that is not fixed and a release in "
+                f"(0, pi], got {thread.release}."
+            )
+    for body in layout.bodies:
+        loose = not body.fixed or body.name in parents
+        if loose and not any(solid.collides for solid in body.solids):
+            raise ConfigurationError(
+                f"Body '{body.name}' of the task's layout can move, but nothing of it is solid."
+            )

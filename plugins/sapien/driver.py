@@ -1,0 +1,177 @@
+"""Driving a simulated arm: implements :class:`gvla2.robot.driver.Driver`, and feels guards."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from gvla2.errors import RobotError
+from gvla2.geometry.transform import FloatArray
+from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
+from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien.world import World
+
+WATCH_EVERY = 4
+"""Physics steps between looks at contacts, sanity and the film: 60 a second at 240 steps."""
+
+SETTLED_ERROR, SETTLED_SPEED, SETTLE_SECONDS = 1e-3, 5e-3, 0.5
+"""A motion is over at this joint error (rad) and speed (rad/s), or after this long."""
+
+GRIP_SECONDS, STILL_SPEED, STILL_SECONDS = 3.0, 1e-3, 0.1
+"""Gripping is over when the fingers are slower than this (m/s) for this long, or after three seconds."""
+
+STOPPED_SHORT, PRESSING = 0.002, 0.2
+"""Fingers hold something when they stop this far short of their target (metres), both pressing (newtons)."""
+
+BRAKE_SECONDS = 0.2
+
+FELT_STEPS = 4
+"""A guard feels the mean force of so many physics steps: a single step's knock is no press."""
+
+
+class SapienDriver:
+    """Moves a :class:`World` on, and takes a picture by ``film`` now and then (every ``1 / fps`` s of its time)."""
+
+    def __init__(
+        self,
+        world: World,
+        config: SapienConfig,
+        max_width: float,
+        film: Callable[[], None] | None = None,
+    ) -> None:
+        self._world, self._config, self._max_width = world, config, max_width
+        self._film = film
+        self._next_picture = world.time
+        self._steps = 0
+        self._touched: set[str] = set()
+        self._diverged = False
+        self._stop: StopRule | None = None
+        self._stopped = False
+        self._felt: deque[FloatArray] = deque(maxlen=FELT_STEPS)  # newtons on the hand, a step each
+
+    def state(self) -> DriverState:
+        """The measured state, now."""
+        return DriverState(self._world.joints, self._world.gripper_width)
+
+    def follow(self, samples: FloatArray, dt: float, gripper: float) -> MoveResult:
+        """Send the arm through joint targets (T, dof), radians, one every ``dt`` seconds, then settle."""
+        samples = np.atleast_2d(np.asarray(samples, dtype=np.float64))
+        if samples.shape[1] != len(self._world.joints) or not np.isfinite(samples).all() or dt <= 0:
+            raise RobotError(
+                f"The arm follows finite joint samples (T, {len(self._world.joints)}) at dt > 0, got shape "
+                f"{samples.shape} at dt={dt}."
+            )
+        self._touched, self._diverged, self._stopped = set(), False, False
+        if not self._squeezes_at(gripper):
+            self._world.drive_fingers(self._travel(gripper))
+        for target, speed in zip(*self._resample(samples, dt), strict=True):
+            self._world.drive_arm(target, speed)
+            self._advance(target)
+            if self._diverged or self._stopped:
+                break
+        else:
+            self._world.drive_arm(samples[-1], np.zeros(samples.shape[1]))
+        for _ in range(self._count(SETTLE_SECONDS)):
+            error = np.abs(self._world.joints - samples[-1]).max()
+            if self._diverged or self._stopped or (error < SETTLED_ERROR and self._slow()):
+                break
+            self._advance(samples[-1])
+        self._watch()
+        error = float(np.abs(self._world.joints - samples[-1]).max())
+        error = error if np.isfinite(error) else float("inf")
+        return MoveResult(error, self._contacts(), self._diverged, self._stopped)
+
+    def follow_guarded(self, samples: FloatArray, dt: float, gripper: float, stop: StopRule) -> MoveResult:
+        """As :meth:`follow`, until ``stop``; its force is the wrist's, the mean of the last physics steps."""
+        self._stop = stop
+        self._felt.clear()
+        try:
+            return self.follow(samples, dt, gripper)
+        finally:
+            self._stop = None
+
+    def grip(self, opening: float) -> GripResult:
+        """Open or close to ``opening`` in [0, 1] with the arm held, and wait for it."""
+        self._touched, self._diverged = set(), False
+        goal = self._travel(opening)
+        if 2 * goal > self._world.gripper_width:
+            self._world.detach()
+        start = 0.5 * self._world.gripper_width
+        ramp = max(1, self._count(abs(goal - start) / self._config.grip_speed))
+        for share in np.linspace(0.0, 1.0, ramp + 1)[1:]:
+            self._world.drive_fingers(float(start + share * (goal - start)))
+            self._advance()
+        still = 0
+        for _ in range(self._count(GRIP_SECONDS)):
+            still = still + 1 if self._world.finger_speed < STILL_SPEED else 0
+            if self._diverged or still >= self._count(STILL_SECONDS):
+                break
+            self._advance()
+        self._watch()
+        width = self._world.gripper_width
+        if self._config.attach and 2 * goal < width:
+            self._world.attach()
+        pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
+        return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
+
+    def hold(self, seconds: float = BRAKE_SECONDS) -> None:
+        """Stop where the arm is measured to be and stay there; simulates ``seconds`` of it."""
+        joints = self._world.joints
+        if not np.isfinite(joints).all():
+            return  # blown up: nothing is left to hold, and the next reset builds a new world
+        self._world.drive_arm(joints, np.zeros(len(joints)))
+        for _ in range(self._count(seconds)):
+            self._world.step()
+
+    def _resample(self, samples: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Targets (S, dof) and speeds (S, dof), one a physics step, linear between samples."""
+        times = np.arange(len(samples)) * dt
+        count = int(np.ceil(times[-1] * self._world.rate - 1e-9))
+        steps = np.minimum(np.arange(1, count + 1) / self._world.rate, times[-1])
+        targets = np.stack([np.interp(steps, times, column) for column in samples.T], axis=1)
+        before = np.vstack([samples[:1], targets[:-1]])
+        return targets, (targets - before) * self._world.rate
+
+    def _squeezes_at(self, opening: float) -> bool:
+        """Whether the fingers squeeze something and the opening is just where it stops them.
+
+        A new execution starts from measurements: it must not let go of what an earlier one grasped.
+        """
+        width = self._world.gripper_width
+        stopped_short = width - 2 * self._world.finger_target > STOPPED_SHORT
+        return stopped_short and abs(2 * self._travel(opening) - width) < STOPPED_SHORT
+
+    def _travel(self, opening: float) -> float:
+        """One finger's travel from closed, metres, of an opening in [0, 1]."""
+        return 0.5 * self._max_width * float(np.clip(opening, 0.0, 1.0))
+
+    def _advance(self, target: FloatArray | None = None) -> None:
+        """One step; with a guard a look at what the hand feels on its way to the joints ``target`` (7,)."""
+        self._world.step()
+        self._steps += 1
+        if self._stop is not None and target is not None:
+            self._felt.append(self._world.hand_force())
+            felt = np.sum(self._felt, axis=0) / FELT_STEPS
+            self._stopped = self._stop(target, self._world.joints, felt)
+        if self._steps % WATCH_EVERY == 0:
+            self._watch()
+
+    def _watch(self) -> None:
+        self._diverged = self._diverged or not self._world.sane()
+        if self._diverged:
+            return
+        self._touched |= self._world.touching_links()
+        if self._film is not None and self._world.time >= self._next_picture:
+            self._next_picture = self._world.time + 1.0 / self._config.video_fps
+            self._film()
+
+    def _slow(self) -> bool:
+        return bool(np.abs(self._world.joint_speeds).max() < SETTLED_SPEED)
+
+    def _count(self, seconds: float) -> int:
+        return int(np.ceil(seconds * self._world.rate))
+
+    def _contacts(self) -> tuple[str, ...]:
+        return tuple(sorted(self._touched))

@@ -1,0 +1,34 @@
+"""Getting SAPIEN, and saying what to install where it does not load."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+from gvla2.errors import MissingDependencyError
+
+
+def import_sapien() -> Any:
+    """The module ``sapien``; raises :class:`MissingDependencyError` that names what is absent."""
+    try:
+        with warnings.catch_warnings():
+            # It looks for Vulkan, which CPU physics does not need.
+            warnings.simplefilter("ignore")
+            import sapien
+            import sapien.physx
+    except ModuleNotFoundError as error:
+        if error.name != "sapien":
+            raise
+        raise MissingDependencyError(
+            "the package 'sapien'",
+            "A simulated arm (robot=sapien_panda, robot=sapien_piper)",
+            'pip install "gvla2[sim]" (on Linux)',
+        ) from error
+    except (ImportError, OSError) as error:
+        raise MissingDependencyError(
+            f"a system library that SAPIEN loads ({error})",
+            "A simulated arm (robot=sapien_panda, robot=sapien_piper)",
+            "apt-get install libx11-6 libgl1 (Debian, Ubuntu), with the package from "
+            'pip install "gvla2[sim]"',
+        ) from error
+    return sapien

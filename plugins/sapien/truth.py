@@ -1,0 +1,112 @@
+"""The scene as it truly is: for demonstrations and the ``oracle`` perceiver only."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.planning.colours import nearest_colours
+from gvla2.planning.scene import Box, Scene, SceneObject, Shape
+from gvla2.robot.task import Body, Layout
+from gvla2.robot.volumes import extent
+from gvla2_plugins.sapien.hollows import opening
+from gvla2_plugins.sapien.looks import body_surface
+from gvla2_plugins.sapien.world import World
+
+POINTS = 1500
+"""Points of an object's surface."""
+
+THIN = 0.25
+"""A solid is a disc or a plate when its height is below this share of its breadth."""
+
+_PAINT = 0.002
+
+
+def true_scene(world: World, layout: Layout, table_height: float, workspace: Box) -> Scene:
+    """Every body as an object whose id is the body's name, and its named parts; parts name their parent."""
+    above = {joint.child: joint.parent for joint in (*layout.joints, *layout.threads)}
+    objects: list[SceneObject] = []
+    for body in layout.lit(world.peaks):
+        pose = world.body_pose(body.name)
+        parts = [_part(body, label, numbers) for label, numbers in body.parts]
+        objects.append(_object(_without_what_stands_off(body), pose, above.get(body.name, "")))
+        objects += [_object(part, pose, body.name) for part in parts]
+    return Scene(tuple(objects), table_height, workspace, "oracle")
+
+
+def _part(body: Body, label: str, numbers: tuple[int, ...]) -> Body:
+    """Some solids of a body as a body of their own, named after both."""
+    solids = tuple(body.solids[i] for i in numbers)
+    return replace(body, name=f"{body.name}/{label}", solids=solids, label=label, shape="", parts=())
+
+
+def _without_what_stands_off(body: Body) -> Body:
+    """The body less the parts that are beside it: a drawer's box ends where its handle begins."""
+    aside: set[int] = set()
+    for _, numbers in body.parts:
+        rest = tuple(solid for i, solid in enumerate(body.solids) if i not in numbers)
+        low, high = extent(rest)
+        middle = 0.5 * np.sum(extent(tuple(body.solids[i] for i in numbers)), axis=0)
+        if ((middle < low) | (middle > high))[:2].any():
+            aside |= set(numbers)
+    return replace(body, solids=tuple(solid for i, solid in enumerate(body.solids) if i not in aside))
+
+
+def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
+    low, high = extent(body.solids)
+    rgb = np.array(_main_colour(body))
+    colour = nearest_colours(rgb, 1)[0][0]
+    shape = _shape(body, high - low)
+    return SceneObject(
+        body.name,
+        body.label or f"{colour} {shape}",
+        shape,
+        colour,
+        pose @ rigid(translation=0.5 * (low + high)),
+        high - low,
+        transform_points(pose, _surface_points(body)),
+        rgb,
+        parent,
+        opening=opening(body.solids, low, high),
+    )
+
+
+def _main_colour(body: Body) -> tuple[float, float, float]:
+    """The colour of most of the body's volume."""
+    volume: dict[tuple[float, float, float], float] = {}
+    for solid in body.solids:
+        volume[solid.rgb] = volume.get(solid.rgb, 0.0) + float(np.prod(solid.size))
+    return max(volume, key=lambda rgb: volume[rgb])
+
+
+def _shape(body: Body, size: FloatArray) -> Shape:
+    if body.shape in get_args(Shape):
+        return body.shape  # type: ignore[return-value]
+    if size[2] <= _PAINT and not any(solid.collides for solid in body.solids):
+        return "region"
+    if len(body.solids) > 1:
+        return "other"
+    kind, flat = body.solids[0].kind, size[2] < THIN * min(size[:2])
+    if kind == "cylinder":
+        return "disc" if flat else "cylinder"
+    if kind == "sphere":
+        return "sphere"
+    return "plate" if flat else "box"
+
+
+def _surface_points(body: Body) -> FloatArray:
+    """(N, 3) points spread evenly over the body's surface, its own frame; the same at each call."""
+    surface = body_surface(body)
+    corners = surface.vertices[surface.faces]  # (F, 3, 3)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(across, axis=1)
+    rng = np.random.default_rng(0)
+    face = rng.choice(len(area), size=POINTS, p=area / area.sum())
+    a, b = rng.random((2, POINTS, 1))
+    fold = a + b > 1
+    a, b = np.where(fold, 1 - a, a), np.where(fold, 1 - b, b)
+    first = corners[face, 0]
+    return np.asarray(first + a * (corners[face, 1] - first) + b * (corners[face, 2] - first))

@@ -1,0 +1,280 @@
+"""The simulated world of one episode: table, arm, the task's bodies, and time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from gvla2.errors import SimulationError
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.robot.task import Layout
+from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien.attachment import Clamp, in_zone
+from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
+from gvla2_plugins.sapien.cell import Cell
+from gvla2_plugins.sapien.description import load_robot
+from gvla2_plugins.sapien.engine import import_sapien
+from gvla2_plugins.sapien.threads import Screwed
+
+SETTLE_STEPS, MOST_SETTLE_STEPS = 10, 480
+REST_SPEED = 0.005
+"""Bodies rest below this speed, m/s and (for a lever of 10 cm) 0.1 rad/s."""
+
+IMPOSSIBLE_JOINT_SPEED, IMPOSSIBLE_SPEED = 50.0, 50.0
+"""rad/s and m/s beyond which the simulation has blown up."""
+
+FINGER_STIFFNESS, FINGER_DAMPING = 4000.0, 100.0
+"""N/m and Ns/m: stiff enough for the full grip force at 1 cm from the target."""
+
+FLOOR_DEPTH = 0.75
+"""From the table's top down to the floor, metres: what leaves the table must not fall for ever, and ever faster."""
+
+TOUCH = 1e-4
+"""Impulse of a step, newton seconds, from which a contact is one and not just nearness."""
+
+
+class World:
+    """Builds everything new, so that nothing of an earlier episode, blown up or not, lives on."""
+
+    def __init__(self, config: SapienConfig, cell: Cell, layout: Layout) -> None:
+        sapien = import_sapien()
+        self.rate = config.physics_rate
+        self.time = 0.0
+        self._system = sapien.physx.PhysxCpuSystem()
+        self._scene = sapien.Scene([self._system])
+        self._scene.timestep = 1.0 / self.rate
+        table = self._scene.create_actor_builder()
+        table.set_initial_pose(pose_of(cell.table.world_from_body))
+        material = sapien.physx.PhysxMaterial(config.table_friction, config.table_friction, 0.0)
+        half = [0.5 * side for side in cell.table.solids[0].size]
+        table.add_box_collision(half_size=half, material=material)
+        table.build_static(PREFIX + "table")
+        top = cell.table.world_from_body[2, 3] + half[2]
+        self._scene.add_ground(float(top - FLOOR_DEPTH), render=False, material=material)
+
+        self._cell = cell
+        self._robot = load_robot(self._scene, cell, config.finger_friction)
+        self._robot.set_root_pose(pose_of(cell.world_from_base))
+        self._links = {link.name: link for link in self._robot.links}
+        fingers = {finger.joint for finger in cell.fingers}
+        joints = self._robot.active_joints
+        self._arm = np.array([i for i, joint in enumerate(joints) if joint.name not in fingers])
+        self._fingers = np.array([i for i, joint in enumerate(joints) if joint.name in fingers])
+        self._arm_joints = [joints[i] for i in self._arm]
+        self._finger_joints = [joints[i] for i in self._fingers]
+        for joint in self._arm_joints:
+            joint.set_drive_property(config.arm_stiffness, config.arm_damping, config.arm_force)
+        for joint in self._finger_joints:
+            joint.set_drive_property(FINGER_STIFFNESS, FINGER_DAMPING, config.grip_force)
+        home = np.zeros(len(joints), dtype=np.float32)
+        home[self._arm] = cell.arm.home
+        home[self._fingers] = cell.fingers[0].opened
+        self._robot.set_qpos(home)
+        self.drive_arm(cell.arm.home, np.zeros(cell.arm.dof))
+        self.drive_fingers(cell.fingers[0].opened)
+
+        self._bodies = build_bodies(self._scene, layout)
+        self._threads = {
+            t.name: Screwed(self._scene, t, layout, self._bodies.entities) for t in layout.threads
+        }
+        self._clamp = Clamp(self._scene, self._links[cell.hand_link].entity)
+        self._movers = [
+            component
+            for entity in self._bodies.entities.values()
+            for component in entity.components
+            if hasattr(component, "linear_velocity") and hasattr(component, "mass")
+        ]
+        self.peaks: dict[str, float] = {}
+        self._settle()
+
+    def _settle(self) -> None:
+        """Steps until the bodies rest, ten at least; raises :class:`SimulationError` when that goes wrong."""
+        for count in range(MOST_SETTLE_STEPS):
+            self._system.step()
+            if count + 1 >= SETTLE_STEPS and self._speed() < REST_SPEED:
+                break
+        if not self.sane():
+            raise SimulationError(
+                "The simulation blew up while the scene settled: bodies of this layout overlap. "
+                "Give their sampling more room."
+            )
+        self.peaks = {name: self.travel(name) for name in (*self._bodies.joints, *self._threads)}
+
+    def _speed(self) -> float:
+        """Largest speed of a task's body, m/s, turning taken at a lever of 5 cm."""
+        return max((_speed_of(c) for c in self._movers), default=0.0)
+
+    def step(self) -> None:
+        """One step of physics."""
+        self._system.step()
+        self.time += 1.0 / self.rate
+        for name, (articulation, index) in self._bodies.joints.items():
+            self.peaks[name] = max(self.peaks[name], float(articulation.qpos[index]))
+        for name, thread in self._threads.items():
+            thread.watch()
+            self.peaks[name] = thread.peak
+
+    def sane(self) -> bool:
+        """Whether all positions and speeds are finite and physically possible."""
+        speeds = self._robot.qvel
+        robot = np.isfinite(self._robot.qpos).all() and (np.abs(speeds) < IMPOSSIBLE_JOINT_SPEED).all()
+        bodies = all(
+            np.isfinite(e.pose.p).all() and np.isfinite(e.pose.q).all()
+            for e in self._bodies.entities.values()
+        )
+        return bool(robot and bodies and self._speed() < IMPOSSIBLE_SPEED)
+
+    # The robot, as its own sensors know it.
+
+    @property
+    def joints(self) -> FloatArray:
+        """(dof,) the arm's joints, radians."""
+        return np.asarray(self._robot.qpos[self._arm], dtype=np.float64)
+
+    @property
+    def joint_speeds(self) -> FloatArray:
+        """(dof,) rad/s."""
+        return np.asarray(self._robot.qvel[self._arm], dtype=np.float64)
+
+    @property
+    def gripper_width(self) -> float:
+        """Between the fingers, metres."""
+        return float(self._robot.qpos[self._fingers].sum())
+
+    @property
+    def finger_speed(self) -> float:
+        """Of the faster finger, m/s."""
+        return float(np.abs(self._robot.qvel[self._fingers]).max())
+
+    def place_arm(self, joints: FloatArray, width: float) -> None:
+        """Put the arm at rest at joints (dof,) radians, its fingers ``width`` metres apart."""
+        all_joints = np.zeros(len(self._robot.active_joints), dtype=np.float32)
+        all_joints[self._arm], all_joints[self._fingers] = joints, 0.5 * width
+        self._robot.set_qpos(all_joints)
+        self._robot.set_qvel(np.zeros_like(all_joints))
+        self.drive_arm(joints, np.zeros(len(joints)))
+        self.drive_fingers(0.5 * width)
+
+    def drive_arm(self, joints: FloatArray, speeds: FloatArray) -> None:
+        """Set the arm's targets: joints (dof,) radians, speeds (dof,) rad/s."""
+        for joint, target, speed in zip(self._arm_joints, joints.tolist(), speeds.tolist(), strict=True):
+            joint.set_drive_target(target)
+            joint.set_drive_velocity_target(speed)
+
+    def drive_fingers(self, travel: float) -> None:
+        """Set each finger's target, metres from closed."""
+        self.finger_target = travel
+        for joint in self._finger_joints:
+            joint.set_drive_target(travel)
+
+    def link_poses(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """world_from_link (4, 4) of the robot's links at its measured joints."""
+        return {name: _matrix(self._links[name].entity.pose) for name in names}
+
+    def touching_links(self) -> set[str]:
+        """The robot's links that press on something else now; the base, which stands on the table, left out."""
+        base = self._robot.root.name
+        touched = set()
+        for one, other, impulse in self._contacts():
+            mine = {one, other} & self._links.keys()
+            if len(mine) == 1 and base not in mine and np.linalg.norm(impulse) > TOUCH:
+                touched |= mine
+        return touched
+
+    def hand_force(self) -> FloatArray:
+        """(3,) newtons, world: what a sensor in the wrist feels of all that presses and hangs on hand and fingers.
+
+        The joint that carries the hand tells it; contacts would not, since theirs are without friction.
+        """
+        hand = self._links[self._cell.hand_link]
+        forces = np.asarray(self._robot.get_link_incoming_joint_forces(), dtype=np.float64)  # (links, 6)
+        return np.asarray(_matrix(hand.entity.pose)[:3, :3] @ forces[hand.index, :3])
+
+    def finger_forces(self) -> dict[str, tuple[float, float]]:
+        """Force of the left and the right finger on each thing that they press on, newtons, by SAPIEN's name."""
+        forces: dict[str, dict[str, FloatArray]] = {}
+        links = self._cell.finger_links
+        for one, other, impulse in self._contacts():
+            for finger, thing in ((one, other), (other, one)):
+                if finger in links and thing not in self._links:
+                    by_finger = forces.setdefault(thing, {f: np.zeros(3) for f in links})
+                    by_finger[finger] = by_finger[finger] + impulse * self.rate
+        return {
+            thing: (float(np.linalg.norm(f[links[0]])), float(np.linalg.norm(f[links[1]])))
+            for thing, f in forces.items()
+        }
+
+    def _contacts(self) -> list[tuple[str, str, FloatArray]]:
+        found = []
+        for contact in self._system.get_contacts():
+            one, other = contact.bodies
+            impulse = np.sum([point.impulse for point in contact.points], axis=0, dtype=np.float64)
+            found.append((one.entity.name, other.entity.name, impulse))
+        return found
+
+    # The scene's true state: for the cameras' rays and the referee only.
+
+    def body_pose(self, name: str) -> FloatArray:
+        """world_from_body (4, 4) of a task's body."""
+        return _matrix(self._bodies.entities[name].pose)
+
+    def travel(self, name: str) -> float:
+        """A task's joint or thread, radians or metres."""
+        if name in self._threads:
+            return self._threads[name].angle
+        articulation, index = self._bodies.joints[name]
+        return float(articulation.qpos[index])
+
+    def loose(self, name: str) -> bool:
+        """Whether a thread has been turned until it holds no more."""
+        return self._threads[name].loose
+
+    def body_speed(self, name: str) -> float:
+        """Of a task's body, m/s, turning taken at a lever of 5 cm; 0 for what is fixed."""
+        entity = self._bodies.entities[name]
+        return max((_speed_of(c) for c in self._movers if c.entity == entity), default=0.0)
+
+    def touching(self, name: str) -> set[str]:
+        """What presses on a task's body now: other bodies, "table", "robot"."""
+        found = set()
+        for one, other, impulse in self._contacts():
+            if PREFIX + name in (one, other) and np.linalg.norm(impulse) > TOUCH:
+                thing = other if one == PREFIX + name else one
+                found.add("robot" if thing in self._links else thing.removeprefix(PREFIX))
+        return found
+
+    # The option ``attach``.
+
+    def attach(self) -> str:
+        """Tie what both fingers touch between them to the hand; its name, "" when there is no such thing."""
+        touched: dict[str, dict[str, list[FloatArray]]] = {}
+        for contact in self._system.get_contacts():
+            names = [body.entity.name for body in contact.bodies]
+            for finger, thing in (names, names[::-1]):
+                if finger in self._cell.finger_links and thing.startswith(PREFIX):
+                    points = [np.asarray(p.position, dtype=np.float64) for p in contact.points]
+                    touched.setdefault(thing, {}).setdefault(finger, []).extend(points)
+        hand_from_tcp = rigid(translation=(0.0, 0.0, self._cell.tcp_offset))
+        world_from_tcp = _matrix(self._links[self._cell.hand_link].entity.pose) @ hand_from_tcp
+        for thing, fingers in touched.items():
+            between = [point for points in fingers.values() for point in points]
+            entity = self._bodies.entities.get(thing.removeprefix(PREFIX))
+            if entity is not None and len(fingers) == 2 and in_zone(world_from_tcp, between):
+                self._clamp.close(entity)
+                return thing.removeprefix(PREFIX)
+        return ""
+
+    def detach(self) -> None:
+        """Let go of what is attached."""
+        self._clamp.open()
+
+
+def _speed_of(component: Any) -> float:
+    linear, angular = component.linear_velocity, component.angular_velocity
+    return float(max(np.linalg.norm(linear), 0.05 * np.linalg.norm(angular)))
+
+
+def _matrix(pose: Any) -> FloatArray:
+    return np.asarray(pose.to_transformation_matrix(), dtype=np.float64)

@@ -1,0 +1,127 @@
+"""Scenes that are right, wrong in one way, and not there."""
+
+import numpy as np
+import pytest
+
+from gvla2.evaluation.perception.masks import object_masks
+from gvla2.evaluation.perception.overlay import overlay_sheet
+from gvla2.evaluation.perception.scoring import extent_errors, score
+from gvla2.evaluation.perception.truth import true_things
+from gvla2.geometry.transform import rigid
+
+
+def scored(lab, scene):
+    return score(true_things(lab, lab.observation, lab.layout), scene, lab.observation)
+
+
+@pytest.mark.parametrize("every", [1, 3, 10])
+def test_the_truth_scores_best_however_few_points_are_kept(world, body, perceived, scene_of, every):
+    one, other = body("near", 0.2), body("far", -0.2, label="blue cube")
+    lab = world(one, other)
+    seen = [perceived(b, lab.points(b.name, every=every), id=f"o{k}") for k, b in enumerate((other, one))]
+    result = scored(lab, scene_of(*seen))
+    assert [thing.thing.name for thing in result.things] == ["near", "far"]
+    assert [thing.match.index for thing in result.things] == [1, 0]
+    for thing in result.things:
+        assert thing.match.iou > (0.98 if every == 1 else 0.85)
+        assert thing.words.label
+        assert thing.centre_mm == pytest.approx(0, abs=1e-6)
+        assert thing.extent_mm == pytest.approx(0, abs=1e-6)
+    assert result.found == 1
+    assert not result.strays
+
+
+def test_errors_are_measured(world, body, perceived, scene_of):
+    one = body("near", 0.2)
+    lab = world(one)
+    off = rigid(translation=(0.203, 0.004, 0.05))
+    thing = perceived(one, lab.points("near"), world_from_object=off, extents=np.array([0.1, 0.09, 0.107]))
+    (result,) = scored(lab, scene_of(thing)).things
+    assert result.centre_mm == pytest.approx(5)
+    assert result.extents_mm == pytest.approx((0, -10, 7))
+    assert result.extent_mm == pytest.approx(10)
+
+
+def test_level_axes_may_come_in_any_order(body, perceived):
+    true = perceived(body("plank", 0.0, size=(0.3, 0.1, 0.02)))
+    turn = rigid([[0, 1, 0], [-1, 0, 0], [0, 0, 1]], true.centre)
+    seen = perceived(body("plank", 0.0), world_from_object=turn, extents=np.array([0.1, 0.31, 0.02]))
+    np.testing.assert_allclose(extent_errors(true, seen), (0.01, 0, 0), atol=1e-12)
+
+
+def test_a_miss_and_a_phantom(world, body, perceived, scene_of):
+    lab = world(body("near", 0.2))
+    ghost = perceived(body("ghost", -0.3), np.array([[-0.3, 0.01 * k, 0.0] for k in range(9)]))
+    result = scored(lab, scene_of(ghost))
+    assert result.found == 0
+    assert result.things[0].centre_mm is None
+    assert [(stray.index, stray.piece_of) for stray in result.strays] == [(0, "")]
+    empty = scored(lab, scene_of())
+    assert (empty.found, empty.strays, empty.things[0].match.index) == (0, (), -1)
+
+
+def test_a_thing_in_two_is_found_once_and_has_a_piece_too_many(world, body, perceived, scene_of):
+    one = body("near", 0.2)
+    lab = world(one)
+    points = lab.points("near")
+    low = points[:, 1] < 0.02
+    halves = [perceived(one, points[low], id="large"), perceived(one, points[~low], id="small")]
+    result = scored(lab, scene_of(*halves))
+    assert result.things[0].match.index == 0
+    assert [(stray.index, stray.piece_of) for stray in result.strays] == [(1, "near")]
+    part = [halves[0], perceived(one, points[~low], id="small", parent="large")]
+    told = scored(lab, scene_of(*part))
+    assert not told.strays, "a part of the right thing is no error"
+    assert told.things[0].match.iou > 0.98 > result.things[0].match.iou
+
+
+def test_two_things_taken_for_one(world, body, perceived, scene_of):
+    lab = world(body("a", 0.2), body("b", 0.05, label="blue cube"))
+    both = perceived(body("both", 0.1), lab.points("a", "b"))
+    result = scored(lab, scene_of(both))
+    assert result.found <= 0.5
+    assert sum(thing.match.index == 0 for thing in result.things) == 1
+
+
+@pytest.mark.parametrize("cut", [True, False])
+def test_how_finely_a_pile_is_cut_is_no_error(world, body, perceived, scene_of, cut):
+    bodies = [body(name, 0.1005 * k - 0.1) for k, name in enumerate("abc")]
+    lab = world(*bodies)
+    if cut:
+        scene = scene_of(*(perceived(b, lab.points(b.name)) for b in bodies))
+    else:
+        scene = scene_of(perceived(bodies[0], lab.points("a", "b", "c"), label="red tower"))
+    result = scored(lab, scene)
+    (pile,) = result.things
+    assert pile.match.iou > 0.97
+    assert not result.strays
+    assert pile.words.colour
+    assert pile.words.noun is not cut
+    if cut:
+        assert pile.extent_mm == pytest.approx(0, abs=1e-6)
+
+
+def test_masks_keep_holes_and_stay_inside(world, body, perceived):
+    one = body("near", 0.2)
+    lab = world(one)
+    (mask,) = object_masks(lab.observation, [perceived(one, lab.points("near"))])
+    depths = [view.depth for view in lab.observation.views]
+    true = np.concatenate([ids[np.isfinite(z)] == 0 for ids, z in zip(lab.ids, depths, strict=True)])
+    np.testing.assert_array_equal(mask[true], True)
+    assert (mask & ~true).sum() <= 6, "nothing but a corner is closed over"
+    assert object_masks(lab.observation, []).shape == (0, len(true))
+
+
+def test_the_picture_shows_all_views(world, body, perceived, scene_of):
+    from io import BytesIO
+
+    from PIL import Image
+
+    one = body("near", 0.2)
+    lab = world(one)
+    scene = scene_of(perceived(one, lab.points("near")))
+    picture = Image.open(BytesIO(overlay_sheet(lab.observation, scored(lab, scene), scene, width=200)))
+    assert picture.size == (400, 200)
+    bare = Image.open(BytesIO(overlay_sheet(lab.observation, scored(lab, scene_of()), scene_of(), width=200)))
+    red = np.asarray(bare.convert("RGB")).astype(int)
+    assert ((red[..., 0] > 220) & (red[..., 1] < 80)).sum() > 50, "what is missed is outlined in red"

@@ -1,0 +1,202 @@
+"""Tasks through Gymnasium's interface, in the real simulator."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import gvla2.gym  # noqa: F401 - registers the environments
+from gvla2.errors import ConfigurationError, Gvla2Error, RobotError, UnknownComponentError
+from gvla2.geometry.transform import rigid
+from gvla2.gym.env import TaskEnv
+from gvla2.planning.contracts import PlanRequest
+from gvla2.plugins import Registry
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+SMALL = {"image_size": 48, "cameras": ["front"]}
+
+
+@pytest.fixture(scope="module")
+def small():
+    """One small environment for all tests that only look at what a step does."""
+    env = gymnasium.make("gvla2/pick_and_lift-v0", render_mode="rgb_array", **SMALL)
+    yield env
+    env.close()
+
+
+def to(env, xyz, gripper=1.0):
+    """The action that brings the hand to a point, pointing down."""
+    return env.unwrapped.actions.action(rigid(DOWN, xyz), gripper)
+
+
+def test_it_passes_gymnasiums_own_check():
+    env = gymnasium.make("gvla2/put_block-v0", image_size=32, cameras=["front", "wrist"])
+    check_env(env.unwrapped)  # its warnings are errors here
+    env.close()
+
+
+def test_the_observation_is_what_the_cameras_and_joints_measure(small):
+    observation, info = small.reset(seed=4)
+    seen = small.unwrapped.observation
+    assert observation["rgb"].shape == (1, 48, 48, 3)
+    np.testing.assert_array_equal(observation["rgb"][0], seen.views[0].image)
+    depth = np.nan_to_num(seen.views[0].depth)
+    np.testing.assert_array_equal(observation["depth"][0], depth)
+    assert (depth == 0).any()  # past the table there is nothing
+    np.testing.assert_allclose(observation["tcp"][:3], seen.world_from_tcp[:3, 3], atol=1e-6)
+    np.testing.assert_allclose(observation["joints"], small.unwrapped.arm.home, atol=1e-3)
+    assert observation["gripper"][0] == pytest.approx(seen.gripper_width)
+    camera = info["cameras"]["front"]
+    np.testing.assert_array_equal(camera["intrinsics"], seen.views[0].camera.K)
+    np.testing.assert_array_equal(camera["world_from_camera"], seen.views[0].camera.world_from_camera)
+    assert info["instruction"] == small.unwrapped.instruction
+    np.testing.assert_array_equal(small.render(), seen.views[0].image)
+
+
+def test_the_seed_decides_the_episode(small):
+    first, info = small.reset(seed=7)
+    small.reset(seed=8)
+    again, same = small.reset(seed=7)
+    assert all(np.array_equal(first[key], again[key]) for key in first)
+    assert info["instruction"] == same["instruction"]
+    following, _ = small.reset()
+    assert not np.array_equal(following["rgb"], first["rgb"])
+    small.reset(seed=7)
+    assert np.array_equal(small.reset()[0]["rgb"], following["rgb"])
+
+
+def test_the_seed_is_that_of_a_run(small, compose_run, registry: Registry):
+    observation, info = small.reset(seed=11)
+    config = compose_run("task=pick_and_lift", "robot.image_size=48", "robot.cameras=[front]")
+    parts = registry.build_all(config, ("robot", "task"))
+    instance = parts["robot"].reset(parts["task"], 11)
+    assert instance.instruction == info["instruction"]
+    np.testing.assert_array_equal(parts["robot"].observe().views[0].image, observation["rgb"][0])
+    parts["robot"].close()
+
+
+def test_a_sentence_of_your_own(small):
+    before, _ = small.reset(seed=3)
+    after, info = small.reset(seed=3, options={"instruction": "hoist something"})
+    assert info["instruction"] == "hoist something"
+    assert np.array_equal(before["rgb"], after["rgb"])
+    with pytest.raises(ConfigurationError, match="no option 'sentence'"):
+        small.reset(options={"sentence": "hoist"})
+
+
+def test_a_waypoint_is_reached(small):
+    small.reset(seed=0)
+    observation, reward, terminated, truncated, info = small.step(to(small, (0.3, 0.1, 1.2), 0.5))
+    assert (info["waypoint"]["abort"], info["waypoint"]["status"]) == ("", "linear")
+    np.testing.assert_allclose(observation["tcp"][:3], (0.3, 0.1, 1.2), atol=2e-3)
+    np.testing.assert_allclose(observation["tcp"][3:], (1, 0, 0, 0), atol=2e-3)  # half a turn about x: down
+    assert observation["gripper"][0] == pytest.approx(0.04, abs=2e-3)
+    assert (reward, terminated, truncated) == (0.0, False, False)
+    assert info["success"] == {"eased": False, "strict": False}
+    assert info["is_success"] is False
+
+
+def test_what_is_out_of_reach_moves_nothing_and_is_told(small):
+    before, _ = small.reset(seed=0)
+    corner = small.unwrapped.arm.workspace.high
+    after, reward, terminated, truncated, info = small.step(to(small, corner))
+    assert info["waypoint"]["abort"] == "unreachable"
+    assert info["waypoint"]["message"]
+    np.testing.assert_allclose(after["tcp"], before["tcp"], atol=1e-3)
+    assert (reward, terminated, truncated) == (0.0, False, False)
+    assert not small.step(to(small, (0.3, 0.0, 1.2)))[4]["waypoint"]["abort"]  # and the episode goes on
+
+
+def test_where_no_straight_line_leads_it_goes_around(small):
+    small.reset(seed=0)
+    aside = (0.1, 0.45, 1.0)
+    turned = rigid(
+        np.diag([-1.0, 1.0, -1.0]), aside
+    )  # by half a turn, more than the wrist can follow on the way
+    observation, *_, info = small.step(small.unwrapped.actions.action(turned, 1.0))
+    assert info["waypoint"]["status"] in ("direct", "rrt_connect")
+    np.testing.assert_allclose(observation["tcp"][:3], aside, atol=2e-3)
+
+
+def test_a_task_is_solved_through_the_interface_alone(registry: Registry):
+    """The `skill` planner sees what the environment observed; the block stays held from waypoint to waypoint."""
+    env = gymnasium.make("gvla2/put_block-v0", image_size=192, profile="strict")
+    _, info = env.reset(seed=1)
+    raw = env.unwrapped
+    choice = {"perceiver": {"name": "classical"}, "planner": {"name": "skill"}}
+    parts = registry.build_all(choice, ("perceiver", "planner"))
+    seen = raw.observation
+    scene = parts["perceiver"].perceive(seen, info["instruction"], raw.arm.workspace)
+    plan = parts["planner"].plan(
+        PlanRequest(info["instruction"], scene, raw.arm, seen.world_from_tcp, seen.joints, seen)
+    )
+    rewards = []
+    for pose, waypoint in zip(plan.trajectory.poses(seen.world_from_tcp), plan.trajectory, strict=True):
+        _, reward, terminated, _, info = env.step(raw.actions.action(pose, waypoint.gripper))
+        rewards.append(reward)
+        assert terminated == info["is_success"] == info["success"]["strict"] == bool(reward)
+        if terminated:
+            break
+    assert rewards == [0.0] * (len(rewards) - 1) + [1.0]
+    env.close()
+
+
+def test_it_is_truncated_after_its_steps():
+    env = gymnasium.make("gvla2/pick_and_lift-v0", max_episode_steps=1, **SMALL)
+    env.reset(seed=0)
+    assert env.step(to(env, (0.3, 0.0, 1.2)))[2:4] == (False, True)
+    env.close()
+
+
+def test_a_simulation_that_blows_up_truncates_the_episode(small):
+    before, _ = small.reset(seed=0)
+    robot = small.unwrapped._robot
+    robot._world._robot.set_qpos(np.full(9, np.nan, dtype=np.float32))
+    after, reward, terminated, truncated, info = small.step(to(small, (0.3, 0.0, 1.2)))
+    assert (reward, terminated, truncated) == (0.0, False, True)
+    assert "blown up" in info["error"]
+    assert all(np.array_equal(before[key], after[key]) for key in before)
+    clean, _ = small.reset(seed=0)
+    assert all(np.array_equal(before[key], clean[key]) for key in before)
+
+
+def test_several_at_once():
+    envs = gymnasium.make_vec("gvla2/put_block-v0", num_envs=2, vectorization_mode="sync", **SMALL)
+    observation, info = envs.reset(seed=[3, 4])
+    assert observation["rgb"].shape == (2, 1, 48, 48, 3)
+    assert len(set(info["instruction"])) == 2
+    action = to(envs.envs[0], (0.3, 0.0, 1.2))
+    _, rewards, *_, info = envs.step(np.stack([action, action]))
+    assert rewards.tolist() == [0.0, 0.0]
+    assert info["success"]["eased"].tolist() == [False, False]
+    envs.close()
+
+
+def test_nothing_happens_before_reset(small):
+    env = TaskEnv("pick_and_lift", **SMALL)
+    for ask in (lambda: env.step(to(env, (0.3, 0.0, 1.2))), lambda: env.observation, lambda: env.instruction):
+        with pytest.raises(RobotError, match=r"call reset\(\) first"):
+            ask()
+    env.close()
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"task": "put_blok"}, UnknownComponentError, "Did you mean 'put_block'"),
+        ({"robot": "sapien_pand"}, UnknownComponentError, "Did you mean 'sapien_panda'"),
+        ({"robot": "piper"}, ConfigurationError, "takes a simulated robot"),
+        ({"cameras": ["frnt"]}, ConfigurationError, "front, left_shoulder"),
+        ({"task_options": {"scale": 2}}, ConfigurationError, "from 0.8 to 1.2"),
+        ({"robot_options": {"imag_size": 8}}, ConfigurationError, "imag_size"),
+        ({"profile": "kind"}, ConfigurationError, "eased, strict"),
+        ({"speed": 0}, ConfigurationError, "speed is 0"),
+        ({"render_mode": "human"}, ConfigurationError, "rgb_array"),
+        ({"task": "none"}, ConfigurationError, "task"),
+    ],
+)
+def test_wrong_choices_are_told(options, error, words):
+    with pytest.raises(error, match=words) as caught:
+        TaskEnv(**{"task": "put_block", **options})
+    assert isinstance(caught.value, Gvla2Error)

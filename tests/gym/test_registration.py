@@ -1,0 +1,52 @@
+"""Which environments there are, and what it costs to know."""
+
+import subprocess
+import sys
+
+import gymnasium
+import pytest
+
+import gvla2.gym
+from gvla2.errors import MissingDependencyError
+from gvla2.gym.registration import MAX_STEPS, env_id, register_envs
+from gvla2.plugins import Registry
+
+
+def test_every_task_is_an_environment(registry: Registry):
+    tasks = set(registry.components("task")) - {"none"}
+    known = {i for i in gymnasium.registry if i.startswith("gvla2/")}
+    assert known >= {env_id(task) for task in tasks}
+    assert "gvla2/none-v0" not in known
+    spec = gymnasium.spec("gvla2/pick_and_lift-v0")
+    assert spec.max_episode_steps == MAX_STEPS
+    assert spec.kwargs == {"task": "pick_and_lift"}
+    spec.to_json()  # it travels
+
+
+def test_registering_again_changes_nothing():
+    before = dict(gymnasium.registry)
+    assert "gvla2/put_block-v0" in register_envs()  # a warning of an overridden environment would be an error
+    assert dict(gymnasium.registry) == before
+    assert gvla2.gym.env_id("put_block") == "gvla2/put_block-v0"
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(gymnasium.error.NameNotFound, match="Did you mean: `put_block`"):
+        gymnasium.make("gvla2/put_blok-v0")
+
+
+def test_without_gymnasium_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "gymnasium.envs.registration", None)
+    with pytest.raises(MissingDependencyError, match=r'needs gymnasium.*pip install "gvla2\[gym\]"'):
+        register_envs()
+
+
+def test_registering_loads_no_simulator():
+    heavy = ("sapien", "torch", "pinocchio", "scipy", "numba", "trimesh", "gvla2.robot.task")
+    code = (
+        "import sys, gymnasium\nbefore = set(sys.modules)\nimport gvla2.gym\n"
+        "assert 'gvla2/pick_and_lift-v0' in gymnasium.registry\n"
+        f"print([m for m in {heavy!r} if m in set(sys.modules) - before])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "[]", done.stdout + done.stderr

@@ -1,0 +1,104 @@
+"""Whatever a planner returns: a plan that can be read, or words on what is wrong with it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.errors import PlannerTimeoutError, PlanningError
+from gvla2.planning.asking import ABSURD, ask
+from gvla2.planning.contracts import Abstention, Plan
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
+
+GOOD = Waypoint((0.3, 0.0, 0.9), 1.0, "approach", guard=Guard(force=5.0))
+NAN = float("nan")
+
+
+class Says:
+    def __init__(self, answer):
+        self.answer = answer
+
+    def plan(self, request):
+        return self.answer
+
+
+def planned(*waypoints, **rest):
+    return Plan(Trajectory(tuple(waypoints)), "pick", **rest)
+
+
+def changed(**fields):
+    return planned(GOOD, replace(GOOD, **fields))
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        planned(GOOD, GOOD),
+        planned(GOOD, roles={"theme": "a"}, parameters={"lift_height": np.float64(0.2), "n": 3}),
+        changed(xyz=[0.3, 0.0, np.float32(0.9)]),
+        Plan(None, abstention=Abstention("ambiguous", "Two of them.")),
+        planned(*[GOOD] * ABSURD),  # the checks say what is too many
+    ],
+)
+def test_a_plan_passes_as_it_is(plan):
+    assert ask(Says(plan), None, "mine") is plan
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (None, "NoneType, not a Plan"),
+        ("go left", "str, not a Plan"),
+        (Plan(None), "neither a trajectory nor an abstention"),
+        (Plan([GOOD]), "neither a trajectory"),
+        (Plan(None, abstention="no"), "abstention of type str"),
+        (planned(), "without waypoints"),
+        (planned(*[GOOD] * 10_000), "10000 waypoints; at most 20"),
+        (Plan(Trajectory([GOOD])), "no tuple of waypoints"),
+        (planned(GOOD, "up"), "no tuple of waypoints"),
+        (changed(xyz=(NAN, 0.0, 0.9)), r"waypoint 1 \('approach'\) with an xyz"),
+        (changed(xyz=(0.3, 0.9)), "three finite numbers"),
+        (changed(xyz=np.zeros(3)), "three finite numbers"),
+        (changed(xyz="abc"), "three finite numbers"),
+        (changed(gripper=None), "gripper that is no finite number"),
+        (changed(speed=float("inf")), "speed that is no finite number"),
+        (changed(tolerance=True), "tolerance that is no finite number"),
+        (changed(stage=3), "stage that is no text"),
+        (changed(carries=None), "carries that is no text"),
+        (changed(allowed_contacts=["a"]), "no frozenset"),
+        (changed(orientation="down"), "orientation that is none"),
+        (changed(orientation=Orientation("axis", (NAN, 0.0, 1.0))), "without finite numbers"),
+        (changed(guard=5.0), "guard that is none"),
+        (changed(guard=Guard(force="much")), "guard that is none"),
+        (planned(GOOD, parameters={"lift_height": NAN}), "finite numbers"),
+        (planned(GOOD, parameters=[0.1]), "finite numbers"),
+        (planned(GOOD, scales={"grasp_depth": ("depth", 0.05)}), "scales"),
+        (planned(GOOD, scales={"grasp_depth": ("height", 0.0)}), "scales"),
+        (planned(GOOD, scales=["height"]), "scales"),
+        (planned(GOOD, roles={"theme": 3}), "roles"),
+        (planned(GOOD, notes="hello"), "notes"),
+        (planned(GOOD, candidates=("a",)), "candidates"),
+    ],
+)
+def test_rubbish_is_refused_in_words(answer, words):
+    with pytest.raises(PlanningError, match=f"The planner 'mine' returned .*{words}"):
+        ask(Says(answer), None, "mine")
+
+
+def test_a_planner_that_hangs_is_named():
+    class Hangs:
+        def plan(self, request):
+            while True:
+                pass
+
+    with pytest.raises(PlannerTimeoutError, match=r"'mine' gave no answer within 0\.1 s"):
+        ask(Hangs(), None, "mine", 0.1)
+
+
+def test_a_planners_own_timeout_is_its_own():
+    class Waits:
+        def plan(self, request):
+            raise TimeoutError("the endpoint")
+
+    with pytest.raises(TimeoutError, match="the endpoint"):
+        ask(Waits(), None, "mine", 5.0)

@@ -1,0 +1,97 @@
+"""Guarded moves in the simulation: what the hand feels, and where it stops."""
+
+import pytest
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
+from gvla2.robot.driver import GuardedDriver
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
+from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien.driver import SapienDriver
+
+TABLE, SIZE, MASS = 0.752, 0.05, 0.356
+TOP = TABLE + SIZE
+DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+
+
+class Block:
+    """A task that is one block on the table."""
+
+    instructions = ("a", "b", "c", "d")
+
+    def sample(self, rng, site, instruction=None):
+        solid = Primitive("box", (SIZE,) * 3, (0.1, 0.2, 0.8))
+        body = Body("block", (solid,), rigid(translation=(0.3, 0.0, TABLE + SIZE / 2)), MASS)
+        return TaskInstance(Layout((body,)), "-", {"eased": lambda w: False, "strict": lambda w: False})
+
+
+@pytest.fixture(scope="module")
+def panda():
+    component = next(c for c in gvla2_robots() if c.name == "sapien_panda")
+    robot = component.build(SapienPandaConfig(image_size=32, cameras=["front"]))
+    yield robot
+    robot.close()
+
+
+def run(panda, *waypoints):
+    panda.reset(Block(), 0)
+    return panda.execute(Trajectory(waypoints), Scene((), TABLE - 0.2, panda.arm.workspace))
+
+
+def press(panda, depth, guard):
+    above = TOP + panda.arm.hand.tip_beyond_tcp
+    return run(
+        panda,
+        Waypoint((0.3, 0.0, above + 0.05), 0.0, "approach", DOWN),
+        Waypoint((0.3, 0.0, above - depth), 0.0, "press", motion="linear", speed=0.05, guard=guard),
+        Waypoint((0.3, 0.0, above + 0.05), 0.0, "retreat", motion="linear", guard=Guard(force=25.0)),
+    )
+
+
+@pytest.mark.parametrize("guard", [Guard(force=20.0), Guard(stall=0.003)], ids=["force", "stall"])
+def test_the_hand_stops_on_what_does_not_give_way(panda, guard):
+    report = press(panda, 0.015, guard)
+    assert report.completed, report.abort
+    pressed, back = report.waypoints[1:]
+    assert pressed.status == "guarded"
+    assert pressed.message
+    met = TOP + panda.arm.hand.tip_beyond_tcp
+    assert abs(pressed.reached[2] - met) < 0.004
+    if guard.force:
+        assert 20.0 < pressed.force < 60.0
+    assert back.status == "linear"  # in the open nothing is felt
+    assert back.error < 0.002
+
+
+def test_without_a_guard_the_arm_presses_on(panda):
+    free, guarded = (
+        press(panda, 0.006, guard).waypoints[1] for guard in (Guard(force=1e5), Guard(force=20.0))
+    )
+    assert free.status == "linear"
+    assert free.force > 3 * guarded.force
+
+
+def test_what_is_carried_is_felt_by_its_weight_and_not_by_its_squeeze(panda):
+    grasp = (0.3, 0.0, TABLE + SIZE / 2)
+    # The object that is carried is unknown to the (empty) scene, so nothing carries it in the plan.
+    report = run(
+        panda,
+        Waypoint((0.3, 0.0, TOP + 0.08), 1.0, "approach", DOWN),
+        Waypoint(grasp, 0.0, "grasp", motion="linear", speed=0.1),
+        Waypoint((0.3, 0.0, TOP + 0.08), 0.0, "lift", motion="linear", speed=0.05, guard=Guard(force=30.0)),
+        Waypoint((0.3, 0.0, TABLE), 0.0, "set down", motion="linear", speed=0.05, guard=Guard(force=12.0)),
+    )
+    assert report.completed, report.abort
+    lift, down = report.waypoints[2:]
+    assert lift.held
+    assert lift.status == "linear"
+    weight = MASS * 9.81
+    assert weight == pytest.approx(lift.force, abs=1.5)  # 40 N of squeeze on either side cancel out
+    assert down.status == "guarded"  # the block met the table, 2.5 cm before the hand would have
+    assert down.reached[2] == pytest.approx(grasp[2], abs=0.006)
+
+
+def test_the_driver_feels_guards(panda):
+    panda.reset(None, 0)
+    assert isinstance(SapienDriver(panda._world, panda._config, panda.arm.hand.max_width), GuardedDriver)

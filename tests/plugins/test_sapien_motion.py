@@ -1,0 +1,286 @@
+"""The simulated Panda moves, grasps, presses and pushes; through its driver and the core's executor."""
+
+import numpy as np
+import pytest
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint, grasp_rotation
+from gvla2.robot.backend import ExecutionListener
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
+from gvla2.robot.timing import MotionLimits, time_path
+from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien.backend import SapienArm
+from gvla2_plugins.sapien.driver import SapienDriver
+from gvla2_plugins.sapien.panda import TABLE_HEIGHT
+from gvla2_plugins.tabletop import gvla2_tasks
+
+DOWN = np.array([0.0, 0.0, -1.0])
+TASKS = {c.name: c.build(c.config()) for c in gvla2_tasks()}
+
+
+@pytest.fixture(scope="module")
+def panda():
+    component = gvla2_robots()[0]
+    robot = component.build(SapienPandaConfig(image_size=128))
+    yield robot
+    robot.close()
+
+
+def driver(panda: SapienArm) -> SapienDriver:
+    return SapienDriver(panda._world, panda._config, panda.arm.hand.max_width)
+
+
+def above(xyz, closing, up=0.0) -> np.ndarray:
+    """Tool pose (4, 4) pointing down, ``up`` metres above ``xyz``."""
+    return rigid(grasp_rotation(DOWN, np.asarray(closing)), np.add(xyz, (0, 0, up)))
+
+
+def move(panda: SapienArm, drive: SapienDriver, pose, gripper, speed=0.25, straight=True):
+    joints = drive.state().joints
+    path = panda.arm.line(joints, pose) if straight else [joints, panda.arm.inverse(pose, joints).joints]
+    assert path is not None
+    limits = MotionLimits(0.7 * panda.arm.velocity_limits, np.full(7, 5.0), speed)
+    result = drive.follow(
+        time_path(np.array(path), 1 / 60, limits, panda.arm.tool_positions), 1 / 60, gripper
+    )
+    reached = panda.arm.forward(drive.state().joints)[:3, 3]
+    return result, float(np.linalg.norm(reached - pose[:3, 3]))
+
+
+def target_cube(instance: TaskInstance) -> Body:
+    (colour,) = colours_in(instance.instruction)
+    return next(b for b in instance.layout.bodies if b.solids[0].rgb == COLOURS[colour])
+
+
+class Block:
+    """A task that is one heavy block at ``xyz``."""
+
+    instructions = ("a", "b", "c", "d")
+
+    def __init__(self, xyz, size=0.05, mass=0.356):
+        solid = Primitive("box", (size,) * 3, COLOURS["blue"])
+        self.body = Body("block", (solid,), rigid(translation=xyz), mass)
+
+    def sample(self, rng, site, instruction=None):
+        never = {"eased": lambda world: False, "strict": lambda world: False}
+        return TaskInstance(Layout((self.body,)), "-", never)
+
+
+def test_joint_moves_track_their_samples(panda):
+    panda.reset(None, 0)
+    drive = driver(panda)
+    goal = panda.arm.home + np.array([0.5, 0.3, -0.3, -0.8, 0.2, 0.6, 0.5])
+    share = np.linspace(0.0, 1.0, 121)[:, None] ** 2 * (3 - 2 * np.linspace(0.0, 1.0, 121)[:, None])
+    samples = panda.arm.home + share * (goal - panda.arm.home)
+    seen = []
+    step = panda._world.step
+    panda._world.step = lambda: (step(), seen.append(panda._world.joints))
+    result = drive.follow(samples, 1 / 60, 1.0)
+    reached = np.array([panda.arm.forward(q)[:3, 3] for q in seen[3 : 4 * 120 : 4]])
+    wanted = np.array([panda.arm.forward(q)[:3, 3] for q in samples[1:]])
+    assert np.linalg.norm(reached - wanted, axis=1).max() < 0.005
+    assert result.tracking_error < 1e-3
+    assert not result.contacts
+    assert not result.diverged
+    assert np.linalg.norm(panda.arm.forward(drive.state().joints)[:3, 3] - wanted[-1]) < 0.001
+
+
+def test_the_fingers_open_and_close_and_hold_nothing_in_the_air(panda):
+    panda.reset(None, 0)
+    drive = driver(panda)
+    closed = drive.grip(0.0)
+    assert closed.width < 0.001
+    assert not closed.held
+    half = drive.grip(0.5)
+    assert half.width == pytest.approx(0.04, abs=0.001)
+    assert not half.held
+    assert drive.grip(1.0).width == pytest.approx(0.08, abs=0.001)
+
+
+@pytest.mark.parametrize(("seed", "size", "mass", "off"), [(0, 0.05, 0.125, 0.0), (2, 0.06, 0.25, 0.008)])
+def test_a_grasped_cube_is_lifted_and_stays(panda, seed, size, mass, off):
+    component = next(c for c in gvla2_tasks() if c.name == "pick_and_lift")
+    instance = panda.reset(component.build(component.config(size=size, mass=mass)), seed)
+    body = target_cube(instance)
+    place, closing = body.world_from_body[:3, 3], body.world_from_body[:3, 1]
+    place = place + closing * off  # the hand is beside the cube's middle: the fingers centre it
+    drive = driver(panda)
+    move(panda, drive, above(place, closing, 0.12), 1.0, straight=False)
+    move(panda, drive, above(place, closing), 1.0)
+    grip = drive.grip(0.0)
+    assert grip.held
+    assert grip.width == pytest.approx(size, abs=0.001)
+    assert set(grip.contacts) == {"panda_leftfinger", "panda_rightfinger"}
+    result, error = move(panda, drive, above(place, closing, 0.24), 0.0)
+    assert error < 0.005
+    assert "panda_hand" not in result.contacts
+    verdict = panda.judge()
+    assert (verdict.eased, verdict.strict) == (True, True)
+    lifted = panda._world.body_pose(body.name)
+    assert lifted[2, 3] - body.world_from_body[2, 3] == pytest.approx(0.24, abs=0.004)
+    drive.grip(1.0)  # let go: it falls, and does not count as held any more
+    for _ in range(240):
+        panda._world.step()
+    assert panda._world.body_pose(body.name)[2, 3] < TABLE_HEIGHT + size
+    assert not panda.judge().strict
+
+
+def test_a_pressed_button_comes_back_and_its_peak_stays(panda):
+    instance = panda.reset(TASKS["lamp_on"], 1)
+    lamp, button = instance.layout.bodies
+    tip = panda.arm.hand.tip_beyond_tcp
+    top = button.world_from_body[:3, 3] + (0, 0, 0.007 + tip)
+    closing = lamp.world_from_body[:3, 1]
+    drive, world = driver(panda), panda._world
+    drive.grip(0.0)
+    move(panda, drive, above(top, closing, 0.06), 0.0, straight=False)
+    assert world.travel("press") == pytest.approx(0.0, abs=1e-4)  # it carries its own weight
+    pressed, _ = move(panda, drive, above(top, closing, -0.009), 0.0, speed=0.05)
+    assert {"panda_leftfinger", "panda_rightfinger"} & set(pressed.contacts)
+    assert world.travel("press") == pytest.approx(0.009, abs=0.0015)
+    moved = button.world_from_body[2, 3] - world.body_pose("button")[2, 3]
+    assert moved == pytest.approx(world.travel("press"), abs=1e-4)
+    move(panda, drive, above(top, closing, 0.06), 0.0)
+    assert world.travel("press") == pytest.approx(0.0, abs=2e-4)
+    assert 0.0075 < world.peaks["press"] < 0.0101
+    verdict = panda.judge()
+    assert (verdict.eased, verdict.strict) == (True, True)
+
+
+def test_a_half_pressed_button_is_not_strict(panda):
+    instance = panda.reset(TASKS["lamp_on"], 1)
+    lamp, button = instance.layout.bodies
+    top = button.world_from_body[:3, 3] + (0, 0, 0.007 + panda.arm.hand.tip_beyond_tcp)
+    drive = driver(panda)
+    drive.grip(0.0)
+    move(panda, drive, above(top, lamp.world_from_body[:3, 1], 0.06), 0.0, straight=False)
+    move(panda, drive, above(top, lamp.world_from_body[:3, 1], -0.0055), 0.0, speed=0.05)
+    verdict = panda.judge()
+    assert (verdict.eased, verdict.strict) == (True, False)
+
+
+def test_a_block_is_pushed_and_slides_on_the_table(panda):
+    task = Block((0.35, 0.0, TABLE_HEIGHT + 0.025))
+    panda.reset(task, 0)
+    drive = driver(panda)
+    drive.grip(0.0)
+    start = task.body.world_from_body[:3, 3] - (0.08, 0, 0)
+    move(panda, drive, above(start, (0, 1, 0), 0.10), 0.0, straight=False)
+    move(panda, drive, above(start, (0, 1, 0)), 0.0)
+    result, error = move(panda, drive, above(np.add(start, (0.15, 0, 0)), (0, 1, 0)), 0.0, speed=0.1)
+    assert error < 0.005
+    assert result.contacts
+    moved = panda._world.body_pose("block")[:3, 3] - task.body.world_from_body[:3, 3]
+    assert moved[0] == pytest.approx(0.15 - 0.08 + 0.025 + 0.0105, abs=0.01)
+    assert abs(moved[2]) < 0.001
+
+
+def test_the_wrist_camera_goes_with_the_hand(panda):
+    panda.reset(None, 0)
+    before = panda.observe()
+    move(panda, driver(panda), above((0.35, 0.1, 1.1), (0, 1, 0)), 1.0, straight=False)
+    after = panda.observe()
+    np.testing.assert_array_equal(before.views[0].camera.position, after.views[0].camera.position)
+
+    def in_hand(seen):
+        return np.linalg.inv(seen.world_from_tcp) @ seen.views[3].camera.world_from_camera
+
+    np.testing.assert_allclose(in_hand(before), in_hand(after), atol=1e-9)
+    assert np.nanmedian(after.views[3].depth) < np.nanmedian(before.views[3].depth) - 0.2
+
+
+def test_the_same_seed_is_the_same_episode_to_the_bit():
+    def episode():
+        robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))
+        instance = robot.reset(TASKS["push_block"], 7)
+        block = instance.layout.bodies[0].world_from_body
+        drive = driver(robot)
+        drive.grip(0.0)
+        move(robot, drive, above(block[:3, 3], block[:3, 1], 0.06), 0.0, straight=False)
+        move(robot, drive, above(block[:3, 3], block[:3, 1], 0.03), 0.0)  # presses on the block
+        seen = robot.observe()
+        pose = robot._world.body_pose("block")
+        robot.close()
+        return instance.instruction, seen, pose
+
+    one, two = episode(), episode()
+    assert one[0] == two[0]
+    np.testing.assert_array_equal(one[1].joints, two[1].joints)
+    np.testing.assert_array_equal(one[2], two[2])
+    for a, b in zip(one[1].views, two[1].views, strict=True):
+        np.testing.assert_array_equal(a.image, b.image)
+        np.testing.assert_array_equal(a.depth, b.depth)
+
+
+# Through the core's executor
+
+
+def empty_scene(panda) -> Scene:
+    return Scene((), TABLE_HEIGHT, panda.arm.workspace)
+
+
+def test_execute_reports_waypoints_and_shows_pictures(panda):
+    panda.reset(None, 0)
+    down = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+    plan = Trajectory(
+        (
+            Waypoint((0.35, 0.1, 1.0), 1.0, "approach", down),
+            Waypoint((0.35, 0.1, 0.9), 0.0, "down", motion="linear"),
+        )
+    )
+    pictures, reports = [], []
+    report = panda.execute(plan, empty_scene(panda), ExecutionListener(pictures.append, reports.append))
+    assert report.completed
+    assert reports == list(report.waypoints)
+    assert max(w.error for w in report.waypoints) < 0.005
+    assert report.waypoints[1].gripper_width < 0.001
+    assert report.waypoints[1].contacts == ()
+    seconds = sum(w.motion_seconds for w in report.waypoints)
+    assert len(pictures) >= 5 * seconds
+    assert pictures[0].shape == (320, 320, 3)
+    assert np.abs(pictures[0].astype(int) - pictures[-1]).max() > 50
+
+
+def test_execute_carries_a_cube_around_its_neighbours(panda):
+    instance = panda.reset(TASKS["pick_and_lift"], 2)
+    objects = tuple(
+        SceneObject(
+            b.name, "cube", "box", "", b.world_from_body, np.array(b.solids[0].size), np.zeros((0, 3))
+        )
+        for b in instance.layout.bodies
+    )
+    scene = Scene(objects, TABLE_HEIGHT, panda.arm.workspace)
+    body = target_cube(instance)
+    x, y, z = body.world_from_body[:3, 3]
+    closing = tuple(body.world_from_body[:3, 1])
+    touch = frozenset({body.name, "table"})
+    plan = Trajectory(
+        (
+            Waypoint((x, y, z + 0.12), 1.0, "approach", Orientation("grasp", (0, 0, -1), closing)),
+            Waypoint((x, y, z), 0.0, "grasp", motion="linear", speed=0.1, allowed_contacts=touch),
+            Waypoint(
+                (x, y, z + 0.23), 0.0, "lift", motion="linear", allowed_contacts=touch, carries=body.name
+            ),
+        )
+    )
+    report = panda.execute(plan, scene)
+    assert report.completed, report.abort
+    assert [w.held for w in report.waypoints] == [False, True, True]
+    assert report.waypoints[2].gripper_width == pytest.approx(0.05, abs=1e-3)
+    assert set(report.waypoints[2].contacts) == {"panda_leftfinger", "panda_rightfinger"}
+    assert panda.judge().strict
+
+
+def test_a_listener_that_raises_stops_the_arm(panda):
+    panda.reset(None, 0)
+
+    def stop(image):
+        raise KeyboardInterrupt
+
+    plan = Trajectory((Waypoint((0.35, 0.1, 1.0), 1.0, "a"), Waypoint((0.35, 0.1, 0.9), 1.0, "b")))
+    with pytest.raises(KeyboardInterrupt):
+        panda.execute(plan, empty_scene(panda), ExecutionListener(frame=stop))
+    assert np.abs(panda._world.joint_speeds).max() < 0.02
+    assert panda.observe() is not None

@@ -1,0 +1,204 @@
+"""Threads, the option attach, true state and true scene, with real physics."""
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import rigid
+from gvla2.planning.scene import Scene
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, Thread
+from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
+from gvla2_plugins.sapien.attachment import in_zone
+from gvla2_plugins.sapien.panda import TABLE_HEIGHT
+
+UP = np.array([0.0, 0.0, 1.0])
+GREEN, GREY = (0.0, 0.5, 0.0), (0.5, 0.5, 0.5)
+
+
+class Laid:
+    instructions = ("a", "b", "c", "d")
+
+    def __init__(self, *bodies: Body, joints=(), threads=()):
+        self.layout = Layout(bodies, joints, threads=threads)
+
+    def sample(self, rng, site, instruction=None):
+        never = {"eased": lambda world: False, "strict": lambda world: False}
+        return TaskInstance(self.layout, "-", never)
+
+
+@pytest.fixture(scope="module")
+def panda():
+    robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64))
+    yield robot
+    robot.close()
+
+
+def jar(**more) -> Laid:
+    height = TABLE_HEIGHT + 0.05
+    pot = Body(
+        "pot",
+        (Primitive("cylinder", (0.06, 0.06, 0.10), GREEN),),
+        rigid(translation=(0.3, 0, height)),
+        fixed=True,
+    )
+    lid = Body(
+        "lid",
+        (Primitive("cylinder", (0.07, 0.07, 0.02), GREY),),
+        rigid(translation=(0.3, 0, height + 0.06)),
+        0.05,
+    )
+    what = {"release": 1.4, "limits": (0.0, np.pi), **more}
+    return Laid(pot, lid, threads=(Thread("thread", "pot", "lid", UP, lid.world_from_body[:3, 3], **what),))
+
+
+def push(panda, body: str, seconds: float, force=(0, 0, 0), torque=(0, 0, 0)) -> None:
+    (rigid_body,) = [
+        c for c in panda._world._bodies.entities[body].components if hasattr(c, "add_force_torque")
+    ]
+    for _ in range(int(seconds * 240)):
+        rigid_body.add_force_torque(np.float32(force), np.float32(torque))
+        panda._world.step()
+
+
+def test_a_lid_turns_on_its_thread_and_does_not_come_off_before(panda):
+    panda.reset(jar(), 0)
+    state = panda.true_state()
+    push(panda, "lid", 0.3, force=(0.0, 0.0, 5.0))
+    assert state.pose("lid")[2, 3] == pytest.approx(TABLE_HEIGHT + 0.11, abs=1e-3)
+    push(panda, "lid", 0.5, torque=(0.0, 0.0, -0.05))
+    assert state.joint("thread") == pytest.approx(0.0, abs=0.05)  # the stop
+    push(panda, "lid", 0.2, torque=(0.0, 0.0, 0.05))
+    assert 0.1 < state.joint("thread") < 1.4
+    assert state.peak("thread") >= state.joint("thread")
+    assert not state.loose("thread")
+
+
+def test_a_lid_turned_far_enough_is_free(panda):
+    panda.reset(jar(), 0)
+    state = panda.true_state()
+    push(panda, "lid", 1.5, torque=(0.0, 0.0, 0.05))
+    assert state.loose("thread")
+    assert state.peak("thread") == pytest.approx(1.4, abs=0.1)
+    push(panda, "lid", 0.3, force=(0.0, 0.0, 2.0))
+    assert state.pose("lid")[2, 3] > TABLE_HEIGHT + 0.15
+    assert panda.reset(jar(), 0) is not None
+    assert not panda.true_state().loose("thread")
+
+
+def test_a_thread_for_both_ways_opens_either_way(panda):
+    for way in (1.0, -1.0):
+        panda.reset(jar(limits=(-np.pi, np.pi), release=2.6), 0)
+        push(panda, "lid", 3.0, torque=(0.0, 0.0, 0.05 * way))
+        assert panda.true_state().loose("thread"), way
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        (
+            Laid(*jar().layout.bodies, threads=(Thread("t", "pot", "cap", UP, np.zeros(3), 1.0, (0, 1)),)),
+            "'cap'",
+        ),
+        (jar(release=4.0), "release"),
+        (
+            Laid(
+                *jar().layout.bodies,
+                joints=(Joint("j", "revolute", "pot", "lid", UP, np.zeros(3), (0, 1)),),
+                threads=jar().layout.threads,
+            ),
+            "also hangs on a joint",
+        ),
+    ],
+)
+def test_unsound_threads_are_refused(panda, task, message):
+    with pytest.raises(ConfigurationError, match=message):
+        panda.reset(task, 0)
+
+
+def block(xyz, size=0.05, **more) -> Body:
+    return Body("block", (Primitive("box", (size,) * 3, GREEN),), rigid(translation=xyz), **more)
+
+
+def squeeze(robot, xyz) -> None:
+    down = Orientation("grasp", (0, 0, -1), (0, 1, 0))
+    near = frozenset({"block", "table"})
+    above = (xyz[0], xyz[1], xyz[2] + 0.1)
+    steps = (
+        Waypoint(above, 1.0, "approach", down),
+        Waypoint(xyz, 1.0, "reach", motion="linear", allowed_contacts=near),
+        Waypoint(xyz, 0.0, "grasp", motion="linear", allowed_contacts=near),
+    )
+    report = robot.execute(Trajectory(steps), Scene((), TABLE_HEIGHT, robot.arm.workspace))
+    assert report.completed, report.abort
+
+
+def test_true_state_tells_what_touches_and_what_was_let_go(panda):
+    place = (0.35, 0.1, TABLE_HEIGHT + 0.025)
+    panda.reset(Laid(block(place)), 0)
+    state = panda.true_state()
+    assert state.touching("block") == {"table"}
+    assert state.resting("block")
+    squeeze(panda, place)
+    assert state.held("block")
+    assert "robot" in state.touching("block")
+    assert not state.resting("block")
+
+
+def test_a_new_execution_does_not_let_go_of_what_is_held(panda):
+    place = (0.35, 0.1, TABLE_HEIGHT + 0.025)
+    panda.reset(Laid(block(place)), 0)
+    squeeze(panda, place)
+    up = (place[0], place[1], place[2] + 0.1)
+    lift = Waypoint(up, 0.0, "lift", motion="linear", allowed_contacts=frozenset({"table"}))
+    hold = Waypoint(up, 0.0, "hold", motion="linear")
+    report = panda.execute(Trajectory((lift, hold)), Scene((), TABLE_HEIGHT, panda.arm.workspace))
+    assert report.completed
+    assert panda.true_state().pose("block")[2, 3] == pytest.approx(place[2] + 0.1, abs=0.003)
+
+
+@pytest.mark.parametrize("attach", [False, True])
+def test_attach_ties_what_the_fingers_touch_until_they_open(attach):
+    robot = gvla2_robots()[0].build(SapienPandaConfig(image_size=64, attach=attach))
+    place = (0.35, 0.1, TABLE_HEIGHT + 0.025)
+    said = robot.reset(Laid(block(place)), 0).goal
+    assert ("robot.attach=true" in said) == attach
+    squeeze(robot, place)
+    assert (robot._world._clamp.holding != "") == attach
+    robot._world.drive_fingers(0.04)  # the fingers alone let go; a tie does not
+    for _ in range(60):
+        robot._world.step()
+    robot._world.drive_arm(robot.arm.inverse(_raised(robot)).joints, np.zeros(7))
+    for _ in range(240):
+        robot._world.step()
+    height = robot.true_state().pose("block")[2, 3] - TABLE_HEIGHT
+    assert (height > 0.05) == attach
+    robot._world.detach()
+    for _ in range(240):
+        robot._world.step()
+    assert robot.true_state().pose("block")[2, 3] - TABLE_HEIGHT == pytest.approx(0.025, abs=0.002)
+    robot.close()
+
+
+def _raised(robot) -> np.ndarray:
+    return rigid(translation=(0, 0, 0.06)) @ robot.arm.forward(robot._world.joints)
+
+
+def test_the_zone_between_the_fingers_is_narrow():
+    assert in_zone(np.eye(4), [np.array([0.009, 0.04, -0.02])])
+    assert not in_zone(np.eye(4), [np.array([0.011, 0.0, 0.0]), np.array([0.0, 0.0, 0.03])])
+    assert not in_zone(np.eye(4), [])
+
+
+def test_the_true_scene_shows_every_body_where_it_is(panda):
+    panda.reset(jar(), 0)
+    scene = panda.true_scene()
+    assert scene.perceiver == "oracle"
+    pot, lid = scene["pot"], scene["lid"]
+    assert (pot.shape, lid.shape, lid.parent) == ("cylinder", "cylinder", "pot")
+    assert (pot.colour, lid.colour) == ("green", "gray")
+    np.testing.assert_allclose(pot.extents, (0.06, 0.06, 0.10), atol=1e-6)
+    np.testing.assert_allclose(lid.centre, (0.3, 0.0, TABLE_HEIGHT + 0.11), atol=1e-3)
+    off = np.linalg.norm(lid.points[:, :2] - lid.centre[:2], axis=1)
+    assert off.max() < 0.0351
+    assert np.ptp(lid.points[:, 2]) == pytest.approx(0.02, abs=1e-3)

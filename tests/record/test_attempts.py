@@ -1,0 +1,70 @@
+from dataclasses import replace
+
+import pytest
+
+from gvla2.memory.contracts import Verdict
+from gvla2.planning.trajectory import Guard, Trajectory
+from gvla2.record.attempts import attempt_rows
+from gvla2.record.contents import Failure
+from gvla2.record.page import render_page
+from gvla2.record.pictures import Pictures
+from gvla2.record.stages import STAGE_FILES
+
+FAILED = Verdict.from_criteria({"theme_at_goal": 0.0}, ("The cube is elsewhere.",), "geometric")
+
+
+@pytest.fixture
+def twice(episode):
+    """An episode whose first attempt failed."""
+    failure = Failure("verify", "not_achieved", "The cube is <b>elsewhere</b>.")
+    first = episode(
+        verdict=FAILED, failure=failure, judgement=None, learned=None, timings={"plan": 2.0, "execute": 3.0}
+    )
+    return episode(attempts=(first,), timings={"plan": 1.0, "execute": 2.5})
+
+
+def test_every_attempt_is_in_the_result(twice, episode):
+    told = twice.result("run")
+    assert [a["verdict"] for a in told["attempts"]] == ["verified_fail", "verified_success"]
+    assert [a["timings"]["plan"] for a in told["attempts"]] == [2.0, 1.0]
+    assert told["attempts"][0]["failure"]["kind"] == "not_achieved"
+    assert told["failure"] is None
+    assert twice.seconds == 8.5
+    assert len(episode().result("run")["attempts"]) == 1
+
+
+def test_the_earlier_attempts_have_a_file_with_plan_and_report(twice, episode):
+    content = {name: write for name, _, write in STAGE_FILES}["attempts.json"]
+    (first,) = content(twice)
+    assert first["report"]["completed"] == twice.attempts[0].report.completed
+    assert len(first["trajectory"]["waypoints"]) == first["plan"]["waypoints"]
+    assert first["verdict"]["outcome"] == "verified_fail"
+    assert content(episode()) is None
+
+
+def test_the_page_tells_of_attempts_only_where_there_were_several(twice, episode):
+    rows = attempt_rows(twice)
+    assert [(r.verdict, r.tone) for r in rows] == [("failure", "bad"), ("success", "good")]
+    assert rows[0].ended.startswith("not_achieved: The cube")
+    page = render_page(twice, Pictures())
+    assert 'id="attempts"' in page
+    assert "&lt;b&gt;elsewhere" in page
+    assert "8.5 s" in page
+    assert 'id="attempts"' not in render_page(episode(), Pictures())
+
+
+def test_the_page_shows_guards_and_forces(episode):
+    whole = episode()
+    waypoints = (
+        replace(whole.plan.trajectory.waypoints[0], guard=Guard(25.0, 0.003)),
+        *whole.plan.trajectory.waypoints[1:],
+    )
+    felt = (replace(whole.report.waypoints[0], status="guarded", force=26.04, message="Stopped on contact: 26 N."),
+            *whole.report.waypoints[1:])  # fmt: skip
+    guarded = episode(
+        plan=replace(whole.plan, trajectory=Trajectory(waypoints)),
+        report=replace(whole.report, waypoints=felt),
+    )
+    page = render_page(guarded, Pictures())
+    for words in ("until 25 N or held back 3 mm", "guarded", "26 N at most", "Stopped on contact: 26 N."):
+        assert words in page

@@ -1,0 +1,134 @@
+"""Guarded motions of the executor: what ends them, what is told, and where the next motion starts."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import pytest
+
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
+from gvla2.robot.driver import DriverState, GripResult, MoveResult
+from gvla2.robot.executor import ExecutorOptions, execute
+from gvla2.robot.guarding import GuardWatch
+from gvla2.robot.motion import MotionPlanner
+
+DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+
+
+@dataclass
+class FeelingDriver:
+    """A kinematic arm; the ``floor`` (m) pushes back with ``spring`` N a metre and lets nothing in."""
+
+    joints: np.ndarray
+    arm: object
+    floor: float = 0.85
+    spring: float = 5000.0
+    measures: bool = True
+    calls: list[str] = field(default_factory=list)
+    samples: list[np.ndarray] = field(default_factory=list)
+
+    def state(self):
+        return DriverState(self.joints.copy(), 0.0)
+
+    def follow(self, samples, dt, gripper):
+        self.calls.append("follow")
+        self.samples.append(samples)
+        self.joints = samples[-1].copy()
+        return MoveResult(0.0)
+
+    def grip(self, opening):
+        self.calls.append("grip")
+        return GripResult(0.08 * opening, False)
+
+    def hold(self):
+        self.calls.append("hold")
+
+    def follow_guarded(self, samples, dt, gripper, stop):
+        self.calls.append("guarded")
+        for sample in samples:
+            depth = max(0.0, self.floor - self.arm.forward(sample)[2, 3])
+            force = np.array([0.0, 0.0, self.spring * depth]) if self.measures else None
+            if depth < 1e-3:  # from there on the floor keeps the arm
+                self.joints = sample.copy()
+            if stop(sample, self.joints, force):
+                return MoveResult(0.0, (), stopped=True)
+        return MoveResult(0.0, ())
+
+
+@pytest.fixture
+def go(arm, scene_of):
+    def start(driver, guard, target=0.80):
+        press = Trajectory(
+            (
+                Waypoint((0.3, 0.2, 0.95), 0.0, "approach", DOWN),
+                Waypoint((0.3, 0.2, target), 0.0, "press", motion="linear", speed=0.05, guard=guard),
+                Waypoint((0.3, 0.2, 0.95), 1.0, "retreat", motion="linear"),
+            )
+        )
+        return execute(press, scene_of(), arm, MotionPlanner(arm), driver, options=ExecutorOptions())
+
+    return start
+
+
+def test_force_ends_a_motion_well(go, arm):
+    driver = FeelingDriver(arm.home, arm)
+    report = go(driver, Guard(force=10.0))
+    assert report.completed
+    press = report.waypoints[1]
+    assert press.status == "guarded"
+    assert 10.0 < press.force < 15.0
+    assert press.error == pytest.approx(0.05, abs=0.003)  # far from its target, and yet carried out
+    assert "guarded at 10 N" in press.message
+    assert report.to_json()["waypoints"][1]["force"] == press.force
+    # It held there, and the next motion started from where it stood.
+    at = driver.calls.index("guarded")
+    assert driver.calls[at : at + 3] == ["guarded", "hold", "follow"]
+    np.testing.assert_allclose(arm.forward(driver.samples[-1][0])[2, 3], 0.85, atol=0.003)
+    assert report.waypoints[0].force is None
+
+
+def test_being_held_back_ends_a_motion_well(go, arm):
+    driver = FeelingDriver(arm.home, arm, measures=False)
+    press = go(driver, Guard(stall=0.004)).waypoints[1]
+    assert (press.status, press.force) == ("guarded", None)
+    assert "held back" in press.message
+    assert press.reached[2] == pytest.approx(0.85, abs=0.002)
+
+
+def test_a_guard_that_is_not_met_changes_nothing(go, arm):
+    driver = FeelingDriver(arm.home, arm, floor=0.5)
+    report = go(driver, Guard(force=10.0, stall=0.01))
+    assert report.completed
+    assert report.waypoints[1].status == "linear"
+    assert report.waypoints[1].force == 0.0
+    assert report.waypoints[1].error < 1e-3
+
+
+def test_missing_the_target_unstopped_is_still_an_error(go, arm):
+    driver = FeelingDriver(arm.home, arm)
+    assert go(driver, Guard(force=1e6)).abort.abort == "tracking"
+
+
+def test_a_robot_that_feels_nothing_says_so_and_goes_to_the_end(go, driver):
+    press = go(driver, Guard(force=10.0)).waypoints[1]
+    assert press.status == "linear"
+    assert "does not feel" in press.message
+    assert press.error < 1e-3
+
+
+@pytest.mark.parametrize("guard", [Guard(), Guard(force=-1.0), Guard(force=float("nan")), Guard(5.0, -0.1)])
+def test_a_guard_that_can_end_nothing_is_refused(go, driver, guard):
+    report = go(driver, guard)
+    assert report.abort.abort == "not_started"
+    assert "guard" in report.abort.message
+    assert driver.calls == []
+
+
+def test_the_watch_keeps_the_largest_force(arm):
+    watch = GuardWatch(Guard(force=10.0), arm)
+    looks = [(0.0, 0.0, 3.0), (6.0, 0.0, 6.0), (0.0, 0.0, 1.0), (0.0, -9.0, 9.0)]
+    assert [watch(arm.home, arm.home, np.array(f)) for f in looks] == [False, False, False, True]
+    assert watch.force == pytest.approx(9.0 * 2**0.5)
+    off = arm.home + np.array([0.0, 0.02, 0, 0, 0, 0, 0])
+    still = GuardWatch(replace(Guard(), stall=0.05), arm)
+    assert not still(off, arm.home, None)
+    assert still.reason == ""

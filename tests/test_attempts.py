@@ -1,0 +1,197 @@
+"""Planning anew after a failed attempt, with the real simulator, perceiver, planner, memory and verifier."""
+
+import json
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.advice import advice_for
+from gvla2.attempts import worth_another
+from gvla2.commands.run import build_parts, run_episodes
+from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.memory.contracts import MemoryContext, MemoryItem
+from gvla2.planning.contracts import Abstention, Plan
+from gvla2.planning.effects import Effect
+from gvla2.planning.trajectory import Trajectory
+
+SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2")
+
+
+class Listener:
+    def __init__(self):
+        self.stages, self.records = [], []
+
+    def begin(self, stage):
+        pass
+
+    def stage(self, record, stage):
+        self.stages.append(stage)
+        self.records.append(record)
+
+    def frame(self, image):
+        pass
+
+
+@pytest.fixture
+def parts_of(registry, compose_run):
+    opened = []
+
+    def build(*overrides):
+        parts = build_parts(compose_run(*SMALL, *overrides), registry)
+        opened.extend((parts.robot, parts.memory))
+        return parts
+
+    yield build
+    for part in opened:
+        with closing(part):
+            pass
+
+
+class Clumsy:
+    """A planner whose first ``times`` answers grasp ``off`` metres beside the object."""
+
+    def __init__(self, planner, times=1, off=(0.0, 0.12, 0.0), then=None):
+        self._planner, self._times, self._off, self._then = planner, times, np.array(off), then
+        self.requests = []
+
+    def plan(self, request):
+        self.requests.append(request)
+        if len(self.requests) > self._times:
+            return self._then or self._planner.plan(request)
+        plan = self._planner.plan(request)
+        beside = tuple(
+            replace(w, xyz=tuple((np.array(w.xyz) + self._off).tolist()), carries="") for w in plan.trajectory
+        )
+        return replace(plan, trajectory=Trajectory(beside))
+
+
+def test_a_failed_attempt_is_seen_and_another_one_succeeds(parts_of):
+    parts, listener = parts_of(), Listener()
+    clumsy = Clumsy(parts.planner)
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=1), listener)
+    assert record.failure is None, record.failure
+    assert record.judgement.eased
+    assert record.verdict.outcome == "verified_success"
+    (first,) = record.attempts
+    assert (first.failure.kind, first.verdict.outcome) == ("not_achieved", "verified_fail")
+    assert first.report.completed
+    assert set(first.timings) >= {"setup", "observe", "plan", "execute", "verify"}
+    assert listener.stages == [
+        "setup", "observe", "perceive", "reconstruct", "recall", "plan", "check", "execute", "verify",
+        "observe", "perceive", "reconstruct", "plan", "check", "execute", "verify", "learn", "judge",
+    ]  # fmt: skip
+    assert all(r.judgement is None for r in listener.records[:-1])
+    # The arm went home in between, its hand open, and looked anew.
+    np.testing.assert_allclose(record.observation.joints, parts.robot.arm.home, atol=0.02)
+    assert record.observation.gripper > 0.95
+    assert "Earlier in this episode, attempt 1 (pick) failed" in clumsy.requests[1].advice.text
+    # Both were learnt: the failure's lesson beside those of the success.
+    types = {item.type for item in parts.memory.recall(_task_of(record)).items}
+    assert "procedural_hint" in types
+    assert len(record.learned.added) > len(
+        run_episode(parts, EpisodeRequest(seed=4), Listener()).learned.added
+    )
+
+
+def _task_of(record):
+    from gvla2.lessons import memory_task
+
+    return memory_task(record)
+
+
+def test_without_the_option_nothing_is_tried_again(parts_of):
+    parts = parts_of("memory=none")
+    clumsy = Clumsy(parts.planner)
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1), Listener())
+    assert record.failure.kind == "not_achieved"
+    assert record.attempts == ()
+    assert len(clumsy.requests) == 1
+
+
+def test_attempts_end_with_the_number_allowed(parts_of):
+    parts = parts_of("memory=none")
+    clumsy = Clumsy(parts.planner, times=5)
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=2), Listener())
+    assert record.failure.kind == "not_achieved"
+    assert len(record.attempts) == 2
+    assert [len(each.attempts) for each in record.attempts] == [0, 0]
+    assert record.judgement is not None
+
+
+def test_an_attempt_that_comes_to_nothing_leaves_the_one_before_standing(parts_of):
+    parts = parts_of("memory=none")
+    gives_up = Plan(None, abstention=Abstention("other", "I had enough of this."))
+    clumsy = Clumsy(parts.planner, then=gives_up)
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=3), Listener())
+    assert record.attempts == ()
+    assert record.report is not None
+    assert (record.failure.kind, record.verdict.outcome) == ("not_achieved", "verified_fail")
+    assert any("Attempt 2 ended before anything moved" in n and "had enough" in n for n in record.notes)
+    assert len(clumsy.requests) == 2
+
+
+def misled(parts, overshoot):
+    """Memory that recalls a push overshoot that is wrong."""
+    effect = Effect("prior", "push_overshoot", overshoot, count=1000, skill="push")
+    item = MemoryItem("r1", "procedural_hint", "Push on.", 0.9, 0.9, {}, True, effect=effect.to_json())
+    return MemoryContext((item,), "Push on.")
+
+
+def test_what_was_diagnosed_binds_the_next_attempt(parts_of):
+    parts = parts_of("task=push_block", "memory=none")
+
+    class Misleading:
+        def recall(self, task):
+            return misled(parts, 0.13)
+
+        def learn(self, episode, verdict):
+            return parts.memory.learn(episode, verdict)
+
+    record = run_episode(replace(parts, memory=Misleading()), EpisodeRequest(seed=3, replan=1), Listener())
+    (first,) = record.attempts
+    assert first.plan.parameters["push_overshoot"] == pytest.approx(0.13, abs=0.001)
+    (bound,) = [e for e in advice_for(record).effects if e.kind == "bound"]
+    assert (bound.parameter, bound.op, bound.source) == ("push_overshoot", "<=", "attempt 1")
+    assert bound.value < 0.03
+    assert record.plan.parameters["push_overshoot"] <= bound.value + 1e-6
+    assert any("attempt 1" in note for note in record.plan.notes)
+    assert record.verdict.outcome == "verified_success"
+    assert record.judgement.eased
+
+
+def test_a_push_that_starts_from_where_a_thing_stood_is_not_repeated(parts_of):
+    parts = parts_of("memory=none")
+    sentence = "push the {} cube 10 cm to the left"
+    colour = parts.robot.reset(parts.task, 1).instruction
+    from gvla2.planning.colours import colours_in
+
+    (name,) = colours_in(colour)
+    clumsy = Clumsy(parts.planner, off=(0.0, 0.0, 0.08))  # passes over it
+    request = EpisodeRequest(seed=1, instruction=sentence.format(name), replan=1)
+    record = run_episode(replace(parts, planner=clumsy), request, Listener())
+    assert record.plan.skill == "push"
+    assert "goal" not in record.plan.roles
+    assert not worth_another(record)
+    assert record.attempts == ()
+
+
+def test_the_folder_keeps_every_attempt(registry, compose_run, tmp_path, monkeypatch):
+    from gvla2_plugins.skill.planner import SkillPlanner
+
+    plan, clumsy = SkillPlanner.plan, []
+
+    def first_beside(self, request):
+        if not clumsy:
+            clumsy.append(Clumsy(type("Plain", (), {"plan": lambda _, r: plan(self, r)})()))
+        return clumsy[0].plan(request)
+
+    monkeypatch.setattr(SkillPlanner, "plan", first_beside)
+    out = tmp_path / "out"
+    assert run_episodes(compose_run("memory=none", "replan=1", "seed=1", *SMALL), registry, out) == 1.0
+    told = json.loads((out / "result.json").read_text())
+    assert [a["verdict"] for a in told["attempts"]] == ["verified_fail", "verified_success"]
+    (kept,) = json.loads((out / "attempts.json").read_text())
+    assert kept["report"]["waypoints"]
+    assert 'id="attempts"' in (out / "index.html").read_text()

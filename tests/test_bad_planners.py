@@ -1,0 +1,80 @@
+"""Planners that hang or talk rubbish: a typed failure, and the next episode of the run is as good as ever."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from gvla2.commands.run import run_episodes
+from gvla2.errors import ConfigurationError
+from gvla2.planning.contracts import Plan
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2_plugins.skill.planner import SkillPlanner
+
+SMALL = ("memory=none", "robot.image_size=160", "robot.video_fps=1", "robot.video_size=16", "seed=1")
+SOMEWHERE = Waypoint((0.3, 0.0, 0.9), 1.0, "approach")
+NOWHERE = replace(SOMEWHERE, xyz=(float("nan"), 0.0, 0.9))
+
+
+@pytest.fixture
+def run_of_two(registry, compose_run, tmp_path, monkeypatch):
+    """Two episodes, in the first of which the planner answers by ``wrong``: their rows, and what it was asked."""
+    real = SkillPlanner.plan
+
+    def start(wrong, *overrides):
+        requests = []
+
+        def plan(self, request):
+            requests.append(request)
+            first = len({id(r.observation) for r in requests}) == 1
+            return wrong(self, request) if first else real(self, request)
+
+        monkeypatch.setattr(SkillPlanner, "plan", plan)
+        out = tmp_path / "out"
+        run_episodes(compose_run("episodes=2", *SMALL, *overrides), registry, out)
+        return json.loads((out / "result.json").read_text())["rows"], requests
+
+    return start
+
+
+def test_a_planner_that_hangs_ends_its_episode_and_no_other(run_of_two):
+    def hang(self, request):
+        while True:
+            pass
+
+    (first, second), requests = run_of_two(hang, "planner_timeout=10")
+    assert (first["failure"]["stage"], first["failure"]["kind"]) == ("plan", "timeout")
+    assert "'skill' gave no answer within 10 s" in first["failure"]["message"]
+    assert first["success"] is False
+    assert second["success"] is True
+    assert len(requests) == 2  # one that hangs is not asked twice
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (lambda self, r: {"waypoints": []}, "dict, not a Plan"),
+        (lambda self, r: Plan(Trajectory((NOWHERE, NOWHERE))), "three finite numbers"),
+        (
+            lambda self, r: Plan(Trajectory((replace(NOWHERE, xyz=(0.3, 0.0, 0.9)),) * 10_000)),
+            "10000 waypoints",
+        ),
+    ],
+    ids=["type", "nan", "many"],
+)
+def test_rubbish_is_given_back_once_and_then_is_the_failure(run_of_two, answer, words):
+    (first, second), requests = run_of_two(answer)
+    assert (first["failure"]["stage"], first["failure"]["kind"]) == ("plan", "invalid_plan")
+    assert words in first["failure"]["message"]
+    assert second["success"] is True
+    assert requests[0].rejections == ()
+    assert words in requests[1].rejections[0]
+
+
+@pytest.mark.parametrize("override", ["replan=-1", "planner_timeout=-1", "planner_timeout=inf"])
+def test_options_that_mean_nothing_are_refused(compose_run, override):
+    with pytest.raises(Exception, match=override.partition("=")[0]) as caught:
+        compose_run(override)
+    assert isinstance(caught.value, ConfigurationError) or isinstance(
+        caught.value.__cause__, ConfigurationError
+    )

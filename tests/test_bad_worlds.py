@@ -1,0 +1,259 @@
+"""Worlds that are not as a task means them: every episode ends in success or in a typed failure, never in a traceback.
+
+Simulation, perceiver, planner and verifier are the real ones; only the layout, the images or the world's speeds are
+tampered with.
+"""
+
+import json
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2.commands.primary import PRIMARY
+from gvla2.commands.run import build_parts, run_episodes
+from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.geometry.views import Views
+from gvla2.hydra_bridge import register
+from gvla2.planning.colours import COLOURS, colours_in
+from gvla2.robot.depth_noise import DepthNoise
+
+OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",
+            "collision", "not_achieved", "goal_not_reached", "rejected", "simulation"}  # fmt: skip
+"""What may come of a bad world; "error" and "crashed" are not among it."""
+
+
+class Silent:
+    def begin(self, stage):
+        pass
+
+    def stage(self, record, stage):
+        pass
+
+    def frame(self, image):
+        pass
+
+
+class Meddler(Silent):
+    """Gives the asked body a speed (m/s) and a turn (rad/s) at the picture ``at`` of the motion, once."""
+
+    def __init__(self, robot, at, speed, turn=(0.0, 0.0, 0.0)):
+        self.robot, self.at, self.speed, self.turn, self.seen = robot, at, speed, turn, 0
+        self.task = None
+
+    def frame(self, image):
+        self.seen += 1
+        if self.seen == self.at:
+            body = self.robot._world._movers[self.task.index]
+            body.set_linear_velocity(self.speed)
+            body.set_angular_velocity(self.turn)
+
+    def pose(self):
+        """Where the asked body is at the end, (4, 4)."""
+        return self.robot._world.body_pose(self.robot._layout.bodies[self.task.index].name)
+
+
+class Altered:
+    """Another task's episode with bodies changed: ``change`` gets whether a body is the one that is asked for."""
+
+    instructions = ("-",) * 4
+
+    def __init__(self, task, change):
+        self._task, self._change = task, change
+
+    def sample(self, rng, site, instruction=None):
+        instance = self._task.sample(rng, site, instruction)
+        (colour,) = colours_in(instance.instruction)
+        self.index = [body.solids[0].rgb for body in instance.layout.bodies].index(COLOURS[colour])
+        bodies = tuple(
+            self._change(index == self.index, body) for index, body in enumerate(instance.layout.bodies)
+        )
+        return replace(instance, layout=replace(instance.layout, bodies=bodies))
+
+
+@pytest.fixture(scope="module")
+def parts(registry):
+    """A run's parts, built once: three cubes, small pictures, no memory."""
+    register(registry, PRIMARY)
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        overrides = ["memory=none", "robot.image_size=160", "robot.video_size=16", "robot.video_fps=20"]
+        config = OmegaConf.to_object(compose("run", overrides=overrides))
+    built = build_parts(config, registry)
+    with closing(built.robot):
+        yield built
+
+
+def moved(body, x, y):
+    pose = body.world_from_body.copy()
+    pose[:2, 3] = x, y
+    return replace(body, world_from_body=pose)
+
+
+def the_asked(change):
+    """Changes the body that is asked for and no other."""
+    return lambda asked, body: change(body) if asked else body
+
+
+def outcome(record):
+    if record.failure is not None:
+        return record.failure.kind
+    assert record.judgement is not None
+    assert record.judgement.eased
+    return "success"
+
+
+def run(parts, change=None, listener=None, robot=None, **request):
+    task = Altered(parts.task, change or (lambda asked, body: body))
+    if isinstance(listener, Meddler):
+        listener.task = task
+    altered = replace(parts, task=task, robot=robot or parts.robot)
+    record = run_episode(altered, EpisodeRequest(seed=2, **request), listener or Silent())
+    assert outcome(record) in OUTCOMES, record.failure
+    assert record.failure is None or len(record.failure.message) > 20
+    return record
+
+
+def test_the_plain_world_succeeds(parts):
+    assert outcome(run(parts)) == "success"
+
+
+@pytest.mark.parametrize("place", [(0.98, 0.0), (0.25, 0.85), (-0.40, 0.45)], ids=["far", "aside", "behind"])
+def test_what_is_out_of_reach_or_view_is_declined_before_any_motion(parts, place):
+    record = run(parts, the_asked(lambda body: moved(body, *place)))
+    assert record.failure.kind in ("nothing_matches", "unreachable", "rejected")
+    assert record.report is None
+
+
+def test_two_alike_are_told_apart_by_nobody(parts):
+    asked_for = []  # the colour's solids; every other cube gets the same
+
+    def note(asked, body):
+        if asked:
+            asked_for[:] = body.solids
+        return body
+
+    def alike(asked, body):
+        return replace(body, solids=tuple(asked_for))
+
+    Altered(parts.task, note).sample(np.random.default_rng(2), parts.robot._site())
+    record = run(parts, alike)
+    assert (record.failure.stage, record.failure.kind) == ("plan", "ambiguous")
+    assert record.report is None
+
+
+def test_what_slips_is_a_failure_with_its_signal(parts):
+    slippery = the_asked(lambda body: replace(body, friction=0.0))
+    world = parts.robot._config
+    world.finger_friction, before = 0.0, world.finger_friction
+    try:
+        record = run(parts, slippery)
+    finally:
+        world.finger_friction = before
+    assert record.failure.kind in ("slipped", "not_achieved")
+    assert not record.judgement.eased
+    assert record.verdict.outcome != "verified_success"
+
+
+def test_what_is_knocked_over_ends_in_words(parts):
+    def tall(body):
+        pose = body.world_from_body.copy()
+        pose[2, 3] = 0.752 + 0.08
+        solid = replace(body.solids[0], size=(0.03, 0.03, 0.16))
+        return replace(body, solids=(solid,), world_from_body=pose)
+
+    knock = Meddler(parts.robot, 8, (0.0, 1.2, 0.0), (-12.0, 0.0, 0.0))
+    record = run(parts, the_asked(tall), knock)
+    assert record.report is not None, record.failure
+    assert record.failure.kind in ("slipped", "not_achieved", "goal_not_reached", "collision", "tracking")
+    assert abs(knock.pose()[2, 2]) < 0.5
+
+
+def test_what_leaves_the_table_is_missed(parts):
+    shove = Meddler(parts.robot, 6, (0.0, 6.0, 1.0))
+    record = run(parts, listener=shove)
+    assert record.failure.kind in ("slipped", "not_achieved")
+    assert not record.judgement.strict  # the eased rule only asks that it left its place
+    assert shove.pose()[2, 3] < 0.7
+
+
+def test_holes_in_the_depth_are_seen_through(parts):
+    noise = DepthNoise(kind="gaussian", sigma_m=0.001, dropout=0.3)
+    assert outcome(run(parts, depth_noise=noise)) == "success"
+
+
+class Blinded:
+    """A robot some of whose cameras see nothing."""
+
+    def __init__(self, robot, dead):
+        self._robot, self._dead = robot, dead
+
+    def __getattr__(self, name):
+        return getattr(self._robot, name)
+
+    def observe(self):
+        seen = self._robot.observe()
+        views = tuple(
+            replace(v, image=np.zeros_like(v.image), depth=np.full_like(v.depth, np.nan))
+            if v.name in self._dead
+            else v
+            for v in seen.views
+        )
+        return replace(seen, views=Views(views))
+
+
+@pytest.mark.parametrize("dead", [("front",), ("left_shoulder", "right_shoulder", "wrist")])
+def test_cameras_gone_black_leave_the_others(parts, dead):
+    record = run(parts, robot=Blinded(parts.robot, dead))
+    assert record.scene is not None
+    assert outcome(record) in ("success", "nothing_matches", "not_achieved", "goal_not_reached", "slipped")
+
+
+def test_all_cameras_gone_black_is_a_failure_of_perception(parts):
+    names = ("front", "left_shoulder", "right_shoulder", "wrist")
+    assert run(parts, robot=Blinded(parts.robot, names)).failure.kind == "perception"
+
+
+@pytest.mark.parametrize("speed", [float("nan"), 1e8])
+def test_a_simulation_that_explodes_is_marked_and_the_next_episode_is_clean(parts, speed):
+    clean = run(parts)
+
+    record = run(parts, listener=Meddler(parts.robot, 4, (speed, 0.0, 0.0)))
+    assert (record.failure.stage, record.failure.kind) == ("execute", "simulation")
+    assert "blown up" in record.failure.message
+    assert record.report.abort is not None
+    # What happened in such a world is neither judged nor learnt from.
+    assert record.verdict is None
+    assert record.learned is None
+    assert record.judgement is None
+    after = run(parts)
+    assert outcome(after) == "success"
+    np.testing.assert_array_equal(after.report.joint_path, clean.report.joint_path)
+
+
+def test_a_run_of_several_goes_on_after_an_explosion(registry, compose_run, tmp_path, monkeypatch):
+    from gvla2_plugins.sapien.driver import SapienDriver
+
+    follow, calls = SapienDriver.follow, []
+
+    def explosive(self, samples, dt, gripper):
+        calls.append(1)
+        if len(calls) == 2:
+            self._world._movers[0].set_linear_velocity((0.0, 0.0, 1e8))
+        return follow(self, samples, dt, gripper)
+
+    monkeypatch.setattr(SapienDriver, "follow", explosive)
+    out = tmp_path / "out"
+    share = run_episodes(
+        compose_run("memory=none", "episodes=2", "robot.image_size=160", "robot.video_fps=2"), registry, out
+    )
+    told = json.loads((out / "result.json").read_text())
+    first, second = told["rows"]
+    assert first["failure"]["kind"] == "simulation"
+    assert first["success"] is None
+    assert second["success"] is True
+    assert (told["episodes"], share) == (2, 0.5)
+    page = (out / "episode_000" / "index.html").read_text()
+    assert "blown up" in page

@@ -1,0 +1,183 @@
+"""The perception suite from end to end on two tasks: rows, resuming, figures that tell right from wrong."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from gvla2.catalog import Offer, Registry
+from gvla2.commands.bench import run_bench
+from gvla2.commands.bench_config import BenchConfig, ResultsConfig
+from gvla2.commands.bench_perception import chosen_parts, chosen_tasks
+from gvla2.component import Component, ComponentConfig
+from gvla2.discovery import Plugin
+from gvla2.errors import ConfigurationError, PerceptionError, UnknownComponentError
+from gvla2.evaluation.perception.suite import layout_seed
+
+PLUGIN = Plugin("tests")
+
+
+@dataclass
+class OwnConfig(ComponentConfig):
+    """Options of perceivers made for a test."""
+
+    shift: float = 0.0
+
+
+class Half:
+    """The true scene without its first object, all of it shifted."""
+
+    def __init__(self, config: OwnConfig, robot) -> None:
+        self._shift, self._robot = config.shift, robot
+
+    def perceive(self, observation, instruction, workspace):
+        scene = self._robot.true_scene()
+        moved = []
+        for thing in scene.objects[1:]:
+            pose = thing.world_from_object.copy()
+            pose[0, 3] += self._shift
+            moved.append(replace(thing, world_from_object=pose))
+        return replace(scene, objects=tuple(moved))
+
+
+class Blind:
+    def perceive(self, observation, instruction, workspace):
+        raise PerceptionError("Too dark.")
+
+
+@pytest.fixture(scope="module")
+def parts(registry: Registry) -> Registry:
+    """The installed components, and perceivers that are wrong in a known way."""
+    own = [
+        Component("half", OwnConfig, lambda config, robot: Half(config, robot), needs=("robot",)),
+        Component("blind", OwnConfig, lambda config: Blind()),
+    ]
+    offers = {kind: dict(registry.offers(kind)) for kind in ("robot", "camera", "task", "planner")}
+    offers["perceiver"] = {**registry.offers("perceiver"), **{c.name: Offer(c, PLUGIN) for c in own}}
+    return Registry(offers, [PLUGIN])
+
+
+def config_for(parts: Registry, tmp_path: Path, **changes) -> BenchConfig:
+    def choice(kind: str, name: str, **options):
+        return parts.get(kind, name).config(name=name, **options)
+
+    settings = {
+        "suite": "perception",
+        "tasks": ["pickup_cup"],
+        "seeds": [3],
+        "episodes": 1,
+        "robot": choice("robot", "sapien_panda", image_size=256),
+        "camera": choice("camera", "none"),
+        "planner": choice("planner", "skill"),
+        "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
+        "workers": 1,
+        "quiet": True,
+    }
+    return BenchConfig(**{**settings, **changes})
+
+
+def rows_of(folder: Path) -> list[dict]:
+    return json.loads((folder / "result.json").read_text())["rows"]
+
+
+def test_every_thing_is_a_row_and_is_measured_once(parts, tmp_path):
+    config = config_for(parts, tmp_path)
+    assert run_bench(config, parts, tmp_path / "first") == 1
+    scene, *things = rows_of(tmp_path / "first")
+    assert (scene["object"], scene["status"], scene["false"]) == ("scene", "ok", 0)
+    assert scene["abstained"] == 1, "two cups of one colour: nobody knows which"
+    assert scene["seconds"] > 0 and scene["cpu_seconds"] > 0  # noqa: PT018
+    assert {thing["object"] for thing in things} == {"cup_0", "cup_1"}
+    for thing in things:
+        assert thing["kind"] == "cup"
+        assert (thing["found"], thing["label"], thing["colour"]) == (1, 1, 1)
+        assert 0.8 < thing["iou"] <= 1
+        assert 0 <= thing["centre_mm"] < 6
+        assert 0 <= thing["extent_mm"] < 12
+        assert thing["extent_mm"] == max(abs(thing[f"extent_{axis}_mm"]) for axis in "xyz")
+    page = (tmp_path / "first" / "index.html").read_text()
+    assert page.count("data:image/png;base64,") == 1
+    assert "by task" in page and "by kind" in page  # noqa: PT018
+
+    assert run_bench(config, parts, tmp_path / "second") == 1
+    assert rows_of(tmp_path / "second") == rows_of(tmp_path / "first"), "nothing was measured again"
+    more = config_for(parts, tmp_path, episodes=2)
+    run_bench(more, parts, tmp_path / "third")
+    third = rows_of(tmp_path / "third")
+    assert {row["run"] for row in third} == {1, 3}
+    assert {row["episode"] for row in third} == {0, 1}
+
+
+def test_what_is_wrong_is_told(parts, tmp_path):
+    config = config_for(
+        parts, tmp_path, perceivers=["oracle", "half", "blind"], perceiver=OwnConfig(name="half", shift=0.004)
+    )
+    assert run_bench(config, parts, tmp_path / "out") == 1
+    rows = rows_of(tmp_path / "out")
+    of = {
+        name: {row["object"]: row for row in rows if row["perceiver"] == name} for name in config.perceivers
+    }
+    assert of["oracle"]["scene"]["found"] == 1
+    assert of["oracle"]["cup_0"]["centre_mm"] == pytest.approx(0, abs=1e-3)
+    assert (of["half"]["cup_0"]["found"], of["half"]["cup_1"]["found"]) == (0, 1)
+    assert of["half"]["cup_0"]["centre_mm"] is None
+    assert of["half"]["cup_1"]["centre_mm"] == pytest.approx(4, abs=0.5)
+    assert of["half"]["scene"]["found"] == 0.5
+    assert of["blind"]["scene"]["found"] == 0
+    assert "Too dark." in of["blind"]["scene"]["note"]
+    assert of["blind"]["scene"]["abstained"] == 1
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "cup: 1 of 2" in report
+    assert "perceiver blind" in report
+
+
+def test_a_layout_that_does_not_fit_is_a_failed_row(parts, tmp_path):
+    class Crowded:
+        instructions = ("do it",)
+
+        def sample(self, rng, site, instruction=None):
+            from gvla2.errors import RobotError
+
+            raise RobotError("No room.")
+
+    offers = {kind: dict(parts.offers(kind)) for kind in ("robot", "camera", "perceiver", "planner")}
+    offers["task"] = {"crowded": Offer(Component("crowded", OwnConfig, lambda config: Crowded()), PLUGIN)}
+    registry = Registry(offers, [PLUGIN])
+    config = config_for(registry, tmp_path, tasks=["crowded"])
+    assert run_bench(config, registry, tmp_path / "out") == 0
+    (row,) = rows_of(tmp_path / "out")
+    assert row["status"] == "failed: No room."
+    with pytest.raises(ConfigurationError, match="has no option scale"):
+        run_bench(config_for(registry, tmp_path, tasks=["crowded"], scale=1.1), registry, tmp_path / "out")
+
+
+def test_choices(parts, tmp_path):
+    config = config_for(parts, tmp_path, tasks=[], scale=0.9)
+    assert len(chosen_tasks(config, parts)) >= 17
+    assert "none" not in chosen_tasks(config, parts)
+    assert chosen_parts(config, parts, "open_jar", "classical")["task"] == {"name": "open_jar", "scale": 0.9}
+    with pytest.raises(UnknownComponentError, match="pickup_cup"):
+        chosen_tasks(config_for(parts, tmp_path, tasks=["pickup_cups"]), parts)
+    with pytest.raises(ConfigurationError, match="perceivers must name"):
+        config_for(parts, tmp_path, perceivers=[])
+
+
+def test_no_two_seeds_share_a_layout():
+    drawn = {layout_seed(seed, episode) for seed in range(20) for episode in range(20)}
+    assert len(drawn) == 400
+    assert layout_seed(7, 0) == 7
+
+
+def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
+    class Real:
+        arm = None
+
+        def close(self): ...
+
+    from gvla2.evaluation.perception.suite import Bench, Wanted, measure
+    from gvla2.robot.depth_noise import DepthNoise
+
+    bench = Bench(Real(), None, Blind(), None, DepthNoise())
+    with pytest.raises(ConfigurationError, match="tells which pixel shows what"):
+        measure(Wanted("key", {}, 0), bench)

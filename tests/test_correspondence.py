@@ -1,0 +1,36 @@
+"""Twins keep their identities over two perceptions that word and measure them a little differently."""
+
+import numpy as np
+
+from gvla2.correspondence import correspond
+from gvla2.geometry.transform import rigid
+from gvla2.planning.scene import Box, Scene, SceneObject
+
+SPACE = Box(np.array([-1, -1, 0.0]), np.array([1, 1, 2.0]))
+
+
+def lid(id_: str, label: str, x: float, z: float, height: float) -> SceneObject:
+    return SceneObject(id_, label, "disc", "gray", rigid(translation=(x, 0.0, z)), np.array([0.074, 0.074, height]),
+                       np.zeros((0, 3)), np.full(3, 0.5))  # fmt: skip
+
+
+def test_what_stays_where_it_was_is_itself_whatever_it_is_called_the_second_time() -> None:
+    before = Scene(
+        (lid("stays", "gray disc", 0.0, 0.13, 0.021), lid("goes", "gray lid", 0.3, 0.13, 0.024)), 0.0, SPACE
+    )
+    after = Scene(
+        (lid("p", "gray lid", 0.0, 0.13, 0.024), lid("q", "gray disc", 0.35, 0.01, 0.021)), 0.0, SPACE
+    )
+    found = correspond(before, after)
+    assert {name: later.id for name, later in found.later.items()} == {"stays": "p", "goes": "q"}
+
+
+def test_a_moved_thing_is_found_by_its_looks_even_where_another_one_stood() -> None:
+    def cube(id_: str, x: float, rgb: tuple[float, float, float], colour: str) -> SceneObject:
+        return SceneObject(id_, f"{colour} cube", "box", colour, rigid(translation=(x, 0, 0.025)), np.full(3, 0.05),
+                           np.zeros((0, 3)), np.array(rgb))  # fmt: skip
+
+    red, blue = (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)
+    before = Scene((cube("r", 0.0, red, "red"), cube("b", 0.3, blue, "blue")), 0.0, SPACE)
+    after = Scene((cube("p", 0.0, blue, "blue"), cube("q", 0.3, red, "red")), 0.0, SPACE)
+    assert {k: v.id for k, v in correspond(before, after).later.items()} == {"r": "q", "b": "p"}

@@ -1,0 +1,277 @@
+"""Diagnosed causes: of slips and orders in general, and of lids, drawers, caps and rings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from gvla2.diagnosis import diagnose
+from gvla2.geometry.transform import rigid
+from gvla2.planning.contracts import Candidate, Plan
+from gvla2.planning.effects import Effect
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.record.contents import EpisodeRecord
+from gvla2.robot.report import ExecutionReport, WaypointReport
+
+TABLE = 0.75
+RGB = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "gray": (0.5, 0.5, 0.5)}
+
+
+def thing(
+    id_: str, xyz: Sequence[float], size: Sequence[float], colour: str = "red", shape: Any = "box", *,
+    turn: Any = None, parent: str = "",
+) -> SceneObject:  # fmt: skip
+    pose = rigid(np.eye(3) if turn is None else turn, (xyz[0], xyz[1], TABLE + xyz[2]))
+    return SceneObject(id_, f"{colour} {shape}", shape, colour, pose, np.asarray(size, dtype=float),
+                       np.zeros((0, 3)), np.array(RGB[colour]), parent)  # fmt: skip
+
+
+def move(stage: str, xyz: Sequence[float], gripper: float = 0.0, carries: str = "") -> Waypoint:
+    x, y, z = (float(v) for v in xyz)
+    return Waypoint((x, y, TABLE + z), gripper, stage, carries=carries, allowed_contacts=frozenset({"a"}))
+
+
+def episode(
+    skill: str, before: Sequence[SceneObject], after: Sequence[SceneObject] | None, waypoints: Sequence[Waypoint],
+    theta: dict[str, float], *, changes: dict[int, dict[str, Any]] | None = None, roles: dict[str, str] | None = None,
+    width: float = 0.02, held: bool | None = True, **plan: Any,
+) -> EpisodeRecord:  # fmt: skip
+    """Executed as planned but for ``changes`` of reports; the closed hand measures ``width`` and ``held``."""
+    space = Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0]))
+    reports = []
+    for i, w in enumerate(waypoints):
+        shut = w.gripper < 0.5
+        report = WaypointReport(
+            i, w.stage, w.xyz, w.xyz, 0.001, width if shut else 0.08, held if shut else False
+        )
+        reports.append(replace(report, **(changes or {}).get(i, {})))
+    made = Plan(Trajectory(tuple(waypoints)), skill, roles or {"theme": "a"}, theta, **plan)
+    seen = None if after is None else Scene(tuple(after), TABLE, space)
+    return EpisodeRecord("run/1", "do it", "", 0, {}, scene=Scene(tuple(before), TABLE, space), plan=made,
+                         report=ExecutionReport(tuple(reports), 4.0), after_scene=seen)  # fmt: skip
+
+
+def told(record: EpisodeRecord) -> list[tuple[Any, ...]]:
+    """Kind, and parameter, op and value of the effect, of each signal."""
+    return [
+        (s.kind, s.effect.parameter, s.effect.op, pytest.approx(s.effect.value, abs=1e-9))
+        if s.effect
+        else (s.kind,)
+        for s in diagnose(record)
+    ]
+
+
+CUBE = (thing("a", (0.3, 0, 0.025), (0.05, 0.05, 0.05)),)
+PLACE = (
+    move("grasp", (0.3, 0, 0.02), 1.0),
+    move("close", (0.3, 0, 0.02)),
+    move("lift", (0.3, 0, 0.2), carries="a"),
+    move("place", (0.5, 0, 0.02), carries="a"),
+    move("release", (0.5, 0, 0.02), 1.0, carries="a"),
+    move("retreat", (0.5, 0, 0.2), 1.0),
+)
+
+
+def test_opening_the_hand_where_it_is_to_be_opened_is_no_slip() -> None:
+    assert told(episode("place", CUBE, None, PLACE, {"grasp_depth": 0.02})) == []
+    slipped = episode("place", CUBE, None, PLACE, {"grasp_depth": 0.02}, changes={3: {"held": False}})
+    assert told(slipped) == [("slip", "grasp_depth", ">=", 0.025)]
+
+
+def test_a_bound_goes_with_the_objects_size_where_the_plan_says_so() -> None:
+    slipped = episode("place", CUBE, None, PLACE, {"grasp_depth": 0.02}, changes={3: {"held": False}},
+                      scales={"grasp_depth": ("height", 0.05)})  # fmt: skip
+    (signal,) = diagnose(slipped)
+    assert signal.effect is not None
+    assert (signal.effect.scale, signal.effect.value) == ("height", pytest.approx(0.5))
+
+
+def test_a_slip_of_another_thing_of_the_plan_bounds_nothing() -> None:
+    two = (*CUBE, thing("b", (0.4, 0.3, 0.025), (0.05, 0.05, 0.05), "blue"))
+    roles = {"theme": "b", "theme_1": "a", "theme_2": "b"}
+    record = episode(
+        "place", two, None, PLACE, {"grasp_depth": 0.02}, changes={3: {"held": False}}, roles=roles
+    )
+    assert told(record) == [("slip",)]
+
+
+def test_a_hand_that_feels_no_hold_tells_a_slip_by_its_gap() -> None:
+    lost = episode("open", box(0.0), None, SWING, {"lip_depth": 0.006}, held=False, width=0.01,
+                   changes={3: {"gripper_width": 0.0}}, roles={"theme": "l"})  # fmt: skip
+    assert told(lost) == [("slip", "lip_depth", ">=", 0.011)]
+
+
+def test_letting_go_before_putting_down_teaches_the_order() -> None:
+    wrong = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.5, 0, 0.02), 1.0))
+    (signal,) = diagnose(episode("place", CUBE, None, wrong, {}))
+    assert signal.kind == "opened_early"
+    assert signal.effect == Effect("order", "lower before drop", skill="place")
+    assert told(episode("place", CUBE, None, PLACE, {})) == []
+    elsewhere = (*PLACE[:3], move("drop", (0.5, 0, 0.2), 1.0, "a"), move("lower", (0.2, 0, 0.02), 1.0))
+    assert told(episode("place", CUBE, None, elsewhere, {})) == []
+
+
+def box(angle: float) -> tuple[SceneObject, SceneObject]:
+    """A box whose lid, hinged at +x, is open by ``angle``."""
+    turn = Rotation.from_euler("y", angle).as_matrix()
+    centre = np.array([0.425, 0.0, 0.155]) - 0.134 * turn[:, 0]
+    lid = thing("l", centre, (0.268, 0.35, 0.01), "blue", "plate", turn=turn, parent="b")
+    return thing("b", (0.3, 0, 0.075), (0.25, 0.35, 0.15)), lid
+
+
+SWING = (
+    move("reach", (0.16, 0, 0.155), 1.0),
+    move("close", (0.16, 0, 0.155)),
+    move("swing", (0.3, 0, 0.3), carries="l"),
+    move("swing", (0.45, 0, 0.42), carries="l"),
+    move("release", (0.45, 0, 0.42), 1.0, carries="l"),
+)
+
+
+@pytest.mark.parametrize("role", ["b", "l"])
+@pytest.mark.parametrize(
+    ("angle", "width", "expected"),
+    [
+        (1.9, 0.01, []),
+        (0.0, 0.01, [("undershoot", "open_angle", ">=", 1.5)]),
+        (0.0, 0.0, [("missed_grasp", "lip_depth", ">=", 0.011)]),
+    ],
+)
+def test_a_lid_that_fell_shut_is_swung_further(
+    angle: float, width: float, expected: list[Any], role: str
+) -> None:
+    theta = {"open_angle": 1.3, "lip_depth": 0.006}
+    record = episode(
+        "open", box(0.0), box(angle), SWING, theta, width=width, held=False, roles={"theme": role}
+    )
+    assert told(record) == expected
+
+
+@pytest.mark.parametrize(
+    ("angle", "expected"),
+    [
+        (0.0, []),
+        (1.4, [("undershoot", "let_go_angle", "<=", 1.0)]),
+        (2.25, [("missed_grasp", "hook_depth", ">=", 0.017)]),
+    ],
+)
+def test_a_lid_that_did_not_fall_shut_is_taken_further_over(angle: float, expected: list[Any]) -> None:
+    draw = (move("lower", (0.5, 0, 0.3)), move("draw over", (0.4, 0, 0.4)), move("retreat", (0.4, 0, 0.5)))
+    theta = {"let_go_angle": 1.2, "hook_depth": 0.012}
+    assert told(episode("close", box(2.3), box(angle), draw, theta, roles={"theme": "b"})) == expected
+
+
+PULL = (
+    move("close", (0.16, 0, 0.12)),
+    move("pull", (0.01, 0, 0.12), carries="h"),
+    move("release", (0.01, 0, 0.12), 1.0, carries="h"),
+)
+
+
+@pytest.mark.parametrize(
+    ("out", "width", "expected"),
+    [
+        (0.148, 0.01, []),
+        (0.12, 0.01, [("undershoot", "pull_distance", ">=", 0.18)]),
+        (0.02, 0.01, [("undershoot", "pull_distance", ">=", 0.2)]),  # no more at a time
+        (0.02, 0.0, [("slip", "grasp_depth", ">=", 0.011)]),
+    ],
+)
+def test_a_drawer_that_came_short_is_pulled_further(out: float, width: float, expected: list[Any]) -> None:
+    before, after = ((thing("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out))
+    theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
+    record = episode("pull", before, after, PULL, theta, width=width, held=None, roles={"theme": "d"})
+    assert told(record) == expected
+
+
+TWIST = (
+    move("close", (0.3, 0, 0.28)),
+    move("turn", (0.3, 0, 0.28)),
+    move("lift", (0.3, 0, 0.4), carries="k"),
+)
+
+
+@pytest.mark.parametrize(
+    ("z", "width", "expected"),
+    [
+        (0.285, 0.026, [("undershoot", "turn", ">=", 1.85)]),
+        (0.285, 0.0, []),  # nothing was between the fingers while they turned
+        (0.4, 0.026, []),
+    ],
+)
+def test_a_cap_that_stayed_on_is_turned_further(z: float, width: float, expected: list[Any]) -> None:
+    before, after = ((thing("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, z))
+    record = episode(
+        "twist", before, after, TWIST, {"turn": 1.5}, width=width, held=None, roles={"theme": "k"}
+    )
+    assert told(record) == expected
+
+
+@pytest.mark.parametrize(
+    ("at", "expected"),
+    [
+        ((0.4, 0.1, 0.005), []),
+        ((0.4, 0.1, 0.115), [("undershoot", "insert_depth", ">=", 0.015)]),
+        ((0.5, 0.1, 0.115), []),
+    ],
+)
+def test_a_ring_on_the_posts_end_is_pushed_further_down(at: Sequence[float], expected: list[Any]) -> None:
+    post = thing("p", (0.4, 0.1, 0.06), (0.025, 0.025, 0.12), "blue")
+    before, after = (
+        [post, thing("a", xyz, (0.05, 0.05, 0.01), "red", "ring")] for xyz in ((0.2, 0, 0.005), at)
+    )
+    put = (move("insert", (0.4, 0.1, 0.12), carries="a"), move("release", (0.4, 0.1, 0.12), 1.0, "a"))
+    roles = {"theme": "a", "goal": "p"}
+    assert told(episode("insert", before, after, put, {"insert_depth": 0.005}, roles=roles)) == expected
+
+
+def test_what_stopped_on_the_way_is_not_measured() -> None:
+    stopped = {3: {"abort": "collision", "message": "hit"}}
+    record = episode("open", box(0.0), box(0.4), SWING, {"open_angle": 1.3}, changes=stopped, roles={"theme": "l"},
+                     held=False)  # fmt: skip
+    assert told(record) == []
+
+
+def test_an_approach_is_forbidden_when_another_one_is_left() -> None:
+    stuck = {0: {"abort": "unreachable", "message": "no IK"}}
+    top = Candidate("from above", 1.0, approaches=("approach:top",))
+    lean = Candidate("leaning", 0.9, approaches=("approach:top", "approach:leaning"))
+    side = Candidate("from the side", 0.5, approaches=("approach:side",))
+    for candidates, expected in (
+        ((top, side), "approach:top"),
+        ((lean, top, side), "approach:leaning"),
+        ((top, replace(side, rejected="out of reach")), None),
+        ((top, top), None),  # every way left is the same approach
+    ):
+        record = episode("pick", CUBE, None, PLACE[:3], {}, changes=stuck, candidates=candidates)
+        (signal,) = diagnose(record)
+        assert (signal.effect.parameter if signal.effect else None) == expected
+
+
+def test_what_the_mechanism_held_back_is_no_slip() -> None:
+    lost = {"held": False, "gripper_width": 0.0, "abort": "slipped"}
+    cap = (thing("k", (0.3, 0, 0.285), (0.028, 0.028, 0.01), "red", "disc"),)
+    theta = {"turn": 1.5, "grasp_depth": 0.005}
+    for after, expected in (
+        (cap, [("undershoot", "turn", ">=", 1.85)]),
+        (
+            (thing("k", (0.4, 0, 0.005), (0.028, 0.028, 0.01), "red", "disc"),),
+            [("slip", "grasp_depth", ">=", 0.01)],
+        ),
+    ):
+        record = episode("twist", cap, after, TWIST, theta, changes={2: lost}, roles={"theme": "k"})
+        assert told(record) == expected
+    for out, expected in (
+        (0.12, [("overshoot", "pull_distance", "<=", 0.12)]),
+        (0.03, [("slip", "grasp_depth", ">=", 0.018)]),
+    ):
+        before, after = ((thing("d", (0.2 - x, 0, 0.08), (0.012, 0.25, 0.12), "blue"),) for x in (0.0, out))
+        theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
+        record = episode("pull", before, after, PULL, theta, changes={1: lost}, roles={"theme": "d"})
+        assert told(record) == expected

@@ -1,0 +1,164 @@
+"""The same sweep on one machine's cores (joblib) and on a Ray cluster: both run every job and find the same.
+
+The cluster is real and local: the test starts it, sweeps on it by its address, and shuts it down.
+"""
+
+import importlib.util
+import json
+import os
+import secrets
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.evaluation.protocol import protocol_cameras
+from gvla2.geometry.raycast import RayCaster, Surface
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.plain_views import write_plain
+
+CLUSTER = """
+import json, sys, ray
+ray.init(num_cpus=2, object_store_memory=80_000_000, include_dashboard=False, logging_level="ERROR")
+print(json.dumps(ray.get_runtime_context().gcs_address), flush=True)
+sys.stdin.read()  # until the test lets go
+ray.shutdown()
+"""
+LONELY = """
+from hydra.core.config_store import ConfigStore
+from hydra.plugins.launcher import Launcher
+
+class Lonely(Launcher):
+    def setup(self, **given): pass
+    def launch(self, job_overrides, initial_job_idx): raise ConnectionError("Nobody at 10.0.0.1:6379.")
+
+node = {"_target_": "hydra_plugins.lonely.Lonely"}
+ConfigStore.instance().store(group="hydra/launcher", name="lonely", node=node)
+"""
+FAST = ("quiet=true", "frames=2", "reconstructor.resolution=24", "reconstructor.gaussians=1000")
+TIMEOUT = 240
+
+# A cluster runs whatever it is sent: this one takes work of those only who know a word made up here. Given in the
+# environment, it leaves no file in the home folder.
+ENVIRONMENT = {
+    **os.environ,
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_AUTH_MODE": "token",
+    "RAY_AUTH_TOKEN": secrets.token_hex(32),
+}
+
+
+@pytest.fixture(scope="module")
+def views(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five views of a block in a folder."""
+    block = trimesh.creation.box((1.0, 0.6, 0.4))
+    cameras = protocol_cameras("block", 64)[:5]
+    colour = np.array([0.7, 0.4, 0.2])
+    shots = RayCaster([Surface(block.vertices, block.faces, colour, 0)]).cast(cameras, {})
+    rows = zip(cameras, shots, strict=True)
+    folder = tmp_path_factory.mktemp("views") / "block"
+    write_plain(
+        folder, Views(tuple(View(c, s.image, None, (s.ids == 0).astype(np.float32)) for c, s in rows))
+    )
+    return folder
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[str]:
+    """HOST:PORT of a Ray cluster of two workers, which ends with the test."""
+    for module in ("ray", "hydra_plugins.hydra_ray_launcher"):
+        if importlib.util.find_spec(module) is None:
+            pytest.skip(f"{module} is not installed")
+    with (tmp_path / "cluster.log").open("w") as log:
+        head = subprocess.Popen(
+            [sys.executable, "-c", CLUSTER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            text=True,
+            env=ENVIRONMENT,
+            cwd=tmp_path,
+        )
+        try:
+            assert head.stdout is not None
+            line = head.stdout.readline()
+            assert line, (tmp_path / "cluster.log").read_text()
+            yield json.loads(line)
+        finally:
+            head.communicate(timeout=60)
+    assert head.returncode == 0
+
+
+def gvla2(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "gvla2.cli", *arguments],
+        cwd=folder,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=False,
+    )
+
+
+def sweep(folder: Path, views: Path, *launcher: str) -> dict[str, tuple[dict, bytes]]:
+    """Two jobs that differ in their views: by the job's folder its result, times left out, and its Gaussians.
+
+    The folder is given as a whole path: workers on a cluster start in folders of their own.
+    """
+    folder.mkdir()
+    done = gvla2(
+        *(folder, "reconstruct", "-m", f"views={views}", *FAST, "views_spec=0-2,0-4"),
+        *(f"hydra.sweep.dir={folder / 'swept'}", "hydra.sweep.subdir=${hydra.job.num}", *launcher),
+    )
+    assert done.returncode == 0, done.stderr
+    found = {}
+    for path in sorted((folder / "swept").glob("*/result.json")):
+        result = without_times(json.loads(path.read_text()))
+        found[path.parent.name] = (result, (path.parent / "result.ply").read_bytes())
+    return found
+
+
+def without_times(value):
+    if isinstance(value, dict):
+        return {
+            key: without_times(inner) for key, inner in value.items() if key not in ("seconds", "timings")
+        }
+    return [without_times(inner) for inner in value] if isinstance(value, list) else value
+
+
+@pytest.mark.timeout(2 * TIMEOUT)
+def test_joblib_and_ray_find_the_same(views: Path, cluster: str, tmp_path: Path):
+    joblib = sweep(tmp_path / "joblib", views, "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+    ray = sweep(
+        tmp_path / "ray",
+        views,
+        "hydra/launcher=ray",
+        f"hydra.launcher.ray.init.address={cluster}",
+        "+hydra.launcher.ray.init.object_store_memory=null",  # a cluster that stands has its own
+    )
+    assert list(joblib) == ["0", "1"]
+    assert [joblib[job][0]["views"]["count"] for job in joblib] == [3, 5]
+    assert ray == joblib
+
+
+def test_a_cluster_that_does_not_answer_is_told_as_such(tmp_path: Path):
+    """Not as a folder that cannot be written, which is the other error of the system that Hydra may meet."""
+    (tmp_path / "hydra_plugins").mkdir()
+    (tmp_path / "hydra_plugins" / "lonely.py").write_text(LONELY)
+    done = subprocess.run(
+        [sys.executable, "-m", "gvla2.cli", "run", "-m", "seed=1,2", "hydra/launcher=lonely"],
+        cwd=tmp_path,
+        env={**ENVIRONMENT, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "gvla2: The sweep could not be launched: Nobody at 10.0.0.1:6379.\n" in done.stderr
+    assert "output folder" not in done.stderr
+    assert "Traceback" not in done.stderr
