@@ -152,12 +152,18 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
     assert "the disk is full" in text
 
 
+def test_the_folder_for_databases_is_made_and_stays(tmp_path: Path, catalog: Registry) -> None:
+    home = tmp_path / "of" / "databases"
+    run_bench(config_for(tmp_path, "quarantine", folder=str(home)), catalog, tmp_path / "out")
+    assert list(home.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"tests": ["retreival"]}, "No test 'retreival'. Available: retrieval"),
         ({"peer": "/nowhere"}, "no package memory_v2"),
-        ({"folder": "/nowhere/at/all"}, "memory.folder is '/nowhere/at/all'"),
+        ({"folder": "/dev/null/at/all"}, "memory.folder is '/dev/null/at/all'"),
     ],
 )
 def test_what_is_not_there_is_said_before_anything_runs(

@@ -213,7 +213,9 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
     """
     words = " ".join(unicodedata.normalize("NFKC", content).casefold().split())
     about = [str((effect or {}).get(name, "")) for name in ("kind", "parameter", "op", "skill")]
-    about += [str(scale)] if (scale := (effect or {}).get("scale")) else []  # shares and metres are never pooled
+    about += (
+        [str(scale)] if (scale := (effect or {}).get("scale")) else []
+    )  # shares and metres are never pooled
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 

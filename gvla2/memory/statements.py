@@ -130,7 +130,9 @@ def read(text: str) -> Statement:
         negates = _has_any(_MAY_NEGATE, sentence)
         needless = negates and _NEEDLESS.search(sentence) is not None
         sentence = _DOUBLE.sub(" ", IDIOMS.sub(" ", sentence) if negates else sentence)
-        pieces = _NOT_CLAUSE.split(sentence) if "," in sentence or _has_any(_REPLACING, sentence) else [sentence]
+        pieces = (
+            _NOT_CLAUSE.split(sentence) if "," in sentence or _has_any(_REPLACING, sentence) else [sentence]
+        )
         parts = [part for piece in pieces for part in _steps(piece)]
         made: list[Clause] = []
         for part in parts:

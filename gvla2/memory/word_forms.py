@@ -28,14 +28,6 @@ def starts_of(words: Set[str]) -> frozenset[str]:
     return frozenset([word[:3] for word in words])
 
 
-def begin_apart(first: Set[str], second: Set[str]) -> bool:
-    """Whether the first has a concept that for certain is no form of any of the second: none begins like it.
-
-    Quick; a False does not say the opposite.
-    """
-    return not starts_of(first) <= starts_of(second)
-
-
 def split_alike(first: Set[str], second: Set[str]) -> tuple[list[str], list[str], list[str]]:
     """What both have, what only the first has, and what only the second has, sorted; forms of a word are one."""
     both, left, right = set(first & second), first - second, second - first

@@ -18,6 +18,8 @@ STEEP, LEVEL = (
 )  # upward share of the normal of a leaning plate: between an upright one and a lying one
 LEAST_LEAN, MOST_LEAN = 0.03, 0.35  # radians: a box leans, and does not lie
 SKEW = 0.02  # metres between a leaning side and that of the upright box about it
+FLAT = 0.004  # metres: points of one side deviate by less from a plane
+FACING = 0.85  # cosine of the angle between a side and that of the upright box, at least
 FEWEST = 60  # points of a side that tells how it leans
 STRAY = 2.0  # per cent of the points that need not lie in the plate, at each side
 
@@ -66,7 +68,7 @@ def leaning_plate(thing: Thing) -> Thing | None:
 def lean_of(block: Thing) -> FloatArray:
     """(3,) the upward axis of a box that may lean a little: square to the sides that were seen of it."""
     local, half = block.local(block.points), 0.5 * block.extents
-    normals = []
+    faces: list[tuple[float, FloatArray]] = []
     for axis in (0, 1):
         for sign in (1.0, -1.0):
             own = sign * local[:, axis] - half[axis]
@@ -74,13 +76,15 @@ def lean_of(block: Thing) -> FloatArray:
             face = block.points[(np.abs(own) < SKEW) & others.all(axis=1)]
             if len(face) < FEWEST:
                 continue
-            _, vectors = np.linalg.eigh(np.cov(face.T))
-            normals.append(vectors[:, 0])
-    if not normals:
-        return np.array([0.0, 0.0, 1.0])
-    # Two upright sides leave one axis; one side alone leaves the steepest.
-    square = np.stack(normals)
+            spread, vectors = np.linalg.eigh(np.cov(face.T))
+            deviation, normal = float(np.sqrt(max(0.0, spread[0]))), vectors[:, 0]
+            if deviation < FLAT and abs(normal @ block.pose[:3, axis]) > FACING:
+                faces.append((deviation, normal))
     up = np.array([0.0, 0.0, 1.0])
+    if not faces:
+        return up
+    # Two upright sides leave one axis; one side alone leaves the steepest. The flattest is trusted first.
+    square = np.stack([normal for _, normal in sorted(faces, key=lambda f: f[0])])
     first = square[0]
     across = square[np.argmin(np.abs(square @ first))]
     crossed = np.cross(first, across)

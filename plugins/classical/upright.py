@@ -215,8 +215,9 @@ def _belongs(draft: Draft, j: int, at: int, vessel: Thing) -> bool:
     if _covers(draft, j, at):
         return True
     foot = _as_seen(piece).bottom
-    if (piece.floating or foot > under.top + 2 * SEAM) and under.top < foot < under.top + HOVER:
-        return bool(vessel.kind == "cylinder" and piece.spans[:2].min() < 0.6 * vessel.spans[0])
+    aloft = (piece.floating or foot > under.top + 2 * SEAM) and under.top < foot < under.top + HOVER
+    if aloft and vessel.kind == "cylinder" and piece.spans[:2].min() < 0.6 * vessel.spans[0]:
+        return True
     on_neck = under is not vessel and under.spans[:2].max() < 0.6 * min(vessel.spans[:2])
     if on_neck or _narrows(under):
         return bool(piece.spans[:2].max() < 1.5 * max(vessel.spans[:2]))  # a head on a neck

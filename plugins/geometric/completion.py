@@ -5,6 +5,7 @@ Each rule answers with a score in [0, 1], or None where the evidence does not te
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -26,7 +27,24 @@ def completion(case: Case) -> Finding:
     rule = _RULES.get(case.evidence.plan.skill)
     if rule is None:
         return Finding(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
-    return rule(case)
+    found = rule(case)
+    if (found.score or 0.0) >= 0.5 and (meant := _meant_another(case)):
+        return Finding(0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not.")
+    return found
+
+
+def _meant_another(case: Case) -> str:
+    """A colour that the sentence names, that something here has but nothing that was handled; "" for none.
+
+    Where what was handled has one of the colours named, another may be that of a landmark.
+    """
+    handled: set[str] = set()
+    for thing in filter(None, map(case.seen, case.evidence.plan.roles.values())):
+        kin = (thing, case.seen(thing.parent), *case.before.parts_of(thing.id))
+        handled |= {o.colour for o in kin if o is not None}
+    named = set(re.findall(r"\w+", case.evidence.instruction.casefold()))
+    named &= {o.colour for o in case.before.objects} - {""}
+    return "" if named & handled else min(named, default="")
 
 
 def _pick(case: Case) -> Finding:

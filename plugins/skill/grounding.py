@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
+from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, nearest_colours
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2_plugins.skill import lexicon
@@ -22,6 +22,8 @@ OTHER_KIND, PART = 0.7, 0.6
 any thing."""
 DOUBTFUL = 0.25
 """How well a thing of another shape fits, where its colour is the one that was named."""
+BETWEEN, LEEWAY = 25.0, 2.2
+"""A colour that is further from every word is between them: a word up to so many times as far may be meant."""
 BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
 """A round thing no wider, whose top is no higher above the table, may be a button, metres."""
 
@@ -55,7 +57,7 @@ def ground(
     fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, noun, o)) > 0]
     if phrase.owner is not None and fits:
         return _single(phrase, _owned(phrase, phrase.owner, fits, scene), scene)
-    return _single(phrase, _colour_filter(phrase.colour, fits), scene)
+    return _single(phrase, _of_owners(phrase, fits, scene) or _colour_filter(phrase.colour, fits), scene)
 
 
 def ground_all(
@@ -79,6 +81,16 @@ def part_named(scene: Scene, thing: SceneObject, noun: str) -> SceneObject | Non
     """The part of a thing that is called by a noun class ("handle", "lid"), the highest of several, or None."""
     named = [part for part in scene.parts_of(thing.id) if noun in _label_classes(part)]
     return max(named, key=lambda part: part.top, default=None)
+
+
+def _of_owners(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> list[_Fit]:
+    """Where no part has the colour that is named, those whose owner has it: "the red lid" is that of the red jar."""
+    if not phrase.colour or phrase.noun not in lexicon.PARTS:
+        return []
+    if any(f.object.colour == phrase.colour for f in fits):
+        return []
+    owners = {o.id for o in scene.objects if o.colour == phrase.colour}
+    return [f for f in fits if f.object.parent in owners]
 
 
 def _owned(phrase: Phrase, owner: Phrase, fits: Sequence[_Fit], scene: Scene) -> list[_Fit]:
@@ -177,8 +189,15 @@ def _colour_filter(colour: str, fits: Sequence[_Fit]) -> list[_Fit]:
 
 
 def _gap(colour: str, thing: SceneObject) -> float:
-    shown = COLOURS.get(thing.colour, tuple(float(v) for v in thing.rgb))
-    return float(colour_distance(COLOURS[colour], shown))
+    seen = tuple(float(v) for v in thing.rgb)
+    shown = COLOURS.get(thing.colour, seen)
+    by_word = float(colour_distance(COLOURS[colour], shown))
+    ((_, off),) = nearest_colours(seen, 1)
+    if off < BETWEEN:
+        return by_word
+    # A colour between the words: people differ about what it is called.
+    by_sight = float(colour_distance(COLOURS[colour], seen))
+    return min(by_word, TOLD_APART * by_sight / (LEEWAY * off))
 
 
 def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Abstention:

@@ -92,6 +92,9 @@ HOOK_LEANS = (0.0, 0.35)
 """How far the fingertips may lean away from the box when they hook behind its lid, radians."""
 
 
+LARGE = 1.05
+"""The edge of a lid that is larger by this is out of the reach of a hand that points down."""
+
 BESIDE, INTO = 0.6, 0.025
 """How far out along the lid fingers push it from beside, as a share of its length; how far they reach behind it."""
 
@@ -99,16 +102,18 @@ BESIDE, INTO = 0.6, 0.025
 def shut_paths(box: LidBox, angles: FloatArray) -> list[list[FloatArray]]:
     """Ways to shut the lid through ``angles`` (N,), tool poses (4, 4) each: before, behind the lid, and over.
 
-    A hook behind its edge from above, leaning or not, the hand either way round; or fingers behind it from beside,
-    for an edge that is too far off.
+    A hook behind its edge from above, the hand either way round; for a large lid also with the hand leaning, or level
+    beside the lid with the fingers behind it.
     """
     back, up = box.root[:3, 0], np.array([0.0, 0.0, 1.0])
-    hooks = [hook_path(box, angles, sign, lean) for lean in HOOK_LEANS for sign in (1.0, -1.0)]
+    large = box.scale > LARGE
     ways = []
-    for path in hooks:
-        behind = rigid(translation=0.03 * back) @ path[0]
-        ways.append([rigid(translation=0.05 * up) @ behind, behind, *path])
-    for side in (1.0, -1.0):
+    for lean in HOOK_LEANS if large else HOOK_LEANS[:1]:
+        for sign in (1.0, -1.0):
+            path = hook_path(box, angles, sign, lean)
+            behind = rigid(translation=0.03 * back) @ path[0]
+            ways.append([rigid(translation=0.05 * up) @ behind, behind, *path])
+    for side in (1.0, -1.0) if large else ():
         for closing in (up, -up, back, -back):
             path = beside_path(box, angles, side, closing)
             behind = rigid(translation=0.02 * box.lid_pose(float(angles[0]))[:3, 2]) @ path[0]
@@ -152,4 +157,5 @@ def hook_path(box: LidBox, angles: FloatArray, sign: float, lean: float = 0.0) -
     behind = np.cos(lean) * back - np.sin(lean) * down
     turned = grasp_rotation(approach, sign * box.root[:3, 1])
     edges = [box.along_lid(float(angle), box.scale * LID[0]) for angle in angles]
-    return [rigid(turned, edge + HOOK_BEHIND * behind + HOOK_BELOW * approach) for edge in edges]
+    below = HOOK_BELOW * (1.0 + 2.0 * np.sin(lean))  # a leaning finger slips off sooner
+    return [rigid(turned, edge + HOOK_BEHIND * behind + below * approach) for edge in edges]

@@ -24,7 +24,10 @@ YAW = np.pi / 8
 
 STANDOFF, PULL = 0.06, 0.15
 LEANS = (0.0, 0.3, 0.6)
-"""How far the hand may point down, radians: near the table it is broader than there is room for."""
+HAND_HALF, PALM_BACK, HAND_ROOM = 0.102, 0.06, 0.012
+"""How far the hand may point down, radians; half of a broad hand's breadth, how far its palm is behind the fingertips
+and what room it needs over the table, metres.
+"""
 
 
 class OpenDrawer:
@@ -127,8 +130,10 @@ class OpenDrawer:
 
 
 def handle_paths(root: FloatArray, k: float) -> list[list[FloatArray]]:
-    """Every :func:`handle_path` of the leans, level ones first, with the hand either way round."""
-    return [handle_path(root, k, sign, lean) for lean in LEANS for sign in (1.0, -1.0)]
+    """Every :func:`handle_path` of the leans that leave the hand room, with the hand either way round."""
+    lowest = [k * BAR_HEIGHT + PALM_BACK * np.sin(lean) - HAND_HALF * np.cos(lean) for lean in LEANS]
+    leans = [lean for lean, low in zip(LEANS, lowest, strict=True) if low > HAND_ROOM]
+    return [handle_path(root, k, sign, lean) for lean in leans for sign in (1.0, -1.0)]
 
 
 def handle_path(root: FloatArray, k: float, sign: float, lean: float) -> list[FloatArray]:

@@ -3,9 +3,9 @@
     python tests/benchmarks/success.py [tasks=all] [seeds=600-604] [scale=0.8,1.2] [processes=1] [out=rows.jsonl]
         [key=value ...]
 
-``tasks`` are names apart by commas, or all; ``seeds`` a range, a list or a count from 0; with several scales each
-is run. ``out`` gets one JSON line an episode as soon as it ended. Further arguments are overrides of ``gvla2 run``
-(memory is off unless they say otherwise). Parts are built once a task, its episodes share the process.
+``tasks`` are names apart by commas, or all; ``seeds`` a range, a list (``600,`` is one) or a count from 0; with
+several scales each is run. ``out`` gets one JSON line an episode as soon as it ended. Further arguments are overrides
+of ``gvla2 run`` (memory is off unless they say otherwise). Parts are built once a task, its episodes share the process.
 """
 
 import json
@@ -47,11 +47,11 @@ class Silent:
 
 
 def seeds_of(text: str) -> list[int]:
-    """600-604, 3,5,8 or a count."""
+    """600-604, or 3,5,8, or a count."""
     if "-" in text:
         first, last = (int(part) for part in text.split("-"))
         return list(range(first, last + 1))
-    return [int(part) for part in text.split(",")] if "," in text else list(range(int(text)))
+    return [int(part) for part in text.split(",") if part] if "," in text else list(range(int(text)))
 
 
 def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:

@@ -61,7 +61,7 @@ def decisions(path: Path) -> list[tuple[Any, ...]]:
 
 
 def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:
-    items = stream(160)
+    items = stream(120)
     found = []
     for size in (1, 23):
         path = tmp_path / f"{size}.db"

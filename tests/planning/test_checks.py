@@ -261,7 +261,9 @@ def test_bounds_in_shares_bind_by_the_handled_objects_sides():
         assert report.passed is passes
     (reason,) = report.reasons
     assert all(words in reason for words in ("r8", "0.025", "0.5 of the object's height"))
-    assert check(*GOOD, effects=[bound], parameters={"grasp_depth": 0.0}, skill="pick").passed  # no side is known
+    assert check(
+        *GOOD, effects=[bound], parameters={"grasp_depth": 0.0}, skill="pick"
+    ).passed  # no side is known
 
 
 def test_a_remembered_order_rejects_stages_the_other_way_round():

@@ -37,7 +37,7 @@ def thing(
 
 def judge(
     before: Sequence[SceneObject], after: Sequence[SceneObject] | None, skill: str, roles: dict[str, str],
-    waypoints: Sequence[Waypoint], *, width: float = 0.08, held: bool = False,
+    waypoints: Sequence[Waypoint], *, width: float = 0.08, held: bool = False, instruction: str = "do it",
 ) -> Verdict:  # fmt: skip
     """Every waypoint was reached; ``width`` and ``held`` are the hand's own measurements at the end."""
     space = Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0]))
@@ -48,7 +48,7 @@ def judge(
         else []
     )
     shown = RobotEvidence(
-        instruction="do it",
+        instruction=instruction,
         before=Scene(tuple(before), TABLE, space),
         after=None if after is None else Scene(tuple(renamed), TABLE, space),
         plan=Plan(Trajectory(tuple(waypoints)), skill, roles),
@@ -303,4 +303,27 @@ def test_what_stood_in_something_is_taken_when_it_is_out_of_it(rise: float, outc
         move("lift", (0.3, 0, 0.25 + rise), gripper=0.0, carries="u"),
     )
     verdict = judge(seen(0.0), seen(rise), "pick", {"theme": "u"}, lift, width=0.02, held=True)
+    assert verdict.outcome == outcome
+
+
+@pytest.mark.parametrize(
+    ("instruction", "outcome"),
+    [
+        ("take the cap off the green bottle", DONE),
+        ("take the red cap off", DONE),
+        ("take the cap off", DONE),
+        (
+            "take the cap off the purple bottle",
+            DONE,
+        ),  # nothing here is called so: another word for some colour
+        ("take the cap off the blue bottle", UNKNOWN),
+        ("take the red cap off the bottle beside the blue one", DONE),
+    ],
+)
+def test_a_thing_of_another_colour_than_was_said_is_doubtful(instruction: str, outcome: str) -> None:
+    other = thing("g", (0.5, 0.2, 0.14), (0.07, 0.07, 0.28), "blue", "cylinder")
+    before, after = [BOTTLE, other, cap((0.3, 0, 0.285))], [BOTTLE, other, cap((0.3, 0, 0.41))]
+    verdict = judge(
+        before, after, "twist", {"theme": "k"}, TWIST, width=0.026, held=True, instruction=instruction
+    )
     assert verdict.outcome == outcome
