@@ -29,13 +29,13 @@ HIGH = np.array([2.6179, 3.14, 0.0, 1.745, 1.22, 2.09439])
 """Joint limits of the maker, radians."""
 
 FULL_SPEED = np.radians([180.0, 195.0, 180.0, 225.0, 225.0, 225.0])
-"""Joint speeds at 100 %, rad/s, of the maker's data sheet."""
+"""Joint speeds at 100 %, rad/s; check them against the data sheet of your arm before you raise ``speed``."""
 
 MAX_WIDTH = 0.07
 """Opening of the gripper, metres."""
 
 TCP_OFFSET = 0.1358
-"""From the flange (the SDK's end pose) to between the fingertips, metres, as the maker's own description has it."""
+"""From the flange (the SDK's end pose) to between the fingertips, metres; measure your own (docs/piper.md)."""
 
 HOME = (0.0, 1.35, -1.0, 0.0, 1.0, 0.0)
 """Where plans like to be, radians: the hand in front of the base, looking down."""

@@ -95,11 +95,11 @@ NOUNS: dict[str, tuple[str, ...]] = {
     "tray": ("tray",),
     "bottle": ("bottle", "flask", "mustard", "ketchup", "spray", "wine"),
     "jar": ("jar", "pot"),
-    "lid": ("lid", "cap", "cover", "stopper"),
-    "container": ("container", "bin", "basket", "crate", "carton"),
-    "ring": ("ring", "hoop", "donut"),
+    "lid": ("lid", "cap", "cover", "stopper", "cork"),
+    "container": ("container", "bin", "basket", "crate", "carton", "bucket"),
+    "ring": ("ring", "hoop", "donut", "washer"),
     "pillar": ("pillar", "peg", "post", "pole", "column", "stick"),
-    "umbrella": ("umbrella", "parasol"),
+    "umbrella": ("umbrella", "parasol", "brolly"),
     "stand": ("stand", "holder", "rack"),
     "handle": ("handle", "grip", "haft"),
     "drawer": ("drawer",),
@@ -291,7 +291,7 @@ DETERMINERS: frozenset[str] = frozenset(
     "a an the this that these those my your its his her our their another single only".split()
 )
 FILLERS: frozenset[str] = frozenset(
-    """please kindly now just then robot gently carefully slowly quickly straight and you can could would will i me us
+    """please kindly flat now just then robot gently carefully slowly quickly straight and you can could would will i me us
     want like need must should to be is are was so which that colored coloured color colour shaped looking there here
     of for go ahead up down high higher lower along across vertically horizontally safely firmly simply also all way
     s it its way again little bit few lying standing located sitting placed side edge rim own has have some

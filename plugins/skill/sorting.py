@@ -31,6 +31,9 @@ GOING = frozenset(lexicon.VERBS["place"]) | {
     "divide",
     "take",
     "get",
+    "goes",
+    "go",
+    "belongs",
 }
 MOST = 3
 """Things in one sentence: a trajectory has at most 20 waypoints, and each thing takes six."""

@@ -22,6 +22,8 @@ BAR, BAR_LENGTH, BAR_OUT, BAR_HEIGHT = 0.012, 0.11, 0.040, 0.125
 YAW = np.pi / 8
 """Metres. The cabinet's front looks to -x of its root; the bar of the handle runs across it, ``BAR_OUT`` before it."""
 
+HANDLE_RGB = (0.25, 0.25, 0.27)
+
 STANDOFF, PULL = 0.06, 0.15
 LEANS = (0.0, 0.3, 0.6)
 HAND_HALF, PALM_BACK, HAND_ROOM = 0.102, 0.06, 0.012
@@ -52,7 +54,7 @@ class OpenDrawer:
     ) -> TaskInstance:
         """One episode; there is one drawer, whatever ``instruction`` says."""
         root = sample_until(lambda: self._draw(rng, site), "a cabinet")
-        colour, body_colour = sample_colours(rng, site, 2)
+        colour, body_colour = sample_colours(rng, site, 2, beside=(HANDLE_RGB,))
         layout = Layout(*self._furniture(root, colour, body_colour))
 
         def eased(world: WorldState) -> bool:
@@ -96,13 +98,12 @@ class OpenDrawer:
             for s in tray((inner[0], inner[1], 0.7 * inner[2]), 0.006, front)
         )
         out, length, height = -x / 2 - k * BAR_OUT, k * BAR_LENGTH, k * BAR_HEIGHT
-        grey = (0.25, 0.25, 0.27)
-        bar = Primitive("box", (BAR, length, BAR), grey, rigid(translation=(out, 0.0, height)))
+        bar = Primitive("box", (BAR, length, BAR), HANDLE_RGB, rigid(translation=(out, 0.0, height)))
         posts = tuple(
             Primitive(
                 "box",
                 (k * BAR_OUT, BAR, BAR),
-                grey,
+                HANDLE_RGB,
                 rigid(translation=(-x / 2 - k * BAR_OUT / 2, end, height)),
             )
             for end in ((length - BAR) / 2, -(length - BAR) / 2)
