@@ -130,8 +130,9 @@ def _comparable(records: Sequence[Record], words: Mapping[str, frozenset[str]]) 
             )
         else:
             said = words[record.id]
-            for word in said - telling.keys():
-                telling[word] = _tells(word)
+            for word in said:
+                if word not in telling:  # the difference of the two sets would look at all words ever met
+                    telling[word] = _tells(word)
             key = (record.type, record.skill, *sorted([word for word in said if telling[word]]))
         groups[key].append(record)
     # A crowd that differs in nothing but numbers is cut: it would take time in its square.

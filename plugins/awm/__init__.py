@@ -38,4 +38,4 @@ def _build(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
     """The one memory of this plugin."""
-    return [Component("awm", AwmConfig, _build, needs=("embedder",))]
+    return [Component("awm", AwmConfig, _build, needs=("embedder", "inducer"))]

@@ -39,4 +39,4 @@ def _build(config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | N
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
     """The one memory of this plugin."""
-    return [Component("reasoning_bank", ReasoningBankConfig, _build, needs=("embedder",))]
+    return [Component("reasoning_bank", ReasoningBankConfig, _build, needs=("embedder", "inducer"))]
