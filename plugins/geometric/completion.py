@@ -18,6 +18,8 @@ from gvla2_plugins.geometric.working import closed, drawn, inserted, opened, pul
 
 IN_IT = 0.012
 """What reaches higher than a thing's foot by more has it inside, metres: perceived heights err by less."""
+GROWN = 1.2
+"""Times its height before, from which a thing's height after is not believed."""
 CLEARED = 0.9
 """Share of a holder's height by which a thing is lifted out of it."""
 
@@ -65,7 +67,7 @@ def _pick(case: Case) -> Finding:
         return Finding(
             0.85, f"{theme.label} is gone from its place and the hand is held open by what it holds."
         )
-    risen = later.bottom - theme.bottom
+    risen = _rise(theme, later)
     # A sentence may ask for less than a clear lift.
     enough = min(case.config.risen, 0.5 * case.evidence.plan.parameters.get("lift_height", np.inf))
     holder = _holder(case, theme)
@@ -80,6 +82,17 @@ def _pick(case: Case) -> Finding:
         max(0.0, 0.3 * risen / enough),
         f"{theme.label} was found {100 * moved:.1f} cm from its old place, raised by {100 * risen:.1f} cm only.",
     )
+
+
+def _rise(theme: SceneObject, later: SceneObject) -> float:
+    """By how much the thing's underside rose; its top tells where the thing seems to have grown, which no thing does.
+
+    Then the underside was hidden at one of the times, in a stand say, and was guessed.
+    """
+    before, after = float(theme.extents[2]), float(later.extents[2])
+    if after > GROWN * before:
+        return later.top - theme.top
+    return later.bottom - theme.bottom
 
 
 def _holder(case: Case, theme: SceneObject) -> SceneObject | None:

@@ -306,6 +306,20 @@ def test_what_stood_in_something_is_taken_when_it_is_out_of_it(rise: float, outc
     assert verdict.outcome == outcome
 
 
+@pytest.mark.parametrize(("rise", "outcome"), [(0.24, DONE), (0.0, UNKNOWN)])
+def test_a_thing_that_seems_to_have_grown_is_judged_by_its_top(rise: float, outcome: str) -> None:
+    """Its lower end was hidden in the stand, and perception guesses that it still reaches down there."""
+    stand = thing("s", (0.3, 0, 0.1), (0.1, 0.1, 0.2), "gray", opening=0.086)
+    before = [stand, thing("u", (0.3, 0, 0.16), (0.04, 0.04, 0.28), "green", "cylinder")]
+    grown = thing("u", (0.3, 0, 0.16 + 0.5 * rise), (0.04, 0.04, 0.28 + rise), "green", "cylinder")
+    lift = (
+        move("close", (0.3, 0, 0.25), gripper=0.0),
+        move("lift", (0.3, 0, 0.25 + rise), gripper=0.0, carries="u"),
+    )
+    verdict = judge(before, [stand, grown], "pick", {"theme": "u"}, lift, width=0.02, held=True)
+    assert verdict.outcome == outcome
+
+
 @pytest.mark.parametrize(
     ("instruction", "outcome"),
     [

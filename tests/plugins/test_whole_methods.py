@@ -12,6 +12,7 @@ from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.hashing import HashEmbedder
 from gvla2.memory.rendering import CLOSING, OPENING
 from gvla2.memory.store import Store
+from gvla2.plugins import load_plugins
 from gvla2.testing.component import check_component
 from gvla2_plugins import awm, reasoning_bank, semantic, synapse
 from gvla2_plugins.reasoning_bank.method import item_of
@@ -57,8 +58,9 @@ def episode(
 def test_it_conforms(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
     (component,) = METHODS[name].gvla2_memories()
-    assert component.needs == ("embedder",)
-    check_component(component, "memory", embedder=HashEmbedder())
+    assert set(component.needs) <= {"embedder", "inducer"}
+    given = {"embedder": HashEmbedder(), "inducer": load_plugins().build({"inducer": "rules"}, "inducer")}
+    check_component(component, "memory", **{need: given[need] for need in component.needs})
     assert (tmp_path / "memory.db").exists()
 
 
