@@ -70,7 +70,7 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
 
 def test_failed_episodes_are_filmed_once_more(registry, tmp_path):
     config = config_of(
-        registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=1", "planner.spelling=0.99",
+        registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=1", 
         "scale=1.2", "depth_noise.kind=gaussian", "depth_noise.sigma_m=0.2",
     )  # fmt: skip
     run_bench(config, registry, tmp_path / "out")

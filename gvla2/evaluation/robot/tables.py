@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from statistics import median
+from textwrap import shorten
 
 from gvla2.evaluation.paired import Pair, exact_mcnemar, holm, pooled_difference, won_and_lost
 from gvla2.evaluation.results import Cell
@@ -19,6 +20,8 @@ GROUPS = ("robot", "perceiver", "planner", "verifier", "depth_noise", "scale")
 FIRST = ("off", "on")
 SURE = 0.05
 """An adjusted p below it is coloured."""
+LONGEST_REASON = 200
+"""Characters of a failure's message below its film; the run page has all of it."""
 NONE = SheetCell(("not measured",), none=True)
 
 SUCCESS = (
@@ -263,4 +266,5 @@ def _film(cell: Cell) -> Film | None:
         return None
     f, notes = cell.factors, cell.notes
     said = f"{f['task']}, memory {f['arm']}, layout {notes.get('layout')}: {notes.get('failure')}"
-    return Film(f"{said}. “{notes.get('instruction', '')}” {notes.get('message', '')}", folder)
+    why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
+    return Film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)
