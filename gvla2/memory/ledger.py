@@ -263,6 +263,10 @@ class Ledger:
         for link in made:
             own.setdefault(link.source, []).append(link)
             own.setdefault(link.target, []).append(link)
+        served = {record.id for record in last.values() if record.state in STATES}
+        older = (served | (own.keys() - last.keys())) - self.transaction.created
+        stored = self.transaction.view.links_among(self.transaction.bank, older) if older else {}
+        links = own | {id: stored.get(id, []) for id in older}
         changes = []
         for record in last.values():
             if record.state not in STATES:
@@ -273,13 +277,13 @@ class Ledger:
                 vector = self._kept_vector(record)
                 if vector is None:
                     return None
-            changes.append(Change(record, vector, self._model, self._links_of(record.id, own)))
+            changes.append(Change(record, vector, self._model, tuple(links.get(record.id, ()))))
         for id in sorted(own.keys() - last.keys()):
             for row in self._index.rows([id]):  # what the index does not hold is archived
                 record = self._index.record(row)
                 record = numbered(record, record.version, self.transaction.rev)
                 vector = self._index.vector(row)
-                changes.append(Change(record, vector, self._model, self._links_of(id, own)))
+                changes.append(Change(record, vector, self._model, tuple(links[id])))
         # As the store lists them: then an index that read them there has its rows in the same order, to the last bit.
         return sorted(changes, key=lambda change: change.record.id)
 
@@ -290,11 +294,6 @@ class Ledger:
             if (old.query, old.content) == (record.query, record.content):
                 return self._index.vector(row)
         return None
-
-    def _links_of(self, id: str, own: Mapping[str, Sequence[Link]]) -> tuple[Link, ...]:
-        if id in self.transaction.created:
-            return tuple(own.get(id, ()))
-        return tuple(self.transaction.view.links(self.transaction.bank, id))
 
     def _remember(self, id: str, vector: NDArray[np.float32]) -> None:
         if id in self._near:

@@ -241,15 +241,10 @@ CONCEPTS: Mapping[str, str] = MappingProxyType({**_same_words, **_opposite_words
 POLES: Mapping[str, tuple[str, int]] = MappingProxyType(_poles)
 """Concept -> its axis and side."""
 
-SEGMENTS: tuple[str, ...] = tuple(
-    sorted(
-        {
-            word
-            for words in (CONCEPTS, SOFT, CONDITIONS, BEFORE, AFTER, THEN, FIRST, NEGATORS)
-            for word in words
-            if "\u3400" <= word[0] <= "\u9fff"
-        },
-        key=lambda word: (-len(word), word),
-    )
+SEGMENTS: frozenset[str] = frozenset(
+    word
+    for words in (CONCEPTS, SOFT, CONDITIONS, BEFORE, AFTER, THEN, FIRST, NEGATORS)
+    for word in words
+    if "\u3400" <= word[0] <= "\u9fff"
 )
-"""The Chinese words of all the lists, longest first: scripts without spaces are cut by them."""
+"""The Chinese words of all the lists: scripts without spaces are cut by the longest of them."""

@@ -65,6 +65,7 @@ _AGAINST_CLOCK = re.compile(
 )
 _WORD = re.compile(r"[^\W_]+(?:['’_][^\W_]+)*|,")
 _HAN = re.compile(r"[\u3400-\u9fff]+")
+_SEGMENT_LENGTHS = sorted({len(word) for word in SEGMENTS}, reverse=True)
 _NOT_CLAUSE = re.compile(
     r",\s*(?=(?:and |but )?(?:not|never|nicht|nie|pas|no|不要|别|而不)\b)"
     r"|\b(?=(?:instead of|rather than|anstatt|statt|au lieu)\b)"
@@ -252,14 +253,12 @@ def _cut(run: str) -> list[str]:
     words: list[str] = []
     start = rest = 0
     while start < len(run):
-        word = next((w for w in SEGMENTS if run.startswith(w, start)), "")
-        if word:
+        length = next((n for n in _SEGMENT_LENGTHS if run[start : start + n] in SEGMENTS), 0)
+        if length:
             words += [run[rest:start]] if start > rest else []
-            words.append(word)
-            start += len(word)
-            rest = start
-        else:
-            start += 1
+            words.append(run[start : start + length])
+            rest = start + length
+        start += length or 1
     return words + ([run[rest:]] if rest < len(run) else [])
 
 

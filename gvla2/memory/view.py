@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +17,12 @@ from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_obj
 
 _RECORD = ", ".join(f"m.{name}" for name in COLUMNS)
 _EVENT = ", ".join(EVENT_COLUMNS)
+_LINK = "SELECT source, kind, target, at FROM memory_link"
 _STATE = COLUMNS.index("state")
 CHUNK = 500
 """How many ids one query names."""
+MANY = 20 * CHUNK
+"""From so many ids on, all of a bank's links are read at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,33 +121,37 @@ class View:
                 vector = vector_of(dimension, stored)
                 found.append((record, vector, model if vector is not None else ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
-        linked = self._links_of(bank, [entry[0].id for entry in found])
+        linked = self.links_among(bank, [entry[0].id for entry in found])
         return [
             Change(record, vector, model, tuple(linked.get(record.id, ()))) for record, vector, model in found
         ]
 
-    def _links_of(self, bank: str, ids: Sequence[str]) -> dict[str, list[Link]]:
-        """Links by the id of either end; those of few records are asked for one record at a time."""
-        links: dict[str, list[Link]] = {}
-        if len(ids) <= CHUNK:
-            return {id: self.links(bank, id) for id in ids}
-        for link in self.links(bank):
+    def links_among(self, bank: str, ids: Collection[str]) -> dict[str, list[Link]]:
+        """The links that name any of these records, by the id of either end; in the order of :meth:`links`."""
+        wanted, links = sorted(set(ids)), dict[str, list[Link]]()
+        for link in self._links_at(bank, wanted) if len(wanted) <= MANY else self.links(bank):
             for end in {link.source, link.target}:
                 links.setdefault(end, []).append(link)
         return links
 
+    def _links_at(self, bank: str, ids: Sequence[str]) -> list[Link]:
+        """The links that name any of these records, each once."""
+        found: set[Row] = set()
+        for start in range(0, len(ids), CHUNK):
+            some = ids[start : start + CHUNK]
+            # SQLite would look through all links of the bank by its primary key if it could use it for the target.
+            query = (
+                f"{_LINK} WHERE bank = ? AND source IN ({_marks(some)}) UNION "
+                f"{_LINK} WHERE bank || '' = ? AND target IN ({_marks(some)})"
+            )
+            found.update(self._sql.rows(query, (bank, *some, bank, *some)))
+        return _in_order(found)
+
     def links(self, bank: str, id: str | None = None) -> list[Link]:
         """The links of the bank, or those that name one record on either end; by source, kind and target."""
-        query = "SELECT source, kind, target, at FROM memory_link WHERE bank = ?"
-        if id is None:
-            rows = self._sql.rows(query, (bank,))
-        else:
-            # SQLite would look through all links of the bank by its primary key if it could use it for the target.
-            by_target = query.replace("bank = ?", "bank || '' = ?")
-            rows = self._sql.rows(
-                f"{query} AND source = ? UNION {by_target} AND target = ?", (bank, id, bank, id)
-            )
-        return sorted((Link(*row) for row in rows), key=lambda link: (link.source, link.kind, link.target))
+        if id is not None:
+            return self._links_at(bank, [id])
+        return _in_order(self._sql.rows(f"{_LINK} WHERE bank = ?", (bank,)))
 
     def events(self, bank: str, since: int = 0, limit: int | None = None) -> list[Event]:
         """The events with seq > ``since``, oldest first, at most ``limit``."""
@@ -255,6 +262,10 @@ def models_of(text: object) -> dict[str, int]:
         return {name: int(dimension) for name, dimension in load_object(str(text)).items()}
     except (ValueError, TypeError):
         return {}
+
+
+def _in_order(rows: Iterable[Row]) -> list[Link]:
+    return sorted((Link(*row) for row in rows), key=lambda link: (link.source, link.kind, link.target))
 
 
 def _marks(values: Sequence[object]) -> str:
