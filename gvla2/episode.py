@@ -101,7 +101,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     failures of a kind in :data:`ABANDONED` (the listener has then seen the record) and raised again.
     """
     record = EpisodeRecord(
-        episode_id=request.source or f"seed-{request.seed}",
+        episode_id=request.source or f"{parts.choices.get('task') or 'episode'}/seed-{request.seed}",
         instruction=request.instruction or "",
         task=parts.choices.get("task", ""),
         seed=request.seed,

@@ -261,8 +261,9 @@ def advice(context: MemoryContext) -> Advice:
 
 def test_lessons_come_back_as_effects_that_change_the_next_plan(tmp_path: Path) -> None:
     with open_bank(tmp_path) as bank:
-        for depth in (0.024, 0.026, 0.025):
-            bank.learn(memory_episode(episode(theta={**THETA, "grasp_depth": depth}), SUCCESS), SUCCESS)
+        for run, depth in enumerate((0.024, 0.026, 0.025)):
+            success = replace(episode(theta={**THETA, "grasp_depth": depth}), episode_id=f"run/{run}")
+            bank.learn(memory_episode(success, SUCCESS), SUCCESS)
         slipped = episode({4: {"held": False, "abort": "slipped"}}, theta={**THETA, "grasp_depth": 0.025})
         bank.learn(memory_episode(slipped, FAIL), FAIL)
 
@@ -359,8 +360,9 @@ def test_shares_transfer_to_other_sizes_through_a_bank(tmp_path: Path) -> None:
 
 def test_shares_and_metres_are_kept_apart(tmp_path: Path) -> None:
     with open_bank(tmp_path) as bank:
-        for record in (episode(), sized(episode()), episode()):  # as banks from before there were scales
-            bank.learn(memory_episode(record, SUCCESS), SUCCESS)
+        # As banks from before there were scales.
+        for run, record in enumerate((episode(), sized(episode()), episode())):
+            bank.learn(memory_episode(replace(record, episode_id=f"run/{run}"), SUCCESS), SUCCESS)
         found = [r.effect_json() for r in bank.records() if "grasp_depth" in r.effect]
     figures = {(e.get("scale", ""), e["count"], round(e["value"], 4)) for e in found if e}
     assert figures == {("", 2, 0.025), ("height", 1, 0.5)}

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_TELLING = 4
+"""Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 CHOICES = (
     "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
     "memory", "retriever", "embedder", "inducer", "planner", "verifier",
@@ -162,7 +164,7 @@ def _run_one(
         seed=seed,
         instruction=config.instruction,
         depth_noise=DepthNoise(**asdict(config.depth_noise)),
-        source=f"{recorder.folder.parent.name}/{recorder.folder.name}",
+        source="/".join(recorder.folder.parts[-_TELLING:]),
         replan=config.replan,
         planner_timeout=config.planner_timeout,
     )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
 from gvla2.memory.instructions import reads_like_instructions
@@ -15,6 +16,9 @@ from gvla2.memory.likeness import words_of
 QUARANTINED = "quarantined: "
 """How the note of a record begins that no verdict can make active."""
 ECHO = 0.9
+SAME_SCORE = 0.01
+"""Scores that differ by no more than this are one: a verifier that always says yes may dither a little."""
+_FAILED, _SUCCEEDED = 0.35, 0.70
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ def admit(
     failed = verdict.outcome == "verified_fail"
     if not failures and (failed or lesson.type == "failure_avoidance"):
         return Decision(None, "Learning from failures is switched off.")
-    if failed and lesson.type == "procedural_hint":
+    if failed and lesson.type != "failure_avoidance":
         return Decision(
             None, "A recipe from a failed episode was left out: failures teach constraints alone."
         )
@@ -82,10 +86,32 @@ def within_cap(count: SourceCount, per_source: int, per_source_copies: int) -> D
 
 @dataclass(frozen=True)
 class Streak:
-    """How often in a row a verifier has given the same success: its ``criteria``, and the ``length``."""
+    """How often in a row a verifier has given the same success: the ``criteria`` of the first, and the ``length``."""
 
     criteria: Mapping[str, float]
     length: int = 0
+
+
+def believed(verdict: Verdict) -> tuple[Verdict, str]:
+    """The verdict as far as it can be one, and a note on what was wrong with it.
+
+    Scores that are no numbers in [0, 1] are no judgement: unavailable. An outcome that its own score R refutes (a
+    success of R <= .35, a failure of R >= .70) is uncertain.
+    """
+    if verdict.outcome == "unavailable":
+        return verdict, ""
+    who = f"The verifier '{verdict.verifier or 'unnamed'}'"
+    scores = (verdict.quality, verdict.confidence, *verdict.criteria.values())
+    if not all(isfinite(score) and -1e-6 <= score <= 1 + 1e-6 for score in scores):
+        note = f"{who} gave scores that are not in [0, 1]: its verdict counts as unavailable."
+        return Verdict.unavailable(note, verdict.verifier), note
+    refuted = {"verified_success": verdict.quality <= _FAILED, "verified_fail": verdict.quality >= _SUCCEEDED}
+    if refuted.get(verdict.outcome):
+        note = (
+            f"{who} said {verdict.outcome} with R = {verdict.quality:.2f}: its verdict counts as uncertain."
+        )
+        return replace(verdict, outcome="uncertain"), note
+    return verdict, ""
 
 
 def streak_of(verdict: Verdict, before: Streak | None) -> Streak:
@@ -94,8 +120,15 @@ def streak_of(verdict: Verdict, before: Streak | None) -> Streak:
     criteria["R"] = round(float(verdict.quality), 6)
     if verdict.outcome != "verified_success":
         return Streak(criteria, 0)
-    same = before is not None and before.length > 0 and dict(before.criteria) == criteria
-    return Streak(criteria, (before.length if before and same else 0) + 1)
+    if before is None or not before.length or not _alike(before.criteria, criteria):
+        return Streak(criteria, 1)
+    return Streak(before.criteria, before.length + 1)
+
+
+def _alike(first: Mapping[str, float], second: Mapping[str, float]) -> bool:
+    return first.keys() == second.keys() and all(
+        abs(first[name] - second[name]) <= SAME_SCORE for name in first
+    )
 
 
 def tempered(verdict: Verdict, streak: Streak, *, longest: int, confidence: float) -> tuple[Verdict, str]:

@@ -72,6 +72,7 @@ class KnowledgeBank:
     ) -> None:
         self.bank = bank
         self.options = options or BankOptions()
+        self.options.check()
         self._store, self._clock, self._verifier = store, clock, verifier
         self._embedder = embedder or HashEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
@@ -102,7 +103,7 @@ class KnowledgeBank:
 
         By default it ranks by words, vectors, quality and geometry, embeds by character n-grams, and induces lessons
         by rules. ``verifier`` is who judges stored episodes again. Waits for other processes at most
-        ``busy_seconds`` at a time.
+        ``busy_seconds`` at a time. Raises :class:`~gvla2.errors.ConfigurationError` for options that cannot be.
 
         A large bank starts fast from a snapshot of its index, which :meth:`close` writes: a file beside the
         database's, or in the user's cache folder where there is none. It is derived data, readable by its owner

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
+
+from gvla2.errors import ConfigurationError
 
 
 @dataclass
@@ -54,3 +57,21 @@ class BankOptions:
     summary_match: float = 0.5
     replay_confidence: float = 0.4
     replay_per_episode: int = 1
+
+    def check(self, where: str = "BankOptions") -> None:
+        """Raises :class:`~gvla2.errors.ConfigurationError` for values that cannot be; ``where`` they were given."""
+        if self.retrieval not in ("full", "semantic"):
+            raise ConfigurationError(f"{where}.retrieval is '{self.retrieval}'; it must be full or semantic.")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, str | bool):
+                continue
+            if not math.isfinite(value) or value < 0:
+                raise ConfigurationError(f"{where}.{field.name} is {value}; it must not be negative.")
+            if field.name in SHARES and value > 1:
+                raise ConfigurationError(f"{where}.{field.name} is {value}; it must lie in [0, 1].")
+
+
+SHARES = frozenset(
+    ("copy_cosine", "constant_confidence", "match", "merge_surface", "merge_signature", "discard")
+) | {"summary_match", "replay_confidence"}

@@ -91,7 +91,12 @@ class Verdict:
     def from_criteria(
         cls, criteria: Mapping[str, float], reasons: Sequence[str] = (), verifier: str = ""
     ) -> Verdict:
-        """The verdict of criterion scores in [0, 1] (paper eq. R_t with the score tokens already summed)."""
+        """The verdict of criterion scores in [0, 1] (paper eq. R_t with the score tokens already summed).
+
+        Raises ``ValueError`` where there are none, or others.
+        """
+        if not criteria or not all(0.0 <= score <= 1.0 for score in criteria.values()):
+            raise ValueError(f"A verdict needs criteria with scores in [0, 1], not {dict(criteria)}.")
         quality = float(np.mean(list(criteria.values())))
         outcome: Outcome = (
             "verified_success" if quality >= 0.70 else "verified_fail" if quality <= 0.35 else "uncertain"

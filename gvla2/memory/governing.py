@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gvla2.memory import governance
 from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.growth import SUMMED_UP
 from gvla2.memory.ledger import Ledger
 from gvla2.memory.records import Record
 
@@ -34,15 +35,18 @@ class Governing:
     def __init__(self, ledger: Ledger, options: BankOptions, done: Governed) -> None:
         self._ledger, self._options, self.done = ledger, options, done
 
-    def whole(self, active: Sequence[Record], provisional: Sequence[Record]) -> None:
+    def whole(
+        self, active: Sequence[Record], summaries: Sequence[Record], provisional: Sequence[Record]
+    ) -> None:
         """All of it, on all records."""
         self.retire(active)
         words = governance.words_by_id(active)
         self.resolve(self._still(active), words)
         for group in governance.clusters(self._still(active), self._options, words):
             self.sum_up(group)
+        made = [record for id in self.done.summaries if (record := self._ledger.get(id)) is not None]
         for records, budget in (
-            (self._still(active), self._options.active_budget),
+            ([*self._still(active), *summaries, *made], self._options.active_budget),
             (list(provisional), self._options.provisional_budget),
         ):
             self.cut(records, len(records) - budget, budget)
@@ -78,14 +82,14 @@ class Governing:
         self._ledger.put(summary, "SUMMARY", self._ledger.mean_vector([record.id for record in held]), why)
         self.done.summaries.append(summary.id)
         for record in held:
-            self._archive(record, "SUMMED_UP", why, f"summed up in {summary.id}")
+            self._archive(record, "SUMMED_UP", why, f"{SUMMED_UP}{summary.id}")
             self._ledger.link(summary.id, "summary_of", record.id, why)
             self.done.summed_up.append(record.id)
 
     def cut(self, records: Sequence[Record], excess: int, budget: int) -> None:
         """Archive ``excess`` of these records, those least worth keeping."""
         for record in governance.overflow(records, self._ledger.now, len(records) - excess):
-            self._archive(record, "ARCHIVE", f"beyond the budget of {budget} {record.state} records")
+            self._archive(record, "ARCHIVE", f"beyond the budget of {budget} records")
             self.done.archived.append(record.id)
 
     def _still(self, records: Sequence[Record]) -> list[Record]:

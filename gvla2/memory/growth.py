@@ -16,6 +16,8 @@ from gvla2.memory.records import Record, clean, dump, finite, record_id
 MAX_QUERY = 1000
 MAX_PHRASINGS = 8
 MAX_SOURCES = 32
+SUMMED_UP = "summed up in "
+"""How the note of an archived record begins whose words a summary tells."""
 
 
 def new_record(
@@ -91,6 +93,19 @@ def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Ve
         count=record.count + 1,
         updated=now,
     )
+
+
+def counted(record: Record, episode: MemoryEpisode) -> bool:
+    """Whether the episode is among those that the record rests on already: its word counts once."""
+    return bool(episode.source) and clean(episode.source, 200) in record.sources()
+
+
+def repeated(record: Record, fresh: Record) -> Record:
+    """The record after an episode that it rests on says it again: it weighs no more, but a tighter bound holds."""
+    effect = record.effect_json()
+    if not effect or effect.get("kind") != "bound":
+        return record
+    return replace(record, effect=dump(merge_effects(effect, fresh.effect_json())))
 
 
 def moved(old: NDArray[np.float32] | None, count: int, new: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ from gvla2.memory.admission import QUARANTINED, SourceCount, Streak, within_cap
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.consolidation import Edit, consolidate
 from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Verdict
-from gvla2.memory.growth import confirmed, moved, new_record, restarted
+from gvla2.memory.growth import SUMMED_UP, confirmed, counted, moved, new_record, repeated, restarted
 from gvla2.memory.ledger import Ledger, Outcome
 from gvla2.memory.records import Record
 
@@ -51,7 +51,7 @@ class Learning:
         self._ledger, self._episode, self._verdict = ledger, episode, verdict
         self._options, self._outcome, self._streak = options, outcome, streak
         self._known = list(dict.fromkeys(known))
-        self._active: list[Record] | None = None
+        self._brought: list[Record] | None = None
         self.touched: list[str] = []
 
     def apply(self, candidate: Candidate) -> None:
@@ -74,6 +74,8 @@ class Learning:
             self._unverified(candidate, fresh, known)
         elif known is not None and known.state in _LIVE:
             self._confirm(known, fresh, candidate, "MERGE", "one more episode says the same")
+        elif known is not None and known.state == "archive" and counted(known, self._episode):
+            self._discard(known.id, f"{known.id} stays archived: it rests on this episode already")
         else:
             self._verified(candidate, fresh, known)
 
@@ -88,6 +90,8 @@ class Learning:
             self._store(replace(fresh, note=candidate.note), "PROVISIONAL", candidate, candidate.note)
             self._outcome.provisional.append(fresh.id)
             self._outcome.note(f"{fresh.id} is provisional: {candidate.note}.")
+        elif known.state == "provisional" and counted(known, self._episode):
+            self._repeated(known, fresh, self._outcome.provisional)
         elif known.state == "provisional":
             merged = replace(
                 confirmed(known, fresh, self._episode, self._verdict, self._ledger.now),
@@ -106,6 +110,18 @@ class Learning:
         self._outcome.note(f"{why[0].upper()}{why[1:]}." if not why.startswith(id) else f"{why}.")
         self._ledger.decide("DISCARD", id, why)
         self.touched.append(id)
+
+    def _repeated(self, known: Record, fresh: Record, listed: list[str]) -> None:
+        """The same source again: whatever it repeats, its word counts once."""
+        why = f"{known.id} rests on this episode already, whose word counts once"
+        listed.append(known.id)
+        self._outcome.note(f"{why}.")
+        again = repeated(known, fresh)
+        if again == known:
+            self._ledger.decide("REPEATED", known.id, why)
+        else:
+            self._ledger.put(again, "REPEATED", why=why)
+        self.touched.append(known.id)
 
     # What was verified --------------------------------------------------------------------------------------------
 
@@ -211,6 +227,9 @@ class Learning:
         why: str,
         edit: Edit | None = None,
     ) -> None:
+        if counted(known, self._episode):
+            self._repeated(known, fresh, self._outcome.merged)
+            return
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
         self._store(grown, action, candidate, why, count=known.count, edit=edit)
         self._outcome.merged.append(known.id)
@@ -233,8 +252,8 @@ class Learning:
         scores |= {"quality": record.quality, "confidence": record.confidence}
         self._ledger.put(record, action, vector, why, scores)
         self.touched.append(record.id)
-        if self._active is not None and record.state == "active":
-            self._active.append(record)
+        if self._brought is not None and record.state == "active":
+            self._brought.append(record)
 
     def _heir(self, archived: Record) -> Record | None:
         """The live record that took an archived one in."""
@@ -246,14 +265,19 @@ class Learning:
         return None
 
     def _from_source(self, candidate: Candidate) -> SourceCount:
-        """What the episode's source has active by now, and how much of that is like the candidate."""
+        """What the episode's source brought of late that is active or in a summary, and how much of it is alike."""
         if not self._episode.source:
             return SourceCount()
-        if self._active is None:
-            stored = self._ledger.records(self._known, "active") if self._known else []
+        if self._brought is None:
             since = self._ledger.now - self._options.per_source_days * SECONDS_PER_DAY
-            self._active = [record for record in stored if record.created >= since]
-        mine = {record.id: record for record in self._active}
+            self._brought = [
+                record
+                for state in ("active", "archive")
+                if self._known
+                for record in self._ledger.records(self._known, state)
+                if record.created >= since and (state == "active" or record.note.startswith(SUMMED_UP))
+            ]
+        mine = {record.id: record for record in self._brought}
         alike = 0
         for record in mine.values():
             vector = self._ledger.vector(record.id)

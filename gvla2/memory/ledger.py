@@ -212,13 +212,13 @@ class Ledger:
         rows = np.flatnonzero((candidates.ages >= days) & (candidates.usage == 0))
         return [self.decided(record) for record in self._of(candidates, rows)]
 
-    def beyond(self, state: str, budget: int) -> tuple[list[Record], int]:
-        """By how many records a state exceeds its budget, and those from which to choose as many; [] and 0 if not."""
-        if self._index.count(state) + len(self._latest) <= budget:
+    def beyond(self, states: Sequence[str], budget: int) -> tuple[list[Record], int]:
+        """By how many records some states exceed their budget, and those from which to choose; [] and 0 if not."""
+        if sum(map(self._index.count, states)) + len(self._latest) <= budget:
             return [], 0
-        held = self._index.candidates((state,), now=self.now)
-        latest = [record for record in self._latest.values() if record.state == state]
-        decided = self._index.count(state, list(self._latest))
+        held = self._index.candidates(states, now=self.now)
+        latest = [record for record in self._latest.values() if record.state in states]
+        decided = sum(self._index.count(state, list(self._latest)) for state in states)
         excess = len(held.ids) - decided + len(latest) - budget
         if excess <= 0:
             return [], 0
@@ -236,7 +236,7 @@ class Ledger:
         many = min(len(rough), excess + decided + _SPARE)
         least = np.argpartition(rough, many - 1)[:many] if many else np.zeros(0, np.int64)
         few = {
-            record.id: record for record in map(self.decided, self._of(held, least)) if record.state == state
+            record.id: record for record in map(self.decided, self._of(held, least)) if record.state in states
         }
         return list((few | {record.id: record for record in latest}).values()), excess
 

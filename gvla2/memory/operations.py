@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory import replay
-from gvla2.memory.admission import Streak, admit, tempered
+from gvla2.memory.admission import Streak, admit, believed, tempered
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
+    TYPES,
     Embedder,
     Inducer,
     Learned,
@@ -26,7 +27,7 @@ from gvla2.memory.contracts import (
 from gvla2.memory.governance import alike, summable
 from gvla2.memory.governing import Governed, Governing
 from gvla2.memory.growth import MAX_QUERY
-from gvla2.memory.index import Index
+from gvla2.memory.index import SERVED, Index
 from gvla2.memory.learning import SECONDS_PER_DAY, Candidate, Learning
 from gvla2.memory.ledger import Ledger, Outcome
 from gvla2.memory.records import clean, dedup_key, dump
@@ -37,6 +38,8 @@ from gvla2.memory.words import text_of
 
 MAX_CONTENT = 2000
 MAX_TRANSCRIPT = 20_000
+LARGEST = 1e9
+"""No number of an effect is larger, whatever its unit."""
 MAX_TAUGHT = 256
 """Ids of records that a stored episode names; a record names its episodes, too."""
 
@@ -61,6 +64,7 @@ class Operations:
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Store what an episode teaches, credit what was recalled, govern what was touched."""
         outcome = Outcome()
+        verdict = _believed(verdict, outcome)
         episode = replace(episode, lessons=self._induced(episode, verdict, outcome))
         candidates = self._weigh(episode, verdict, outcome, self._options.max_per_episode)
         with self._writing("learn") as ledger:
@@ -73,8 +77,10 @@ class Operations:
         outcome = Outcome()
         weighed = [
             (episode, verdict, self._decide(episode, verdict, outcome))
-            for lesson, verdict, task, source in items
-            for episode in [MemoryEpisode(task, (lesson,), source=source)]
+            for lesson, said, task, source in items
+            for episode, verdict in [
+                (MemoryEpisode(task, (lesson,), source=source), _believed(said, outcome))
+            ]
         ]
         brought = self._embedded(weighed)
         with self._writing("admit") as ledger:
@@ -85,8 +91,8 @@ class Operations:
         """A pass over the whole bank."""
         done = Governed()
         with self._writing("govern") as ledger:
-            active, provisional = ledger.held("active"), ledger.held("provisional")
-            Governing(ledger, self._options, done).whole(active, provisional)
+            active, summaries, provisional = map(ledger.held, ("active", "summary", "provisional"))
+            Governing(ledger, self._options, done).whole(active, summaries, provisional)
             self._retired_at = ledger.now
         return done
 
@@ -96,7 +102,7 @@ class Operations:
         episodes = self._doubtful(limit, but)
         for episode in episodes:
             try:
-                verdict = verifier.verify(replay.evidence_of(episode))
+                verdict, _ = believed(verifier.verify(replay.evidence_of(episode)))
             except Gvla2Error as error:
                 verdict = Verdict.unavailable(str(error))
             done.episodes += 1
@@ -135,12 +141,14 @@ class Operations:
         self._streaks.follow(ledger.transaction)
         stored = self._stored(ledger, {episode.source for episode, _, _ in episodes if episode.source})
         ledger.expect(candidate.key for _, _, candidates in episodes for candidate in candidates)
-        last: Verdict | None = None
+        last: tuple[Verdict, str, str] | None = None
         streak = Streak({})
         for episode, verdict, candidates in episodes:
-            if verdict is not last:
+            # Lessons that are judged together share one verdict, which counts once.
+            judged = verdict, episode.source, episode.task.query
+            if last is None or judged[0] is not last[0] or judged[1:] != last[1:]:
                 streak = self._streaks.advance(verdict)
-                last = verdict
+                last = judged
             trusted, note = tempered(
                 verdict,
                 streak,
@@ -184,8 +192,11 @@ class Operations:
                 group = [record, *(r for r in near if r.id != record.id and alike(record, r, options))]
                 if summable(group, options):
                     governing.sum_up(group)
-        for state, budget in (("active", options.active_budget), ("provisional", options.provisional_budget)):
-            few, excess = ledger.beyond(state, budget)
+        for states, budget in (
+            (SERVED, options.active_budget),
+            (("provisional",), options.provisional_budget),
+        ):
+            few, excess = ledger.beyond(states, budget)
             governing.cut(few, excess, budget)
 
     def _credit(self, ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
@@ -260,9 +271,17 @@ class Operations:
         """Which lessons may be stored, by key and with their state and a note."""
         admitted: dict[str, tuple[Lesson, LifecycleState, str, str]] = {}
         for lesson in episode.lessons:
+            if lesson.type not in TYPES:
+                outcome.note(
+                    f"A lesson of the type '{lesson.type}' was left out: there are {', '.join(TYPES)}."
+                )
+                continue
             bounded = Lesson(lesson.type, clean(lesson.content, MAX_CONTENT), lesson.effect)
             if not _sound(bounded.effect):
                 outcome.note("A lesson whose effect is no sound JSON was left out.")
+                continue
+            if wrong := _wrong_numbers(bounded.effect or {}):
+                outcome.note(f"A lesson was left out whose effect has {wrong}.")
                 continue
             decision = admit(
                 bounded,
@@ -340,6 +359,21 @@ class Operations:
                 listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
                 listed[revision.action].append(record.id)
             ledger.keep(replay.with_verdict(episode, verdict))
+
+
+def _believed(verdict: Verdict, outcome: Outcome) -> Verdict:
+    verdict, note = believed(verdict)
+    outcome.note(note)
+    return verdict
+
+
+def _wrong_numbers(effect: Mapping[str, Any]) -> str:
+    """What cannot be about the numbers of an effect, "" for nothing."""
+    for name, least in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
+        number = effect.get(name, least)
+        if not isinstance(number, int | float) or not least <= number <= LARGEST:
+            return f"{name} {str(number)[:40]}"
+    return ""
 
 
 def _sound(data: Any) -> bool:

@@ -106,7 +106,7 @@ def _reconsidered(record: Record, verdict: Verdict, admitted: bool, now: float) 
             updated=now,
         )
         return Revision("PROMOTE", promoted, why)
-    if verdict.outcome == "verified_fail" and record.type == "procedural_hint":
+    if verdict.outcome == "verified_fail" and record.type != "failure_avoidance":
         why = "its episode failed: a recipe from it is none"
         return Revision("DEMOTE", replace(record, state="archive", outcome="verified_fail", note=why), why)
     return None

@@ -6,7 +6,7 @@ import os
 from dataclasses import fields
 from typing import TYPE_CHECKING
 
-from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import (
     Embedder,
@@ -86,9 +86,6 @@ class GovernedMemory:
 
 def options_of(config: GovernedConfig) -> BankOptions:
     """The bank's options; raises :class:`~gvla2.errors.ConfigurationError` for values that cannot be."""
-    if config.retrieval not in ("full", "semantic"):
-        raise ConfigurationError(f"memory.retrieval is '{config.retrieval}'; it must be full or semantic.")
-    for name in ("active_budget", "per_source", "max_chars", "rivals"):
-        if getattr(config, name) < 0:
-            raise ConfigurationError(f"memory.{name} is {getattr(config, name)}; it must not be negative.")
-    return BankOptions(**{field.name: getattr(config, field.name) for field in fields(BankOptions)})
+    options = BankOptions(**{field.name: getattr(config, field.name) for field in fields(BankOptions)})
+    options.check("memory")
+    return options

@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -71,19 +72,21 @@ def verdicts() -> dict[str, Verdict]:
 
 @pytest.fixture
 def episode() -> Callable[..., MemoryEpisode]:
+    runs = count(1)
+
     def make(
         query: str = "Pick up the red cube",
         *lessons: Lesson,
         skill: str = "pick",
         signature: dict[str, float] | None = None,
         recalled: MemoryContext | None = None,
-        source: str = "run/1",
+        source: str | None = None,
     ) -> MemoryEpisode:
         return MemoryEpisode(
             MemoryTask(query, signature or {}, skill),
             lessons or (hint(),),
             recalled=recalled or MemoryContext(),
-            source=source,
+            source=source or f"run/{next(runs)}",
             provenance={"planner": "skill"},
         )
 

@@ -5,7 +5,16 @@ from typing import Any
 
 import pytest
 
-from gvla2.memory.admission import QUARANTINED, SourceCount, Streak, admit, streak_of, tempered, within_cap
+from gvla2.memory.admission import (
+    QUARANTINED,
+    SourceCount,
+    Streak,
+    admit,
+    believed,
+    streak_of,
+    tempered,
+    within_cap,
+)
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.instructions import reads_like_instructions
 
@@ -157,3 +166,70 @@ def test_the_streak_outlives_the_process_and_is_noted(open_bank: Open) -> None:
         (record,) = [r for r in bank.records() if r.id in learned.added]
         assert record.confidence == (1.0 if i < 5 else 0.6)
         assert any("in a row" in note for note in learned.notes) == (i >= 5)
+
+
+@pytest.mark.parametrize("kind", ["procedural_hint", "tool_usage"])
+def test_a_failed_episode_teaches_no_recipe_of_any_type(kind: Any) -> None:
+    failed = Verdict.from_criteria({"completion": 0.05})
+    assert admit(Lesson(kind, "Run the installer with --force."), failed).state is None
+    assert admit(Lesson("failure_avoidance", "The installer with --force failed."), failed).state == "active"
+
+
+@pytest.mark.parametrize(
+    ("verdict", "outcome"),
+    [
+        (Verdict("verified_success", 99.0, 99.0), "unavailable"),
+        (Verdict("verified_success", float("nan"), 1.0), "unavailable"),
+        (Verdict("verified_success", 0.9, 0.8, {"done": float("inf")}), "unavailable"),
+        (Verdict("verified_success", 0.0, 1.0), "uncertain"),
+        (Verdict("verified_fail", 0.95, 0.9), "uncertain"),
+        (Verdict("verified_success", 0.6, 0.2), "verified_success"),
+        (YES, "verified_success"),
+        (Verdict.unavailable("no network"), "unavailable"),
+    ],
+)
+def test_a_verdict_is_believed_as_far_as_it_can_be_one(verdict: Verdict, outcome: str) -> None:
+    found, note = believed(verdict)
+    assert found.outcome == outcome
+    assert bool(note) == (found != verdict)
+
+
+def test_impossible_scores_leave_the_bank_whole(open_bank: Open) -> None:
+    bank = open_bank()
+    for wrong in (Verdict("verified_success", float("nan"), 0.5), Verdict("verified_success", 5.0, 9.0)):
+        learned = bank.admit(Lesson("procedural_hint", f"Lift it {wrong.confidence} cm."), wrong, task="lift")
+        assert learned.provisional
+        assert "unavailable" in learned.notes[0]
+    assert not bank.recall("lift").items
+    nonsense = bank.admit(Lesson("nonsense", "Lift it."), YES, task="lift")  # type: ignore[arg-type]
+    assert nonsense.discarded == 1
+    assert "procedural_hint" in nonsense.notes[0]
+
+
+@pytest.mark.parametrize("scores", [{}, {"done": 7.0}, {"done": float("nan")}])
+def test_there_is_no_verdict_without_sound_scores(scores: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="criteria"):
+        Verdict.from_criteria(scores)
+
+
+def test_a_yes_that_dithers_is_the_same_yes() -> None:
+    streak = None
+    for i in range(30):
+        streak = streak_of(Verdict.from_criteria({"completion": 0.95 + 0.009 * (i % 2)}), streak)
+    assert streak is not None
+    assert streak.length == 30
+    assert streak_of(Verdict.from_criteria({"completion": 0.85}), streak).length == 1
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_one_yes_for_many_tasks_counts_for_each_of_them(open_bank: Open, together: bool) -> None:
+    bank = open_bank(constant_verdicts=10, governance=False)
+    words = [
+        f"{a} {b}"
+        for a in ("lift", "push", "wipe", "turn", "open")
+        for b in ("cup", "box", "pan", "lid", "jar")
+    ]
+    items = [(Lesson("procedural_hint", f"To {w}, go slowly."), YES, w, f"run/{w}") for w in words]
+    for part in [items] if together else [[item] for item in items]:
+        bank.admit_many(part)
+    assert sorted(r.confidence for r in bank.records()) == [0.6] * 15 + [1.0] * 10

@@ -371,7 +371,8 @@ def test_the_same_inputs_give_the_same_bank(open_bank: Open, episode: Open, verd
     for name in ("a", "a2"):
         bank = open_bank(name)
         for i in range(5):
-            bank.learn(episode(f"Pick up cube {i % 2}", lesson(0.02 + i / 100), AVOID), verdicts["success"])
+            said = episode(f"Pick up cube {i % 2}", lesson(0.02 + i / 100), AVOID, source=f"run/{i}")
+            bank.learn(said, verdicts["success"])
         rows.append(sorted(str(replace(r, id="", bank="")) for r in bank.records()))
     assert rows[0] == rows[1]
 

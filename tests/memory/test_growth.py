@@ -1,0 +1,114 @@
+"""How a record grows: by other episodes, and not by one that repeats itself."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gvla2.memory.contracts import Lesson, Verdict
+
+Open = Callable[..., Any]
+CUP = "lift the cup"
+
+
+def heights(bank: Any) -> dict[str, int]:
+    return {record.content: record.count for record in bank.records(["active"])}
+
+
+def test_one_source_does_not_outvote_five(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i in range(5):
+        bank.admit(
+            Lesson("procedural_hint", "Lift the cup 10 cm."), verdicts["success"], task=CUP, source=f"{i}"
+        )
+    for _ in range(9):
+        bank.admit(
+            Lesson("procedural_hint", "Lift the cup 90 cm."), verdicts["success"], task=CUP, source="evil"
+        )
+    assert heights(bank) == {"Lift the cup 10 cm.": 5}
+    assert bank.verify() == []
+
+
+def test_an_episode_that_is_handed_in_again_changes_nothing(
+    open_bank: Open, episode: Any, verdicts: Any
+) -> None:
+    bank = open_bank()
+    said = episode("Pick up the red cube")
+    first = bank.learn(said, verdicts["success"])
+    before = bank.records()
+    again = bank.learn(said, verdicts["success"])
+    assert (again.added, again.merged, again.discarded) == ((), first.added, 0)
+    assert "counts once" in again.notes[0]
+    assert bank.records() == before
+    assert [event.action for event in bank.history(first.added[0])] == ["ADD", "REPEATED"]
+
+
+def test_other_words_from_the_same_source_weigh_no_more(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for words in ("Keep the wrist level while pouring.", "While pouring, keep the wrist level."):
+        bank.admit(Lesson("procedural_hint", words), verdicts["success"], task="pour", source="run/1")
+    (kept,) = bank.records(["active"])
+    assert kept.count == 1
+
+
+def test_a_tighter_bound_of_the_same_episode_holds(open_bank: Open, episode: Any, verdicts: Any) -> None:
+    bank = open_bank()
+    for value in (0.03, 0.05, 0.04):
+        bound = {"kind": "bound", "parameter": "grasp_depth", "op": ">=", "value": value, "skill": "pick"}
+        lesson = Lesson("failure_avoidance", "Picking up a small box failed: it slipped.", bound)
+        bank.learn(episode("Pick up the red cube", lesson, source="run/1"), verdicts["fail"])
+    (record,) = bank.records()
+    assert (record.count, record.effect_json()["value"]) == (1, 0.05)
+
+
+def test_words_without_a_source_are_all_counted(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for _ in range(3):
+        bank.admit(Lesson("procedural_hint", "Lift the cup 10 cm."), verdicts["success"], task=CUP)
+    assert heights(bank) == {"Lift the cup 10 cm.": 3}
+
+
+def test_summaries_do_not_free_what_one_source_may_bring(open_bank: Open) -> None:
+    bank = open_bank(per_source=8, per_source_copies=100)
+    words = (
+        "apple",
+        "bread",
+        "chair",
+        "glove",
+        "knife",
+        "lemon",
+        "mango",
+        "onion",
+        "quilt",
+        "razor",
+        "shirt",
+    )
+    for i, word in enumerate(words * 2):
+        lesson = Lesson(
+            "tool_usage", f"Wipe the {word} with the soft cloth in the kitchen before it is used ({i})."
+        )
+        sure = Verdict.from_criteria({"done": 0.9}, verifier=f"v{i}")
+        bank.admit(lesson, sure, task=f"wipe the {word} {i}", source="one")
+    rested = [r for r in bank.records() if r.state != "provisional" and r.type == "tool_usage"]
+    assert sum(r.state == "active" or r.note.startswith("summed up") for r in rested) <= 8 + len(
+        bank.records(["summary"])
+    )
+
+
+@pytest.mark.parametrize("number", [{"sd": -5.0}, {"value": 1e308}, {"count": -1}, {"value": "much"}])
+def test_effects_of_impossible_numbers_are_left_out(open_bank: Open, verdicts: Any, number: Any) -> None:
+    effect = {
+        "kind": "prior",
+        "parameter": "speed",
+        "value": 0.2,
+        "sd": 0.1,
+        "count": 3,
+        "skill": "push",
+        **number,
+    }
+    bank = open_bank()
+    learned = bank.admit(
+        Lesson("procedural_hint", "Push it slowly.", effect), verdicts["success"], task="push it"
+    )
+    assert (learned.added, learned.discarded) == ((), 1)
+    assert next(iter(number)) in learned.notes[0]
