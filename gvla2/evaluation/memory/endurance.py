@@ -21,6 +21,7 @@ from gvla2.evaluation.memory.corpus import lessons
 from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, Row, Test
 from gvla2.evaluation.memory.setting import NOW, Setting, admission
 from gvla2.memory.bank import BankOptions, KnowledgeBank
+from gvla2.memory.index import SERVED
 
 BUDGET = 10_000
 ADMITS = 1_000_000
@@ -60,15 +61,15 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
             raise
     if process.returncode or not seen:
         raise Gvla2Error(f"The flood's process ended with {process.returncode}: {told.strip()[-300:]}")
-    half, end = seen[len(seen) // 2], seen[-1]
-    growth = 100 * (end["resident"] / half["resident"] - 1)
+    # Columns and caches are tidied now and then, so that memory goes up and down: its peaks are compared.
+    middle, end = len(seen) // 2, seen[-1]
+    first, second = (max(one["resident"] for one in part) for part in (seen[:middle], seen[middle:]))
+    growth = 100 * (second / first - 1)
     bytes_ = sum(path.stat().st_size for path in setting.folder.glob("flood.db*"))
     for path in setting.folder.glob("flood.db*"):
         path.unlink()
     note = f"{end['seconds']:.0f} s, {bytes_ / 1e9:.2f} GB on disk; the peer slows with each record"
-    memory = (
-        f"{half['resident']:.0f} MB half way, {end['resident']:.0f} MB at the end, peak {end['peak']:.0f} MB"
-    )
+    memory = f"at most {first:.0f} MB in the first half, {second:.0f} MB in the second, {end['resident']:.0f} MB at the end"
     return {
         "flood_active": Figure(max(one["active"] for one in seen), note=note, goal=float(budget)),
         "flood_growth": Figure(growth, note=memory),
@@ -77,7 +78,7 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 
 def flood(url: str, count: int, budget: int, seed: int) -> None:
-    """Admit; print ``done``, ``active``, ``resident`` and ``peak`` (MB), ``seconds`` and ``cpu`` after each step."""
+    """Admit; print ``done``, ``active`` with summaries, ``resident`` MB, ``seconds`` and ``cpu`` after each step."""
     spent = 0.0
     with KnowledgeBank.open(url, options=BankOptions(active_budget=budget), clock=lambda: NOW) as bank:
         step = min(STEP, max(1, count // 10))
@@ -89,9 +90,8 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
             spent += time.perf_counter() - began
             seen = {
                 "done": start + len(items),
-                "active": bank.stats()["states"].get("active", 0),
+                "active": sum(bank.stats()["states"].get(state, 0) for state in SERVED),
                 "resident": resident(),
-                "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3,
                 "seconds": spent,
                 "cpu": time.process_time(),
             }
@@ -109,8 +109,22 @@ def resident() -> float:
 def tests() -> list[Test]:
     """The one test of this file: it takes many minutes."""
     rows = (
-        Row("flood_active", "Flood of admits: active at most", "records", "lower", float(BUDGET), 0),
-        Row("flood_growth", "Flood of admits: memory grown in its second half", "%", "lower", 5.0, 1),
+        Row(
+            "flood_active",
+            "Flood of admits: active and summaries at most",
+            "records",
+            "lower",
+            float(BUDGET),
+            0,
+        ),
+        Row(
+            "flood_growth",
+            "Flood of admits: peak memory of its second half above the first's",
+            "%",
+            "lower",
+            5.0,
+            1,
+        ),
         Row("flood_rate", "Flood of admits: rate", "/s", "higher", None, 0),
     )
     return [Test("flood", rows, endurance, ADMITS, least=500, seconds=2400.0)]
