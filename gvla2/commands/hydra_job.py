@@ -23,6 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.config_errors import explain, unreadable_choice
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
+from gvla2.commands.printable import printable
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
 
@@ -83,11 +84,14 @@ def output_folder() -> Path:
     return Path(HydraConfig.get().runtime.output_dir)
 
 
-def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
+def launch(
+    config_name: str, function: JobFunction, argv: Sequence[str], errors: list[str] | None = None
+) -> int:
     """Run ``function`` as the Hydra application ``gvla2 <config_name>`` with overrides and Hydra's own flags.
 
     Returns the exit status: 0; 1 after an error, told on stderr without a traceback if it is a
-    :class:`Gvla2Error` or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM.
+    :class:`Gvla2Error` or a wrong override; 2 for wrong usage; 130 when interrupted; 143 after SIGTERM. What is told
+    of an error is added to ``errors``, too.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
     registry = load_plugins()
@@ -95,28 +99,34 @@ def launch(config_name: str, function: JobFunction, argv: Sequence[str]) -> int:
     main = hydra.main(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
     )
+
+    def tell(error: Exception, known: Registry | None = None) -> int:
+        if errors is not None:
+            errors.append(explain(error, known))
+        return report(error, known)
+
     try:
         with _terminable(), _command_line(config_name, argv):
             main(Job(function, registry))()
     except JobFailedError as failed:
-        return report(failed.error, registry)
+        return tell(failed.error, registry)
     except SystemExit as leaving:  # --help, --cfg, and argparse's complaints
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
     except KeyboardInterrupt as stopped:
         print("gvla2: interrupted.", file=sys.stderr)
         return 143 if isinstance(stopped, Terminated) else 130
     except HydraException as error:  # some of them are an OSError too
-        return report(error, registry)
+        return tell(error, registry)
     except ConnectionError as error:  # an OSError too, of a launcher whose cluster does not answer
-        return report(Gvla2Error(f"The sweep could not be launched: {error}"), registry)
+        return tell(Gvla2Error(f"The sweep could not be launched: {error}"), registry)
     except OSError as error:  # the job's own errors come as JobFailedError: this one is of Hydra's folder
         where = f" '{error.filename}'" if error.filename else ""
         reason = f"Cannot write the output folder{where}: {error.strerror or error}."
-        return report(OutputError(f"{reason} Choose another with hydra.run.dir=FOLDER."), registry)
+        return tell(OutputError(f"{reason} Choose another with hydra.run.dir=FOLDER."), registry)
     except ValueError as error:
-        return report(unreadable_choice(error, argv, registry) or error, registry)
+        return tell(unreadable_choice(error, argv, registry) or error, registry)
     except Exception as error:
-        return report(error, registry)
+        return tell(error, registry)
     return 0
 
 
@@ -125,7 +135,7 @@ def report(error: Exception, registry: Registry | None = None) -> int:
     debug = any(os.environ.get(name, "0") not in ("", "0") for name in ("GVLA2_DEBUG", "HYDRA_FULL_ERROR"))
     if debug or not isinstance(error, Gvla2Error | HydraException | OmegaConfBaseException):
         traceback.print_exception(error)
-    print(f"gvla2: {explain(error, registry)}", file=sys.stderr)
+    print(f"gvla2: {printable(explain(error, registry))}", file=sys.stderr)
     return 1
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from gvla2.commands.memory_words import Invocation, UsageError, understood
+from gvla2.commands.memory_words import Invocation, UsageError, as_typed, understood, wants_json
+from gvla2.commands.printable import printable
 
 if TYPE_CHECKING:
     from gvla2.commands.memory_answers import Answer
@@ -35,28 +38,34 @@ class Verb:
         return getattr(import_module(f"gvla2.commands.{module}"), name)  # type: ignore[no-any-return]
 
 
+_LIMIT = ("limit=20", "so many (0: all); without it 50 are shown, and --json has all")
 _LAYOUT = ("layout=states|items|robot", "which of the released layouts")
 VERBS: Mapping[str, Verb] = MappingProxyType(
     {
         "list": Verb("", "the records, those changed last first", "memory_looking:list_records",
-                     options=(("states=[active,provisional]", "only these"), ("limit=0", "all of them, not 50"))),
+                     options=(("states=[active,provisional]", "only these"), _LIMIT)),
         "show": Verb("ID", "all of one record, its links and events", "memory_looking:show", 1, 1),
         "search": Verb("WORDS", "what the words find, with every term of the score", "memory_looking:search", 1, None,
-                       (("retriever=semantic", "another ranking"), ("embedder=minilm", "other embeddings"))),
-        "history": Verb("ID", "what happened to a record, and why", "memory_looking:history", 1, 1),
+                       (("retriever=semantic", "another ranking"), ("embedder=minilm", "other embeddings"),
+                        ("limit=20", "how many, at most (50)"))),
+        "history": Verb("ID", "what happened to a record, and why", "memory_looking:history", 1, 1, (_LIMIT,)),
         "as-of": Verb("TIME [ID]", "the records as they were: 2026-11-20, '2026-11-20 18:30', 3h, 2d",
-                      "memory_looking:as_of", 1, 2),
-        "conflicts": Verb("", "pairs of records that contradict each other", "memory_looking:conflicts"),
+                      "memory_looking:as_of", 1, 2, (("states=[active]", "only these"), _LIMIT)),
+        "conflicts": Verb("", "pairs of records that contradict each other", "memory_looking:conflicts",
+                          options=(_LIMIT,)),
         "stats": Verb("", "how many records, events and bytes", "memory_looking:stats"),
-        "verify": Verb("", "check the chain of events, rows and vectors", "memory_looking:verify"),
-        "import": Verb("PATH", "read a memory of the released layouts", "memory_changing:import_", 1, 1,
+        "verify": Verb("", "check the chain of events, rows and vectors", "memory_looking:verify",
+                       options=(("head=SEQ:HASH", "a head that `stats` gave once must still be in the chain"),)),
+        "import": Verb("PATH", "read a memory of the released layouts; - is standard input",
+                       "memory_changing:import_", 1, 1,
                        (_LAYOUT, ("provisional=true", "hold all back until verified here"))),
         "export": Verb("PATH", "write the bank in one of them", "memory_changing:export", 1, 1,
                        (_LAYOUT, ("states=[active]", "only these"), ("overwrite=true", "replace an earlier export"))),
         "forget": Verb("ID...", "remove records for good, bytes and all", "memory_changing:forget", 1, None,
-                       (("--yes", "without asking"),)),
+                       (("--yes", "without asking; takes whole ids alone"),)),
         "compact": Verb("", "give space back", "memory_changing:compact",
                         options=(("archived_days=90", "forget what has been archived for longer"),)),
+        "repair": Verb("", "make rows that were changed by hand what the events say", "memory_changing:repair"),
         "govern": Verb("", "one pass: stale, contradicting, repeated and surplus records", "memory_changing:govern"),
         "replay": Verb("", "verify stored episodes again", "memory_changing:replay",
                        options=(("verifier=llm", "another verifier, with its options verifier.NAME=VALUE"),)),
@@ -77,7 +86,7 @@ class VerbJob:
         from gvla2.commands.memory_access import Request
 
         asked = self.invocation
-        request = Request(tuple(asked.words), asked.yes, config, registry)
+        request = Request(tuple(asked.words), asked.yes, config, registry, asked.json)
         try:
             self.answer = VERBS[asked.verb].load()(request)
         except Exception as error:  # told by main, with the exit status of a wrong word where it is one
@@ -89,7 +98,9 @@ def main(argv: Sequence[str]) -> int:
     try:
         asked = understood(argv, {name: (verb.fewest, verb.most) for name, verb in VERBS.items()})
     except UsageError as error:
-        print(f"gvla2: {error}", file=sys.stderr)
+        print(f"gvla2: {printable(str(error))}", file=sys.stderr)
+        if wants_json(argv):
+            print(json.dumps({"error": str(error)}))
         return 2
     if asked.help:
         print(usage(asked.verb))
@@ -99,12 +110,12 @@ def main(argv: Sequence[str]) -> int:
         return 2
     from gvla2.commands.hydra_job import launch
 
-    job = VerbJob(asked)
-    return tell(job, launch("memory", job, asked.overrides))
+    job, errors = VerbJob(asked), list[str]()
+    return tell(job, launch("memory", job, [as_typed(o) for o in asked.overrides], errors), errors)
 
 
-def tell(job: VerbJob, status: int) -> int:
-    """Print the answer, or what went wrong; ``status`` is Hydra's. The exit status."""
+def tell(job: VerbJob, status: int, errors: Sequence[str] = ()) -> int:
+    """Print the answer, or what went wrong; ``status`` and ``errors`` are Hydra's. The exit status."""
     from gvla2.commands.hydra_job import report
     from gvla2.commands.memory_access import WrongWordError
     from gvla2.commands.memory_answers import give
@@ -113,7 +124,8 @@ def tell(job: VerbJob, status: int) -> int:
         status = report(job.error)
         status = 2 if isinstance(job.error, WrongWordError) else status
     if job.invocation.json and status:
-        print(json.dumps({"error": str(job.error or "the configuration is wrong: see the message")}))
+        said = str(job.error) if job.error is not None else " ".join(errors)
+        print(json.dumps({"error": said or "It was not done: see standard error."}))
     return give(job.answer, as_json=job.invocation.json) if job.answer is not None else status
 
 
@@ -124,7 +136,7 @@ def usage(verb: str) -> str:
             "url=sqlite:///PATH",
             "the database (or postgresql://USER@HOST/NAME); the default is that of `gvla2 run`",
         ),
-        ("bank=NAME", "the bank in it"),
+        ("bank=NAME", "the bank in it: letters and digits of any language and . _ - /"),
         ("--json", "one JSON document on standard output"),
         ("--cfg job", "the configuration"),
         ("--", "what follows are words, even where they look like options"),
@@ -144,8 +156,14 @@ def usage(verb: str) -> str:
 
 
 def _aligned(rows: Sequence[tuple[str, str]]) -> list[str]:
+    """Two columns within the terminal's width, the right one wrapped."""
     width = max(len(left) for left, _ in rows)
-    return [f"  {left:<{width}}  {right}" for left, right in rows]
+    room = max(shutil.get_terminal_size((120, 24)).columns - width - 4, 24)
+    lines = []
+    for left, right in rows:
+        first, *more = textwrap.wrap(right, room, break_long_words=False, break_on_hyphens=False)
+        lines += [f"  {left:<{width}}  {first}", *(" " * (width + 4) + line for line in more)]
+    return lines
 
 
 def complete(words: Sequence[str]) -> list[str]:

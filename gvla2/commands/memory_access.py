@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
+from gvla2.memory.bank_names import wrong_bank_name
 from gvla2.memory.location import settled
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
@@ -26,6 +27,10 @@ if TYPE_CHECKING:
 
 _AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)(?:\s+ago)?")
 _SECONDS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
+
+
+SHOWN = 50
+"""Rows that are shown where nobody says how many."""
 
 
 class NotFoundError(Gvla2Error):
@@ -44,6 +49,17 @@ class Request:
     yes: bool
     config: MemoryCommandConfig
     registry: Registry
+    json: bool = False
+
+    @property
+    def limit(self) -> int:
+        """How many rows to show at most, 0 for all."""
+        return SHOWN if self.config.limit is None else self.config.limit
+
+    @property
+    def data_limit(self) -> int:
+        """How many items the JSON document of a listing has at most, 0 for all."""
+        return self.config.limit or 0
 
     @property
     def bank(self) -> str:
@@ -65,8 +81,11 @@ def opened(request: Request, *, create: bool = False) -> Iterator[Store]:
     """
     if not create:
         _must_exist(request.url)
-    with Store.open(request.url, busy_seconds=request.config.busy_seconds) as store:
-        if not create and request.bank not in (banks := store.banks()):
+    with Store.open(request.url, busy_seconds=request.config.busy_seconds, create=create) as store:
+        banks = store.banks()
+        if request.bank not in banks and (wrong := wrong_bank_name(request.bank)):
+            raise WrongWordError(wrong)
+        if request.bank not in banks and not create:
             there = f"Banks: {', '.join(banks)}." if banks else "It has no banks yet."
             raise NotFoundError(
                 f"No bank '{request.bank}' in {store.name}.{closest(request.bank, banks)} {there}"
@@ -90,30 +109,36 @@ def opened_bank(request: Request) -> Iterator[KnowledgeBank]:
 
 def _must_exist(url: str) -> None:
     scheme, _, rest = url.partition(":///")
-    if (
-        scheme.startswith("sqlite")
-        and rest
-        and not (path := Path(rest.partition("?")[0]).expanduser()).exists()
-    ):
+    path = Path(rest.partition("?")[0]).expanduser()
+    # Path.exists raises for names that no file system takes.
+    if scheme.startswith("sqlite") and rest and not os.path.exists(path):  # noqa: PTH110
         raise MemoryStoreError(
             f"There is no memory at {path} yet: `gvla2 run` and `gvla2 memory import` make one; url= names another."
         )
 
 
-def record_of(store: Store, bank: str, word: str) -> Record:
-    """The record of that id, or of the one id that begins so; raises :class:`NotFoundError` with the nearest."""
+def record_of(store: Store, bank: str, word: str, *, whole: bool = False) -> Record:
+    """The record of that id, or (unless ``whole``) of the one id that begins so.
+
+    Raises :class:`NotFoundError` with the nearest.
+    """
     if found := store.records(bank, ids=[word]):
         return found[0]
     if any(event.action == "forget" for event in store.history(bank, word)):
         raise NotFoundError(f"The record '{word}' of bank '{bank}' was forgotten.")
     ids = [record.id for record in store.records(bank)]
     starting = [id for id in ids if id.startswith(word)] if word else []
-    if len(starting) == 1:
+    if len(starting) == 1 and not whole:
         return store.records(bank, ids=starting)[0]
+    if len(starting) == 1:
+        raise NotFoundError(
+            f"No record '{word}' in bank '{bank}'. It is the beginning of '{starting[0]}': give the whole id, or leave "
+            "--yes out to be asked."
+        )
     if starting:
-        some = ", ".join(starting[:5]) + (", ..." if len(starting) > 5 else "")
+        some = ", ".join(starting[:5]) + (f" and {len(starting) - 5} more" if len(starting) > 5 else "")
         raise NotFoundError(f"{len(starting)} ids of bank '{bank}' begin with '{word}': {some}.")
-    near = get_close_matches(word, ids, n=1, cutoff=0.5)
+    near = get_close_matches(word, ids, n=1, cutoff=0.7)
     hint = f"Did you mean '{near[0]}'?" if near else "`gvla2 memory list` shows what is there."
     raise NotFoundError(f"No record '{word}' in bank '{bank}'. {hint}")
 

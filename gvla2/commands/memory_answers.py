@@ -6,25 +6,28 @@ import dataclasses
 import json
 import math
 import sys
-import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.table import Table
 from rich.text import Text
 
-from gvla2.commands.tables import console, row, table
+from gvla2.commands.memory_listing import Column, Listing
+from gvla2.commands.printable import one_line, printable
+from gvla2.commands.tables import console
 from gvla2.memory.records import Record
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Answer:
-    """``data`` is one JSON document; ``shown`` the same as tables and lines; ``status`` the exit status."""
+    """``data`` is one JSON document; ``shown`` the same as listings and lines; ``status`` the exit status."""
 
     data: Any
-    shown: Sequence[Table | str] = ()
+    shown: Sequence[Listing | Table | str] = ()
     status: int = 0
 
 
@@ -35,7 +38,10 @@ def give(answer: Answer, *, as_json: bool) -> int:
         return answer.status
     out = console()
     for part in answer.shown:
-        out.print(part if isinstance(part, Table) else Text(part), soft_wrap=not isinstance(part, Table))
+        if isinstance(part, str):
+            out.print(Text(part), soft_wrap=True)
+        else:
+            out.print(part.laid_out(out.width) if isinstance(part, Listing) else part)
     return answer.status
 
 
@@ -72,12 +78,20 @@ def record_data(record: Record) -> dict[str, Any]:
     return data
 
 
-def records_table(records: Sequence[Record]) -> Table:
-    """One line a record."""
-    listing = table("id", "type", "state", "outcome", "conf.", "count", "used", "content")
-    for record in records:
-        row(
-            listing,
+def records_listing(records: Sequence[Record]) -> Listing:
+    """One row a record."""
+    columns = (
+        Column("id"),
+        Column("type", spare=3),
+        Column("state"),
+        Column("outcome", spare=2),
+        Column("conf.", spare=1),
+        Column("count", spare=4),
+        Column("used", spare=5),
+        Column("content", prose=True),
+    )
+    rows = [
+        (
             printable(record.id),
             record.type,
             record.state,
@@ -87,18 +101,9 @@ def records_table(records: Sequence[Record]) -> Table:
             str(record.usage),
             one_line(record.content, 160),
         )
-    return listing
-
-
-def one_line(text: str, limit: int) -> str:
-    """Printable text on one line of at most ``limit`` characters."""
-    line = " ".join(printable(text[: 4 * limit]).split())
-    return line if len(line) <= limit else f"{line[: limit - 1]}…"
-
-
-def printable(text: str) -> str:
-    """Text without control characters, which could make a terminal do things; line ends stay."""
-    return "".join(c if c == "\n" or unicodedata.category(c)[0] != "C" else " " for c in text)
+        for record in records
+    ]
+    return Listing(columns, rows)
 
 
 def clock(seconds: float) -> str:
@@ -109,7 +114,7 @@ def clock(seconds: float) -> str:
         return str(seconds)
 
 
-def shortened(items: Sequence[Any], limit: int) -> tuple[Sequence[Any], str]:
+def shortened(items: Sequence[T], limit: int) -> tuple[Sequence[T], str]:
     """At most ``limit`` items (0: all), and what to say of the others."""
     if not limit or len(items) <= limit:
         return items, ""

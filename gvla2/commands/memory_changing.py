@@ -1,14 +1,16 @@
-"""The verbs of `gvla2 memory` that change a bank: import, export, forget, compact, govern, replay."""
+"""The verbs of `gvla2 memory` that change a bank: import, export, forget, compact, repair, govern, replay."""
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
 from gvla2.commands.memory_access import Request, WrongWordError, opened, opened_bank, record_of
-from gvla2.commands.memory_answers import Answer, one_line, plain, printable
+from gvla2.commands.memory_answers import Answer, plain
+from gvla2.commands.printable import counted, one_line, printable
 from gvla2.commands.tables import row, table
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.interop.exporting import export_path
@@ -19,8 +21,9 @@ MOST_REMARKS = 20
 
 def import_(request: Request) -> Answer:
     """Read a memory of the released layouts; 1 when lines could not be read (the others are stored)."""
-    config, path = request.config, Path(request.words[0]).expanduser()
-    if not path.exists():
+    config = request.config
+    path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
+    if not os.path.exists(path):  # noqa: PTH110  # before a database is made for nothing; see read_path
         raise MemoryStoreError(
             f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
         )
@@ -34,16 +37,16 @@ def import_(request: Request) -> Answer:
             actor="gvla2 memory",
         )
     told = [
-        f"{len(done.added)} records of the layout '{done.layout}' are new in the bank '{config.bank}'; "
-        f"{done.known} were known."
+        f"New in the bank '{config.bank}': {counted(len(done.added), 'record')} of the layout '{done.layout}'; "
+        f"known already: {done.known}."
     ]
     if done.quarantined:
-        told.append(f"{done.quarantined} read like instructions: they are provisional.")
+        told.append(f"Held back as provisional, because they read like instructions: {done.quarantined}.")
     told += [printable(str(remark)) for remark in done.remarks[:MOST_REMARKS]]
     if len(done.remarks) > MOST_REMARKS:
-        told.append(f"{len(done.remarks) - MOST_REMARKS} more remarks; --json has all.")
+        told.append(f"{counted(len(done.remarks) - MOST_REMARKS, 'more remark')}; --json has all.")
     if done.broken:
-        told.append(f"{len(done.broken)} lines could not be read.")
+        told.append(f"{counted(len(done.broken), 'line')} could not be read.")
     return Answer(done, told, status=1 if done.broken else 0)
 
 
@@ -59,16 +62,18 @@ def export(request: Request) -> Answer:
             states=config.states or None,  # type: ignore[arg-type]  # checked by the configuration
             overwrite=config.overwrite,
         )
-    told = [f"{done.records} records in {done.lines} lines: {', '.join(map(str, done.files))}."]
+    files = ", ".join(printable(str(file)) for file in done.files)
+    told = [f"{counted(done.records, 'record')} in {counted(done.lines, 'line')}: {files}."]
     if done.left_out:
-        told.append(f"{done.left_out} records of other states were left out; states=[...] chooses.")
+        told.append(f"Left out: {counted(done.left_out, 'record')} of other states; states=[...] chooses.")
     return Answer(done, told)
 
 
 def forget(request: Request) -> Answer:
     """Forget records for good, after asking."""
     with opened(request) as store:
-        records = [record_of(store, request.bank, word) for word in dict.fromkeys(request.words)]
+        words = dict.fromkeys(request.words)
+        records = [record_of(store, request.bank, word, whole=request.yes) for word in words]
         if not request.yes:
             for record in records:
                 print(f"{printable(record.id)}: {one_line(record.content, 200)}", file=sys.stderr)
@@ -76,7 +81,8 @@ def forget(request: Request) -> Answer:
                 return Answer({"forgotten": []}, ["Nothing was forgotten."], status=1)
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             gone = [record.id for record in records if tx.forget(record.id, why="asked for")]
-    return Answer({"forgotten": gone}, [f"Forgotten for good: {', '.join(gone) or 'nothing'}."])
+    told = [f"Forgotten for good: {', '.join(map(printable, gone)) or 'nothing'}.", *map(printable, tx.also)]
+    return Answer({"forgotten": gone, "also": tx.also}, told)
 
 
 def _confirmed(count: int) -> bool:
@@ -101,8 +107,24 @@ def compact(request: Request) -> Answer:
         after = store.stats(request.bank)["bytes"]
     told = f"{before / 1e6:.2f} MB before, {after / 1e6:.2f} MB now"
     if days is not None:
-        told += f"; {gone} archived records were forgotten"
+        told += f"; forgotten: {counted(gone, 'archived record')}"
     return Answer({"bytes_before": before, "bytes": after, "forgotten": gone}, [f"{told}."])
+
+
+def repair(request: Request) -> Answer:
+    """Make rows, vectors and links what the events say they are; 1 when something is wrong still."""
+    with opened_bank(request) as bank, opened(request) as store:
+        foreign = {problem.id for problem in bank.verify() if problem.where == "vector"}
+        with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
+            done = tx.repair(foreign)
+        left = bank.verify()
+    told = [f"Made again from the events: {', '.join(map(printable, done.records)) or 'nothing'}."]
+    if done.forgotten:
+        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, done.forgotten))}.")
+    told += [f"Still wrong: {printable(str(problem))}" for problem in left]
+    return Answer(
+        {"repaired": done.records, "forgotten": done.forgotten, "problems": left}, told, int(bool(left))
+    )
 
 
 def govern(request: Request) -> Answer:

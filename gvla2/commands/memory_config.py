@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from dataclasses import dataclass, field
 
 from gvla2.component import ComponentConfig
@@ -9,6 +11,7 @@ from gvla2.errors import ConfigurationError
 
 STATES = ("active", "provisional", "summary", "archive")
 LAYOUTS = ("", "states", "items", "robot")
+_HEAD = re.compile(r"\d{1,18}:[0-9a-f]{64}")
 
 
 @dataclass
@@ -16,20 +19,22 @@ class MemoryCommandConfig:
     """A bank and what to do with it.
 
     ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
-    processes. ``limit`` bounds how many rows are shown (0: all). ``states`` keeps records of these states in `list`
-    and `export` (none given: all that there are). ``layout`` is that of `import` ("": as the lines say) and `export`
-    ("": states); ``provisional`` holds imported records back until they are verified; ``overwrite`` lets an export
-    replace an earlier one. ``archived_days`` lets `compact` forget what has been archived for longer than that.
+    processes. ``limit`` bounds how many rows are shown (0: all; None: 50, and all as JSON). ``states`` keeps records
+    of these states in `list` and `export` (none given: all that there are). ``layout`` is that of `import` ("": as
+    the lines say) and `export` ("": states); ``provisional`` holds imported records back until they are verified;
+    ``overwrite`` lets an export replace an earlier one. ``head`` is a head of the chain to `verify` against,
+    SEQ:HASH. ``archived_days`` lets `compact` forget what has been archived for longer than that.
     """
 
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
-    limit: int = 50
+    limit: int | None = None
     states: list[str] = field(default_factory=list)
     layout: str = ""
     provisional: bool = False
     overwrite: bool = False
+    head: str = ""
     archived_days: float | None = None
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
@@ -43,7 +48,12 @@ class MemoryCommandConfig:
             raise ConfigurationError(f"No layout '{self.layout}'. Layouts: {', '.join(LAYOUTS[1:])}.")
         if not self.bank:
             raise ConfigurationError("A bank needs a name: bank=NAME.")
-        if self.limit < 0:
+        self.bank = unicodedata.normalize("NFC", self.bank)
+        if self.head and not _HEAD.fullmatch(self.head):
+            raise ConfigurationError(
+                f"'{self.head}' is no head of a chain: give head=SEQ:HASH as `gvla2 memory stats` has it."
+            )
+        if self.limit is not None and self.limit < 0:
             raise ConfigurationError(f"limit is {self.limit}; it must not be negative (0 shows all).")
         if self.archived_days is not None and self.archived_days < 0:
             raise ConfigurationError(f"archived_days is {self.archived_days}; it must not be negative.")

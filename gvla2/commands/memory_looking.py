@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.table import Table
-
 from gvla2.commands.memory_access import NotFoundError, Request, opened, opened_bank, record_of, time_of
-from gvla2.commands.memory_answers import (
-    Answer,
-    clock,
-    one_line,
-    printable,
-    record_data,
-    records_table,
-    shortened,
-)
+from gvla2.commands.memory_answers import Answer, clock, record_data, records_listing, shortened
+from gvla2.commands.memory_listing import Column, Listing
+from gvla2.commands.printable import counted, one_line, printable
 from gvla2.commands.tables import row, table
 from gvla2.memory.records import Record
 from gvla2.memory.store import Event, Store
+
+_SERVED = (
+    "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "
+    "until `gvla2 memory repair` makes them again from the events."
+)
 
 
 def list_records(request: Request) -> Answer:
@@ -46,14 +43,14 @@ def show(request: Request) -> Answer:
         way = f"{link.kind} {link.target}" if link.source == record.id else f"{link.kind} of {link.source}"
         row(listing, "link", printable(way))
     data = {"record": record_data(record), "links": links, "events": [_event_data(e) for e in events]}
-    return Answer(data, [listing, events_table(events[-10:])])
+    return Answer(data, [listing, events_listing(events[-10:])])
 
 
 def search(request: Request) -> Answer:
     """The records that the words find, best first, with every term of their scores."""
     words = " ".join(request.words)
     with opened_bank(request) as bank:
-        hits = bank.search(words, request.config.limit or len(bank.records()))
+        hits = bank.search(words, request.limit or len(bank.records()))
     found = [
         {"record": record_data(h.record), "score": h.score, "terms": dict(h.terms), "reliable": h.reliable}
         for h in hits
@@ -61,20 +58,26 @@ def search(request: Request) -> Answer:
     data = {"query": words, "found": found}
     if not hits:
         return Answer(data, ["Nothing is similar."])
-    listing = table("id", "recalled", "score", "terms", "content")
-    for hit in hits:
-        terms = " ".join(f"{name} {value:+.2f}" for name, value in hit.terms.items())
-        shown = "yes" if hit.reliable else "no"
-        row(
-            listing,
+    rows = [
+        (
             printable(hit.record.id),
-            shown,
+            "recalled" if hit.reliable else "passed over",
             f"{hit.score:.3f}",
-            terms,
             one_line(hit.record.content, 120),
+            " ".join(f"{name} {round(value, 2) + 0.0:+.2f}" for name, value in hit.terms.items()),
         )
+        for hit in hits
+    ]
+    columns = (
+        Column("id"),
+        Column("would be"),
+        Column("score"),
+        Column("content", prose=True),
+        Column("terms", prose=True),
+    )
     reliable = sum(hit.reliable for hit in hits)
-    return Answer(data, [listing, f"A recall for these words would show {reliable or 'none'} of them."])
+    told = f"A recall for these words would show {reliable or 'none'} of them."
+    return Answer(data, [Listing(columns, rows), told])
 
 
 def history(request: Request) -> Answer:
@@ -84,8 +87,9 @@ def history(request: Request) -> Answer:
         if not events:
             record = record_of(store, request.bank, request.words[0])
             events = store.history(request.bank, record.id)
-    shown, more = shortened(events, request.config.limit)
-    return Answer([_event_data(e) for e in events], [events_table(shown), *([more] if more else [])])
+    shown, more = shortened(events, request.limit)
+    data = [_event_data(event) for event in shortened(events, request.data_limit)[0]]
+    return Answer(data, [events_listing(shown), *([more] if more else [])])
 
 
 def as_of(request: Request) -> Answer:
@@ -108,14 +112,17 @@ def conflicts(request: Request) -> Answer:
     """Pairs of records that contradict each other."""
     with opened(request) as store:
         pairs = _conflicts(store, request.bank)
-    listing = table("id", "state", "says", "against", "state", "says")
-    shown, more = shortened(pairs, request.config.limit)
-    for a, b in shown:
-        row(listing, *(w for r in (a, b) for w in (printable(r.id), r.state, one_line(r.content, 90))))
-    data = [{"records": [record_data(a), record_data(b)]} for a, b in pairs]
     if not pairs:
-        return Answer(data, ["No records contradict each other."])
-    return Answer(data, [listing, *([more] if more else [])])
+        return Answer([], ["No records contradict each other."])
+    names = ("id", "state", "says", "against", "state", "says")
+    columns = [Column(name, prose=name == "says", spare=int(name == "state")) for name in names]
+    shown, more = shortened(pairs, request.limit)
+    rows = [[w for r in pair for w in (printable(r.id), r.state, one_line(r.content, 90))] for pair in shown]
+    data = [
+        {"records": [record_data(record) for record in pair]}
+        for pair in shortened(pairs, request.data_limit)[0]
+    ]
+    return Answer(data, [Listing(columns, rows), *([more] if more else [])])
 
 
 def _conflicts(store: Store, bank: str) -> list[tuple[Record, Record]]:
@@ -131,54 +138,73 @@ def _conflicts(store: Store, bank: str) -> list[tuple[Record, Record]]:
 def stats(request: Request) -> Answer:
     """How many records there are of each state and type, and how large everything is; for every bank without one."""
     with opened(request) as store:
+        counts = store.stats(request.bank)
         data = {
             "database": store.name,
             "banks": store.banks(),
             "bank": request.bank,
-            **store.stats(request.bank),
+            **counts,
+            "head": _head(counts),
         }
     listing = table("what", "how many")
     for name, value in data.items():
+        if name in ("seq", "hash", "head"):
+            continue  # below, in one piece
         told = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
         row(listing, name, printable(", ".join(told) if isinstance(told, list) else str(told)))
-    return Answer(data, [listing])
+    return Answer(data, [listing, f"Head of the chain: {data['head']}"])
 
 
 def verify(request: Request) -> Answer:
     """Whether the chain of events, the rows and the vectors hold; 1 when something is wrong."""
-    with opened(request) as store:
-        problems = store.verify(request.bank)
-        counted = store.stats(request.bank)
-    data = {"bank": request.bank, "sound": not problems, "problems": problems}
+    with opened_bank(request) as bank:
+        problems = bank.verify(head=request.config.head)
+        counts = bank.stats()
+    data = {"bank": request.bank, "sound": not problems, "problems": problems, "head": _head(counts)}
     if not problems:
-        events = counted.get("events", "all")
-        return Answer(data, [f"The bank '{request.bank}' is sound: {events} events and all rows agree."])
-    names = [field.name for field in dataclasses.fields(problems[0])]
-    listing = table(*names, style="red")
-    for problem in problems:
-        row(listing, *(printable(str(getattr(problem, name))) for name in names))
-    return Answer(data, [listing, f"{len(problems)} problems; damaged rows are not served."], status=1)
+        told = (
+            f"The bank '{request.bank}' is sound: {counted(counts['events'], 'event')}, and all rows agree."
+        )
+        return Answer(data, [told])
+    columns = (Column("where"), Column("id"), Column("what", prose=True))
+    rows = [(p.where, printable(p.id), printable(p.what)) for p in problems]
+    told = f"{counted(len(problems), 'problem')}."
+    if any(problem.where == "record" for problem in problems):
+        told += f" {_SERVED}"
+    return Answer(data, [Listing(columns, rows, style="red"), told], status=1)
 
 
-def events_table(events: Sequence[Event]) -> Table:
-    """One line an event."""
-    listing = table("event", "time", "who", "what", "why", "change")
-    for event in events:
-        what = event.action + (f" {event.target}" if event.target else "")
-        row(
-            listing,
+def _head(counts: Mapping[str, Any]) -> str:
+    """The head of the chain as `verify head=` takes it."""
+    return f"{counts['seq']}:{counts['hash']}"
+
+
+def events_listing(events: Sequence[Event]) -> Listing:
+    """One row an event."""
+    columns = (
+        Column("event"),
+        Column("time"),
+        Column("who", spare=1),
+        Column("what"),
+        Column("why", prose=True),
+        Column("change", prose=True),
+    )
+    rows = [
+        (
             str(event.seq),
             clock(event.at),
             printable(event.actor),
-            printable(what),
+            printable(event.action + (f" {event.target}" if event.target else "")),
             "(forgotten)" if event.erased else one_line(event.why, 120),
             one_line(_change_words(event), 200),
         )
-    return listing
+        for event in events
+    ]
+    return Listing(columns, rows)
 
 
 def _change_words(event: Event) -> str:
-    if event.action == "forget":
+    if event.action.partition(":")[0] == "forget":
         return ""
     try:
         change = event.change_json()
@@ -207,11 +233,13 @@ def _event_data(event: Event) -> dict[str, Any]:
 
 
 def _listing(records: Sequence[Record], request: Request, nothing: str) -> Answer:
-    shown, more = shortened(records, request.config.limit)
-    data = [record_data(record) for record in records]
     if not records:
-        return Answer(data, [nothing])
-    return Answer(data, [records_table(shown), *([more] if more else [])])
+        return Answer([], [nothing])
+    shown, more = shortened(records, request.limit)
+    data = (
+        [record_data(record) for record in shortened(records, request.data_limit)[0]] if request.json else []
+    )
+    return Answer(data, [records_listing(shown), *([more] if more else [])])
 
 
 def _value(name: str, value: Any) -> str:

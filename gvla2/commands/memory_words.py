@@ -11,6 +11,7 @@ from gvla2.discovery import closest
 _OVERRIDE = re.compile(r"[+~]{0,2}[A-Za-z_][\w./@:-]*=.*", re.DOTALL)
 _WITH_VALUE = ("--cfg", "-c", "--package", "-p", "--config-dir", "-cd", "--info", "-i")
 _ALONE = ("--resolve", "--hydra-help")
+_VERBATIM = re.compile(r"(bank|url|head)=(?!'.*'$|\".*\"$)(.*)", re.DOTALL)
 _SWEEPS = ("-m", "--multirun", "--experimental-rerun")
 
 
@@ -75,6 +76,23 @@ def understood(argv: Sequence[str], verbs: Mapping[str, tuple[int, int | None]])
     if asked.verb and not asked.help and not asked.hydra_asks:
         _check(asked, *verbs[asked.verb])
     return asked
+
+
+def as_typed(override: str) -> str:
+    """The override with quotes for Hydra where its value is a name: 2026_11 is no number, true no truth value.
+
+    A value in quotes of its own stays as it is.
+    """
+    found = _VERBATIM.fullmatch(override)
+    if not found:
+        return override
+    value = re.sub(r"(\\*)('|$)", lambda m: m[1] * 2 + ("\\'" if m[2] else ""), found[2])
+    return f"{found[1]}='{value}'"
+
+
+def wants_json(argv: Sequence[str]) -> bool:
+    """Whether a command line that may not be understood asks for JSON."""
+    return "--json" in (argv[: argv.index("--")] if "--" in argv else argv)
 
 
 def _check(asked: Invocation, fewest: int, most: int | None) -> None:

@@ -26,8 +26,8 @@ class LlmVerifier:
     """A language model's judgement of an episode in words (paper, eq. R_t).
 
     When any criterion could not be asked, or its answer was lost to reasoning, the verdict is ``unavailable``: a
-    mean over the others would be of another criterion set, and a midpoint would be made up. ``ledger`` counts the
-    tokens of all verdicts.
+    mean over the others would be of another criterion set, and a midpoint would be made up. A cache that cannot be
+    written costs money, not verdicts: the last reason says so. ``ledger`` counts the tokens of all verdicts.
     """
 
     def __init__(self, config: LlmVerifierConfig, *, ledger: Ledger | None = None) -> None:
@@ -65,8 +65,13 @@ class LlmVerifier:
             verdict = Verdict.unavailable(
                 f"{missing} of {len(self._criteria)} criteria could not be judged: {' '.join(failures)}", NAME
             )
-            return replace(verdict, usage=usage)
-        return _verdict(by_criterion, usage)
+            return replace(verdict, usage=usage, reasons=(*verdict.reasons, *self._unkept()))
+        verdict = _verdict(by_criterion, usage)
+        return replace(verdict, reasons=(*verdict.reasons, *self._unkept()))
+
+    def _unkept(self) -> tuple[str, ...]:
+        """Why answers are not kept, where they were meant to be."""
+        return (self._endpoint.problem,) if self._endpoint.problem else ()
 
 
 def _problem(answer: Completion | LanguageModelError) -> str:

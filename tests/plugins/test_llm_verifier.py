@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -287,3 +288,14 @@ def test_listing_the_plugin_loads_neither_numpy_nor_the_sdk():
 def test_verdicts_of_rules_carry_no_cost():
     assert Verdict.from_criteria({"done": 1.0}).usage == {}
     assert Verdict.unavailable("why").mass == {}
+
+
+def test_a_cache_that_cannot_be_written_is_said_and_costs_no_verdict(tmp_path: Path):
+    taken = tmp_path / "taken"
+    taken.write_text("a file where the folder should be")
+    with LocalModel(answering({})) as model:
+        told = verifier(model, cache=str(taken)).verify(SHOWN)
+        kept = verifier(model, cache=str(tmp_path / "kept")).verify(SHOWN)
+    assert told.outcome == kept.outcome == "verified_success"
+    assert told.reasons[-1].startswith("Answers are not kept: ")
+    assert told.reasons[:-1] == kept.reasons

@@ -16,6 +16,7 @@ from gvla2.memory.interop import items_layout, states_layout
 from gvla2.memory.interop.entry import STATES, Entry
 from gvla2.memory.interop.lines import to_bytes
 from gvla2.memory.interop.reading import Layout, layout_named
+from gvla2.memory.interop.replacing import place_of
 from gvla2.memory.records import Record
 from gvla2.memory.store import Store
 from gvla2.writing import write_whole
@@ -48,12 +49,12 @@ def export_path(
 
     By default that is all of them where the layout has lifecycle states, else :data:`SERVED`. A record that came
     from a line of this layout is written as that line was, unknown fields included, save what has changed since.
-    Raises :class:`OutputError` when the path is taken (``overwrite`` allows to replace an earlier export, never a
-    folder with other files) or cannot be written; what was there is then still there.
+    Raises :class:`OutputError` when the path is taken (``overwrite`` allows to replace an earlier export, and nothing
+    else) or cannot be written; what was there is then still there.
     """
     chosen = layout_named(layout)
     served = tuple(states) if states is not None else STATES if chosen.name == states_layout.NAME else SERVED
-    _check_free(path, chosen, overwrite)
+    path = place_of(path, chosen, store.name, overwrite=overwrite)
     everything = store.records(bank)
     shown = [record for record in everything if record.state in served]
     groups = _lines(store, bank, shown, everything, chosen)
@@ -142,22 +143,6 @@ def _order(record: Record, layout: Layout) -> tuple[Any, ...]:
         return (1, "", record.created, 0, 0, record.id)
     at = trace.get("at") or [0, 0]
     return (0, str(trace.get("file")), float(trace.get("line", 0)), int(at[0]), int(at[1]), record.id)
-
-
-def _check_free(path: Path, layout: Layout, overwrite: bool) -> None:
-    if not path.exists():
-        return
-    folder = layout.name == states_layout.NAME
-    if path.is_dir() is not folder:
-        what = "a folder" if folder else "a file"
-        raise OutputError(f"The layout '{layout.name}' is {what}, and {path} is not. Choose another path.")
-    mine = {f"{state}.jsonl" for state in STATES}
-    if folder and (others := sorted({p.name for p in path.iterdir()} - mine)):
-        raise OutputError(
-            f"The folder {path} has other files ({', '.join(others[:3])}). Choose another path."
-        )
-    if not overwrite and (not folder or any(path.iterdir())):
-        raise OutputError(f"{path} exists. Choose another path, or say overwrite=true to replace it.")
 
 
 def _write_folder(target: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import clean
@@ -15,6 +17,8 @@ LONGEST_TEXT = 100_000
 """Characters of a field; the rest of a longer one stays in what is kept of its line."""
 LONGEST_LINE = 16_000_000
 """Bytes; a longer line is no record of a lesson."""
+_LARGE = re.compile(r"[eE]\+?\d{3}|\d{200}")
+"""What a number beyond all floats has in it; most lines have no such thing, and need no second look."""
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 
 
@@ -54,12 +58,9 @@ def read_lines(path: Path, name: str = "") -> tuple[list[Line], list[Remark]]:
     remarks: list[Remark] = []
     try:
         with path.open("rb") as stream:
-            for number, raw in enumerate(stream, 1):
-                text = raw.removeprefix(b"\xef\xbb\xbf") if number == 1 else raw
-                if not text.strip():
-                    continue
+            for number, raw in raw_lines(stream):
                 try:
-                    lines.append(Line(name, number, parse(text)))
+                    lines.append(Line(name, number, parse(raw)))
                 except LineError as error:
                     remarks.append(Remark(name, number, str(error)))
     except OSError as error:
@@ -67,12 +68,35 @@ def read_lines(path: Path, name: str = "") -> tuple[list[Line], list[Remark]]:
     return lines, remarks
 
 
+def raw_lines(stream: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """The lines that say anything, numbered from 1, without the mark of byte order.
+
+    Of one that is too long, only as much is held as shows it.
+    """
+    number = 0
+    while raw := stream.readline(LONGEST_LINE + 1):
+        number += 1
+        rest = raw
+        while len(rest) > LONGEST_LINE and not rest.endswith(b"\n"):
+            rest = stream.readline(LONGEST_LINE + 1)
+        text = raw.removeprefix(b"\xef\xbb\xbf") if number == 1 else raw
+        if text.strip():
+            yield number, text
+
+
 def parse(raw: bytes | str) -> dict[str, Any]:
-    """One JSON object; raises :class:`LineError` for anything else, NaN and infinities included."""
+    """One JSON object; raises :class:`LineError` for anything else.
+
+    NaN, infinities and numbers beyond all floats (1e999, or 400 digits) are no numbers here.
+    """
     if len(raw) > LONGEST_LINE:
         raise LineError(f"it is longer than {LONGEST_LINE} bytes")
     try:
-        data = json.loads(raw, parse_constant=_no_number)
+        text = raw if isinstance(raw, str) else raw.decode(errors="surrogatepass")
+        if _LARGE.search(text):
+            data = json.loads(text, parse_constant=_no_number, parse_int=_whole, parse_float=_fraction)
+        else:
+            data = json.loads(text, parse_constant=_no_number)
     except UnicodeDecodeError as error:
         raise LineError(f"it is not UTF-8 (byte {error.start})") from error
     except ValueError as error:
@@ -121,6 +145,23 @@ def text_field(fields: Mapping[str, Any], name: str, *, needed: bool = False) ->
 
 def _no_number(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number")
+
+
+def _fraction(digits: str) -> float:
+    """A float as JSON writes it; ``ValueError`` for one beyond the largest."""
+    value = float(digits)
+    if not math.isfinite(value):
+        raise ValueError(f"{_some(digits)} is too large a number")
+    return value
+
+
+def _whole(digits: str) -> int:
+    _fraction(digits)
+    return int(digits)
+
+
+def _some(digits: str) -> str:
+    return digits if len(digits) <= 20 else f"{digits[:12]}... ({len(digits)} digits)"
 
 
 def _kind(value: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,11 +49,15 @@ def read_path(path: Path, layout: str = "") -> tuple[Layout, list[Entry], list[R
     wanted = layout_named(layout) if layout else None
     lines: list[Line] = []
     remarks: list[Remark] = []
-    for file in _files(path):
+    try:
+        files = _files(path)
+    except OSError as error:  # a folder that may not be looked into
+        raise MemoryStoreError(f"Cannot read {path}: {error.strerror or error}.") from error
+    for file in files:
         found, broken = read_lines(file)
         lines += found
         remarks += broken
-    chosen = wanted or _layout_of(path, lines)
+    chosen = wanted or _layout_of(path, lines, bool(remarks))
     entries = []
     for line in lines:
         try:
@@ -60,18 +65,21 @@ def read_path(path: Path, layout: str = "") -> tuple[Layout, list[Entry], list[R
         except LineError as error:
             remarks.append(Remark(line.file, line.number, str(error)))
             continue
+        except (ValueError, OverflowError, RecursionError) as error:  # one odd value must not stop the others
+            remarks.append(Remark(line.file, line.number, f"it cannot be kept: {error}"))
+            continue
         entries += made
         remarks += [Remark(line.file, line.number, note, broken=False) for e in made for note in e.notes]
     return chosen, entries, remarks
 
 
 def _files(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    if not path.exists():
+    if not os.path.exists(path):  # noqa: PTH110  # Path.exists raises for names that no file system takes
         raise MemoryStoreError(
             f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
         )
+    if not path.is_dir():  # a pipe is read like a file: `... | gvla2 memory import /dev/stdin`
+        return [path]
     found = list(states_layout.files_of(path).values())
     if found:
         return found
@@ -91,13 +99,13 @@ def _files(path: Path) -> list[Path]:
     )
 
 
-def _layout_of(path: Path, lines: Sequence[Line]) -> Layout:
+def _layout_of(path: Path, lines: Sequence[Line], broken: bool) -> Layout:
     """The layout of the first line that fits one; an empty memory fits the first."""
     for line in lines:
         for layout in LAYOUTS.values():
             if layout.fits(line.fields):
                 return layout
-    if not lines and (path.is_dir() or path.stat().st_size == 0):
+    if not lines and (path.is_dir() or not broken):
         return LAYOUTS[states_layout.NAME]
     raise MemoryStoreError(
         f"{path} is of no known layout: no line has memory_id and content, memory_items, or memory_text and "

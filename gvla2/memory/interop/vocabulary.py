@@ -39,31 +39,42 @@ def seconds_of(value: object) -> float | None:
     if isinstance(value, str):
         try:
             date = datetime.fromisoformat(value.strip())
-        except ValueError:
+            value = (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+        except (ValueError, OverflowError):
             return None
-        value = (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    number = finite_number(value)
+    return number if number is not None and 0 <= number < 4e11 else None
+
+
+def date_of(seconds: float) -> str | None:
+    """The ISO date in UTC; None for a time that no calendar has, as a clock gone wrong gives it."""
+    try:
+        return datetime.fromtimestamp(seconds, UTC).isoformat()
+    except (ValueError, OverflowError, OSError):
         return None
-    return float(value) if 0 <= value < 4e11 else None
 
 
-def date_of(seconds: float) -> str:
-    """The ISO date in UTC."""
-    return datetime.fromtimestamp(seconds, UTC).isoformat()
+def finite_number(value: object) -> float | None:
+    """A number as a finite float; None for what is no number, or beyond all floats."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:  # JSON's whole numbers have no bound
+        return None
+    return number if math.isfinite(number) else None
 
 
 def share(value: object) -> float | None:
     """A number held to [0, 1]; None for what is no number."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return None
-    return min(max(float(value), 0.0), 1.0)
+    number = finite_number(value)
+    return None if number is None else min(max(number, 0.0), 1.0)
 
 
 def count(value: object) -> int:
     """A count; 0 for what is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        return 0
-    return min(max(int(value), 0), 2**53)
+    number = finite_number(value)
+    return 0 if number is None else int(min(max(number, 0.0), 2.0**53))
 
 
 def names(value: object) -> tuple[str, ...]:
@@ -75,8 +86,4 @@ def numbers(value: object) -> dict[str, Any]:
     """The finite numbers of an object by name."""
     if not isinstance(value, Mapping):
         return {}
-    return {
-        str(k): float(v)
-        for k, v in value.items()
-        if isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
-    }
+    return {str(k): number for k, v in value.items() if (number := finite_number(v)) is not None}
