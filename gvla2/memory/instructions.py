@@ -1,97 +1,111 @@
-"""Text that talks to a machine rather than about a task: orders, imitated markup, requests for secrets."""
+"""Text that talks to a machine rather than about a task: orders, imitated markup, requests for secrets.
+
+A lesson speaks to whoever does the task, about the task's objects. Suspicious is what speaks of the reader's own
+instructions, memory or verdicts and what to do with them, what imitates the frame around what machines read, what
+sends secrets away, and what overrides the task or its safety as a whole.
+"""
 
 from __future__ import annotations
 
 import re
-import unicodedata
-from functools import cache
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from gvla2.memory.disguises import hides_text, readings, squeezed
+from gvla2.memory.instruction_sieve import run_together, sieves, stems_of
+from gvla2.memory.instruction_signs import ENOUGH, Sign
+from gvla2.memory.instruction_speech import spoken_weight
 
 MAX_READ = 20_000
+MAX_STRINGS = 200
+MAX_DEPTH = 8
 
-_ORDERS = re.compile(
-    r"""
-    \b(ignore|disregard|forget|override|bypass|circumvent)\b .{0,40}
-        \b(instruction|prompt|rule|message|constraint|polic|check|limit|guardrail|verdict|verifier)
-    | \b(disable|skip|turn\s+off|switch\s+off)\b .{0,30}
-        \b(safety|collision|workspace|joint)\s+(check|limit|margin|monitor|stop)
-    | \b(disable|skip)\b .{0,20} \b(verifier|verification|guardrail|admission)
-    | \b(ignorier|vergiss|missachte|umgeh)\w*\b .{0,40} \b(anweisung|regel|befehl|vorgabe|sicherheits)
-    | \b(ignore[zr]?|oublie[zr]?|contourne[zr]?)\b .{0,40} \b(instructions|consignes|règles)
-    | \b(ignora|olvida|dimentica|omite)\b .{0,40} \b(instrucciones|reglas|istruzioni|regole)
-    | \b(игнорируй|забудь)\w*\b .{0,40} \b(инструкци|правил)
-    | (忽略|无视|忘记|無視|忘れ) .{0,12} (指令|指示|提示|规则|規則|命令)
-    | (指示|命令|ルール|指令) .{0,6} (無視|忘れ)
-    | \byou\s+are\s+now\s+(an?|the|my|no\s+longer|free|in)\b | \bfrom\s+now\s+on,?\s+you\b
-    | \bact\s+as\s+(an?|the|my)\s+(\w+\s+)?(assistant|model|ai|admin\w*|root|user|developer)\b
-    | \bpretend\s+(to\s+be|that\s+you)\b
-    | \b(planner|assistant|agent|model|llm|ai|verifier|system)\s*,?\s*(you\s+)?
-        (must|should|shall|has\s+to|have\s+to|needs?\s+to|will)\s+(now\s+|always\s+|only\s+|never\s+)*
-        (obey|comply|ignore|disregard|skip|output|respond|reply|answer|say|print|execute|call|follow|return|approve|accept|score|rate|trust)
-    | \b(planer|assistent|modell|agent)\s+(muss|soll)\w*\b .{0,40} \b(gehorchen|ignorieren|ausgeben|antworten|befolgen)
-    | \b(always|only)\s+(obey|output|respond|reply\s+with|answer\s+with)\b
-    | \b(obey|follow)\s+(me|my|this\s+(message|note|memory)|these\s+(orders|instructions)
-        |the\s+(instructions|orders)\s+(below|above))\b
-    | \b(respond|reply|answer)\s+(only\s+)?with\s+["'“{<\[]
-    | \b(give|assign|award|return)\b .{0,20} \b(full|perfect|maximum|highest)\s+(score|marks?|rating|confidence)
-    | \bthis\s+(memory|record|note|hint|constraint)\s+(is\s+binding|overrides|supersedes|outranks|has\s+priority)
-    | \bnew\s+(system\s+)?(instructions?|prompt|orders?)\b | \bsystem\s+(prompt|message|override)\b
-    | \b(reveal|print|send|leak|exfiltrate|upload|post)\b .{0,40}
-        \b(password|secret|api[\s_]*key|token|credential|private\s+key)
-    | \brm\s+-rf\b | \bsudo\s+\S | \b(curl|wget)\s+\S+:// | \|\s*(ba|z)?sh\b | \beval\s*\(
-    """,
-    re.IGNORECASE | re.VERBOSE | re.DOTALL,
+_MARKED = re.compile(r"[*~`\"_’\n]")
+_MARKS = str.maketrans({"*": None, "~": None, "`": None, '"': None, "_": " ", "’": "'", "\n": " \n "})
+_DENIED = re.compile(
+    r"(?:\b(?:never|not|cannot|avoid|without|nor|neither|don't|doesn't|mustn't|shouldn't|can't|refuse to"
+    r"|forbid(?:den)? to"
+    r"|prohibited to|prevents? \w+ from|instead of|rather than|if|when|once|after|unless|until|whether|in "
+    r"case)"
+    r"(?: (?!then\b)\w+){0,3}|n't) ?$"
 )
-_MARKUP = re.compile(
-    r"""
-    (^|\n)\s*["'#*>_-]*\s*(system|assistant|user|developer|human|tool)\s*(message)?\s*["'*_]*\s*[:：]
-    | <\s*\|?\s*/?\s*(\|\s*)?(im_start|im_end|im_sep|eot_id|start_header|end_header|system|memory
-        |instructions?|user|assistant|tool_call|s)\s*(\||\b)[^<]{0,80}>
-    | \[\s*/?\s*(inst|system|assistant)\s*\] | <<\s*/?\s*sys\s*>> | ```\s*(system|tool|instructions?)
-    | (^|\n)\s*\#{1,6}\s*(system|instructions?|new\s+task|response)\b
-    | -{3,}\s*(begin|end|start)\b | \b(begin|end)\s+(of\s+)?(memory|context|system|instructions?|data|prompt)\b
-    | \bhints\s*\(optional\) | \bconstraints\s*\(binding\)
-    | \[?\s*(hint|avoid|tool|summary)-[0-9a-f]{6,}\s*[|/] | \|\s*confidence\s+[01]?\.\d | \bmemory\s+note\s*=
-    """,
-    re.IGNORECASE | re.VERBOSE,
+_CASED = re.compile(
+    r"\b(?:if|when|whenever|once|after|as soon as|unless|until|in case)\b(?! you (?:have )?read| "
+    r"reading)[^.;!?]*$"
 )
-
-_SIGNS = """
-    ignor disregard forget override bypass circumvent disable skip off vergiss missachte umgeh oublie contourne olvida
-    dimentica omite now act pretend must should shall has have need will muss soll obey output respond reply answer
-    follow score mark rating confidence binding supersede outrank priority instruction prompt order message password
-    secret api token credential private -rf sudo :// | eval system assistant user developer human tool < [ ` # ---
-    memory context data optional hint- avoid- summary-
-"""
-"""Every match of a pattern in plain ASCII has one of these in it; most lessons have none, and are quickly done with."""
-
-
-@cache
-def _signs() -> tuple[str, ...]:
-    return tuple(_SIGNS.split())
+_INSISTED = re.compile(r"\b(?:hesitate|fail|forget|neglect|afraid|stop) (?:to )?$")
+_CLAUSE = re.compile(r"[.,;:!?\n][^.,;:!?\n]*$")
 
 
 def reads_like_instructions(text: str) -> bool:
     """Whether a text gives orders to a machine or imitates the markup around what machines read.
 
-    Errs on the careful side. Compatibility forms, invisible characters and look-alike brackets don't hide anything.
+    Errs on the careful side. Look-alike letters, gaps, codes and invisible characters don't hide anything: every
+    reading of the text is judged, the first ``MAX_READ`` characters of it.
     """
     text = text[:MAX_READ]
-    if text.isascii() and text.isprintable():
-        low = text.lower()
-        if not any(map(low.__contains__, _signs())):
-            return False
-        return any(pattern.search(text) is not None for pattern in (_ORDERS, _MARKUP))
-    plain = unicodedata.normalize("NFKC", text).translate(_BRACKETS)
-    visible = "".join(c for c in plain if c in "\n\t" or unicodedata.category(c)[0] != "C")
-    visible = visible.replace("\u2028", "\n").replace("\u2029", "\n")
-    letters = visible.translate(_LOOKALIKES)
-    return any(
-        pattern.search(words) is not None for words in {visible, letters} for pattern in (_ORDERS, _MARKUP)
-    )
+    return hides_text(text) or any(map(_suspicious, readings(text)))
 
 
-_BRACKETS = str.maketrans({"‹": "<", "›": ">", "«": "<", "»": ">", "〈": "<", "〉": ">", "⟨": "<", "⟩": ">"})
-# Cyrillic and Greek letters that look like Latin ones.
-_LOOKALIKES = str.maketrans(
-    "аеорсухіјѕԁІЈЅνκαοιΙΑΒΕΗΚΜΝΟΡΤΧАВЕКМНОРСТХ", "aeopcyxijsdIJSvkaoiIABEHKMNOPTXABEKMHOPCTX"
-)
+def effect_reads_like_instructions(effect: Mapping[str, Any] | None) -> bool:
+    """Whether any name or word in a typed effect reads like instructions, by itself or all of them in a row.
+
+    Underscores count as spaces. An effect of more than ``MAX_STRINGS`` strings, or nested deeper than ``MAX_DEPTH``,
+    is no sound effect and counts as suspicious.
+    """
+    if not effect:
+        return False
+    strings: list[str] = []
+    for string in _strings(effect, MAX_DEPTH):
+        if string is None or len(strings) == MAX_STRINGS:
+            return True
+        strings.append(string)
+    words = [re.sub(r"[_\-.]+", " ", string) for string in strings if string]
+    return any(map(reads_like_instructions, {*strings, *words})) or reads_like_instructions(" ".join(words))
+
+
+def _strings(value: Any, depth: int) -> Iterator[str | None]:
+    """The strings within a value, None where it goes too deep."""
+    match value:
+        case str():
+            yield value
+        case Mapping() if depth:
+            for key, inner in value.items():
+                yield from _strings(key, depth - 1)
+                yield from _strings(inner, depth - 1)
+        case list() | tuple() if depth:
+            for inner in value:
+                yield from _strings(inner, depth - 1)
+        case Mapping() | list() | tuple():
+            yield None
+
+
+def _suspicious(low: str) -> bool:
+    frames, signs = sieves()
+    words = " ".join((low.translate(_MARKS) if _MARKED.search(low) else low).split())
+    stems = stems_of(words)
+    if any(_found(sign, low) for sign in frames.passing(low, stems)):
+        return True
+    weight = sum(sign.weight for sign in signs.passing(words, stems) if _found(sign, words))
+    if weight >= ENOUGH or weight + spoken_weight(words, stems) >= ENOUGH:
+        return True
+    letters = squeezed(low)
+    return bool(letters) and run_together().search(letters) is not None
+
+
+def _found(sign: Sign, text: str) -> bool:
+    for match in sign.regex.finditer(text):
+        at = match.start()
+        if not (
+            (sign.denied and denied(text, at)) or (sign.cased and _CASED.search(text[max(0, at - 120) : at]))
+        ):
+            return True
+    return False
+
+
+def denied(text: str, at: int) -> bool:
+    """Whether what begins at ``at`` is denied, or only a case, by the words before it in its clause."""
+    before = text[max(0, at - 40) : at]
+    if clause := _CLAUSE.search(before):
+        before = clause[0][1:]
+    return _DENIED.search(before) is not None and _INSISTED.search(before) is None

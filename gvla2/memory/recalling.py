@@ -11,7 +11,7 @@ from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTa
 from gvla2.memory.growth import MAX_QUERY
 from gvla2.memory.index import Index
 from gvla2.memory.records import Record, clean, finite
-from gvla2.memory.rendering import render
+from gvla2.memory.rendering import render, visible
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryIte
     return MemoryItem(
         id=record.id,
         type=record.record_type,
-        content=record.content,
+        content=visible(record.content),
         confidence=record.confidence,
         score=score,
         terms=dict(terms),
