@@ -9,6 +9,7 @@ No language model and no network: mini-swe-agent's own deterministic model plays
 import os
 import sys
 import tempfile
+from uuid import uuid4
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Evidence, MemoryEpisode, MemoryTask
@@ -42,7 +43,7 @@ class RememberingAgent(DefaultAgent):
         transcript = "\n".join([*(f"$ {command}" for command in commands), done["output"]])
         evidence = Evidence(task, transcript, {"exit_status": done["returncode"]})
         verdict = self.verifier.verify(evidence)
-        episode = MemoryEpisode(MemoryTask(task), (), transcript, recalled, source=f"run/{task}")
+        episode = MemoryEpisode(MemoryTask(task), (), transcript, recalled, source=f"run/{uuid4()}")
         learned = self.bank.learn(episode, verdict)
         print(f"{task}: {verdict.outcome}, learnt {', '.join(learned.added + learned.merged) or 'nothing'}")
         return result

@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.episodes import StoredEpisode
 from gvla2.memory.events import GENESIS, Event, chain_hash, payload_digest
-from gvla2.memory.forgetting import PENDING
 from gvla2.memory.rebuilding import Folding
 from gvla2.memory.records import COLUMNS, damage_of
+from gvla2.memory.scrubbing import PENDING, pending
 from gvla2.memory.transaction import episode_digest
 from gvla2.memory.view import View, vector_of
 
@@ -27,16 +28,17 @@ class Problem:
         return f"{self.where} {self.id}: {self.what}." if self.id else f"{self.where}: {self.what}."
 
 
-def audit(view: View, bank: str) -> list[Problem]:
-    """All problems of a bank."""
+def audit(view: View, bank: str, head: str = "") -> list[Problem]:
+    """All problems of a bank; ``head`` is "SEQ:HASH" of an event that it must have."""
     folding = Folding()
     problems = list(_chain(view, bank, folding))
+    problems += _kept_head(view, bank, head) if head else ()
     problems += _records(view, bank, folding)
     problems += _vectors(view, bank)
     problems += _links(view, bank, folding)
     problems += _episodes(view, bank, folding)
-    if view.meta(PENDING):
-        problems.append(Problem("file", "", "bytes of what was forgotten may be left in it: compact it"))
+    for path in pending(view.meta(PENDING)):
+        problems.append(Problem("file", path, "bytes of what was forgotten may be left in it: compact it"))
     return problems
 
 
@@ -59,7 +61,7 @@ def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
             yield Problem("event", where, "what it says was changed: the digest is another")
         if event.at < at or event.rev < rev:
             yield Problem("event", where, "it is older than the event before it")
-        if event.action == "forget":
+        if event.action.partition(":")[0] == "forget":
             forgotten[event.record] = event.seq
         wrong = folding.apply(event)
         if wrong:
@@ -70,9 +72,29 @@ def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
             yield Problem("event", str(event.seq), "it was erased, and nothing was forgotten afterwards")
     head = view.head(bank)
     if head is not None and head != (rev, seq, prev):
-        yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {head[1]}")
+        told = f"event {head[1]}" if head[1] != seq else "another hash or number of its transaction"
+        yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {told}")
     if head is None and seq:
         yield Problem("chain", "", "the bank's own row is missing")
+
+
+def _kept_head(view: View, bank: str, head: str) -> Iterable[Problem]:
+    """Whether the chain still has an event that was its last once."""
+    place, colon, hash_ = head.strip().partition(":")
+    if not colon or not place.isdecimal() or not hash_:
+        raise MemoryStoreError(
+            f"{head!r} is no head of a chain: give SEQ:HASH, as the statistics of a bank have them."
+        )
+    seq = int(place)
+    events = view.events(bank, seq - 1, 1) if seq else []
+    if not events or events[0].seq != seq:
+        yield Problem(
+            "chain", place, "the head that was kept elsewhere is missing: the end of the chain was cut off"
+        )
+    elif events[0].hash != hash_:
+        yield Problem(
+            "chain", place, "it is another than the head that was kept elsewhere: the chain was written anew"
+        )
 
 
 def _hash(event: Event) -> str:

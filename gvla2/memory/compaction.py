@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from gvla2.memory.database import Database
-from gvla2.memory.forgetting import finish_scrubbing
+from gvla2.memory.scrubbing import scrub
 
 if TYPE_CHECKING:
     from gvla2.memory.store import Store
@@ -30,5 +30,5 @@ def compact(
                     if record.updated < archived_before:
                         gone += transaction.forget(record.id, why="archived long ago")
     if not gone:  # else forgetting has scrubbed already
-        finish_scrubbing(database)
+        scrub(database)
     return gone

@@ -5,8 +5,9 @@ SQL is written once, with ``?`` for values; :mod:`gvla2.memory.sqlite` and :mod:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -14,6 +15,14 @@ Row = tuple[Any, ...]
 
 SCHEMA_VERSION = 2
 """Version of the tables, kept in ``memory_meta``; a later one is refused, an earlier one migrated."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uncleaned:
+    """A file that may hold bytes of what was forgotten ("" is the database's own), and how a message says so."""
+
+    path: str
+    said: str
 
 
 class Connection(Protocol):
@@ -64,8 +73,11 @@ class Database(Protocol):
         """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
         ...
 
-    def forget_in_copies(self, bank: str, ids: Sequence[str]) -> None:
-        """Take these records out of the copies that a migration left beside the database."""
+    def forget_in_copies(self, gone: Callable[[], Sequence[tuple[str, str]]]) -> list[Uncleaned]:
+        """Take records, (bank, id), out of the copies that a migration left beside the database.
+
+        ``gone`` is asked only where there are copies. Those that could not be cleaned are returned.
+        """
         ...
 
     def snapshot(self, path: Path) -> None:

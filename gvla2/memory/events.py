@@ -5,8 +5,10 @@ An event has a header (seq, rev, at, actor, action, record, target) and a payloa
 still holds. What ``change`` holds, by action:
 
 * ``link:KIND`` and ``unlink:KIND``: nothing; ``record`` and ``target`` are the ends.
-* ``forget``: the tombstone of a record; nothing where ``record`` names an episode's source.
-* ``episode``: ``{"episode": digest}`` of the JSON saved under the source that ``record`` names.
+* ``forget``: the tombstone of a record; nothing where ``record`` names an episode.
+* ``forget:part``: other events of the record were erased, as they quoted one that was forgotten; the whole record.
+* ``episode``: ``{"episode": digest, "source": source}`` of the JSON saved under a source. ``record`` is a random
+  name, which stays when the source is forgotten; in older banks there is no "source", and ``record`` is it.
 * any other: the whole record when it is created, ``{field: [before, after]}`` when it is changed, and "" for a
   decision that changed nothing. Of a change, version + 1 and the event's rev go without saying.
 """

@@ -1,24 +1,23 @@
-"""Forgetting for good: rows, vectors, links, episodes' text and events' payloads, then the file's bytes."""
+"""Forgetting for good: rows, vectors, links, episodes' text and events' payloads, and what others say of it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gvla2.errors import MemoryStoreError
-from gvla2.memory.database import Connection, Database
-from gvla2.memory.location import snapshot_path
+from gvla2.memory.database import Connection, Row
+from gvla2.memory.events import Link
 from gvla2.memory.putting import replace_row
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, as_json, dump, load_object
+from gvla2.memory.quotes import Gone
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, as_json, damage_of, dump, load_object
+from gvla2.memory.scrubbing import PENDING, ask_for_scrubbing
 
 if TYPE_CHECKING:
     from gvla2.memory.transaction import Transaction
 
-_STATE, _VERSION, _PROVENANCE = (COLUMNS.index(name) for name in ("state", "version", "provenance"))
-_ERASE = "UPDATE memory_event SET why = '', scores = '', change = '', salt = ? WHERE bank = ? AND (record = ?"
-PENDING = "scrub"
-"""Key of ``memory_meta`` while bytes of something forgotten may be left in the database's files."""
+_STATE, _VERSION, _PROVENANCE, _QUERY, _CONTENT = (
+    COLUMNS.index(name) for name in ("state", "version", "provenance", "query", "content")
+)
+_ERASE = "UPDATE memory_event SET why = '', scores = '', change = '', salt = ? WHERE bank = ? AND record = ?"
 
 
 def forget(transaction: Transaction, sql: Connection, id: str, why: str) -> bool:
@@ -26,44 +25,55 @@ def forget(transaction: Transaction, sql: Connection, id: str, why: str) -> bool
     bank = transaction.bank
     row = next(iter(transaction.view.rows(bank, ids=[id])), None)
     if row is None or row[_STATE] == FORGOTTEN:
+        # Asked again after the files could not be cleaned: then they are now.
+        transaction.to_scrub = transaction.to_scrub or bool(transaction.view.meta(PENDING))
         return False
-    sources = _episodes_of(transaction, sql, id, row[_PROVENANCE])
-    ends = {end for link in transaction.view.links(bank, id) for end in (link.source, link.target)} - {id}
-    transaction.touch(sorted(ends))
+    sources = transaction.episodes.behind(id, _listed(row[_PROVENANCE]))
+    links = transaction.view.links(bank, id)
+    transaction.gone.append(_gone(row, links, transaction.seq))
+    transaction.touch(sorted({end for link in links for end in (link.source, link.target)} - {id}))
     sql.run("DELETE FROM memory_link WHERE bank = ? AND (source = ? OR target = ?)", (bank, id, id))
     sql.run("DELETE FROM memory_vector WHERE bank = ? AND id = ?", (bank, id))
     version = row[_VERSION] if type(row[_VERSION]) is int else 0
     tombstone = _tombstone(id, bank, transaction.now, version + 1, transaction.rev)
     replace_row(sql, tombstone)
-    sql.run(f"{_ERASE} OR target = ?)", (b"", bank, id, id))
+    sql.run(_ERASE, (b"", bank, id))
     transaction.record_event("forget", id, why=why, change=dump(as_json(tombstone)))
     transaction.flush()
     transaction.written.discard(id)
     transaction.created.discard(id)
     for source in sources:
-        sql.run("DELETE FROM memory_episode WHERE bank = ? AND source = ?", (bank, source))
-        sql.run(f"{_ERASE})", (b"", bank, source))
-        transaction.record_event("forget", source)
-    sql.run(
-        "INSERT INTO memory_meta (key, value) VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value",
-        (PENDING, "1"),
-    )
+        _forget_episode(transaction, sql, source)
+    ask_for_scrubbing(sql)
     transaction.forgotten.append(id)
+    transaction.to_scrub = True
     return True
 
 
-def _episodes_of(transaction: Transaction, sql: Connection, id: str, provenance: object) -> list[str]:
-    """Sources of the stored episodes that taught the record, by its provenance or by their own account."""
+def _gone(row: Row, links: list[Link], seq: int) -> Gone:
+    query, content = (str(row[place]) for place in (_QUERY, _CONTENT))
+    return Gone(str(row[0]), query, content, tuple(links), None if damage_of(row) else Record(*row), seq)
+
+
+def _forget_episode(transaction: Transaction, sql: Connection, source: str) -> None:
+    """Its row, and what its events say; the events' headers name the source itself in older banks alone."""
+    bank = transaction.bank
+    names = transaction.episodes.names(source)
+    transaction.episodes.drop(source)
+    sql.run("DELETE FROM memory_episode WHERE bank = ? AND source = ?", (bank, source))
+    for name in names:
+        sql.run(_ERASE, (b"", bank, name))
+        transaction.record_event("forget", name)
+    transaction.flush()
+
+
+def _listed(provenance: object) -> list[str]:
+    """The episodes that a record says it comes from."""
     try:
         listed = load_object(provenance).get("sources", []) if isinstance(provenance, str) else []
-        sources = {str(source) for source in listed}
+        return [str(source) for source in listed]
     except (ValueError, TypeError):
-        sources = set()
-    said = f"%{dump(id)}%".replace("_", "\\_")
-    query = "SELECT source FROM memory_episode WHERE bank = ? AND data LIKE ? ESCAPE '\\'"
-    named = {row[0] for row in sql.rows(query, (transaction.bank, said))}
-    stored = {row[0] for row in transaction.view.episode_rows(transaction.bank, sorted(sources))}
-    return sorted(named | stored)
+        return []
 
 
 def _tombstone(id: str, bank: str, now: float, version: int, rev: int) -> Record:
@@ -85,32 +95,3 @@ def _tombstone(id: str, bank: str, now: float, version: int, rev: int) -> Record
         version=version,
         rev=rev,
     )
-
-
-def finish_forgetting(database: Database, bank: str, ids: Sequence[str]) -> None:
-    """After the commit: see to it that no byte is left in the database's files, nor in copies beside it.
-
-    Raises :class:`~gvla2.errors.MemoryStoreError` where another process is in the way; what was forgotten stays
-    so, and ``Store.compact`` does the rest later.
-    """
-    discard_snapshot(snapshot_path(database.name, bank))
-    database.forget_in_copies(bank, ids)
-    finish_scrubbing(database)
-
-
-def discard_snapshot(path: Path) -> None:
-    """Delete the snapshot of an index: it may hold the text of a record that is to be forgotten."""
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise MemoryStoreError(
-            f"A record was forgotten, but the snapshot '{path}', which may hold its text, cannot be deleted "
-            f"({error.strerror or error}): delete it."
-        ) from error
-
-
-def finish_scrubbing(database: Database) -> None:
-    """Scrub, and note that nothing is pending any more."""
-    database.scrub()
-    with database.writing("") as sql:
-        sql.run("DELETE FROM memory_meta WHERE key = ?", (PENDING,))

@@ -43,13 +43,16 @@ def link_many(transaction: Transaction, sql: Connection, ties: Sequence[Tie]) ->
                 f"'{bank}' and a kind are needed."
             )
         key = (tie.source, clean(tie.kind, 64), tie.target)
-        # A record that is new, or forgotten, has no links.
-        if key in made or (tie.source not in transaction.created and sql.row(_KNOWN, (bank, *key))):
+        new = (
+            tie.source in transaction.created and tie.source not in transaction.linked
+        )  # and so has no links
+        if key in made or (not new and sql.row(_KNOWN, (bank, *key))):
             continue
         made[key] = tie
     if not made:
         return []
     sql.run_many(_INSERT, [(bank, *key, transaction.now) for key in made])
+    transaction.linked.update(source for source, _, _ in made)
     touched = {end for source, _, target in made for end in (source, target)} - written
     if touched:
         transaction.touch(sorted(touched))

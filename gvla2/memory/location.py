@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from hashlib import blake2b
 from pathlib import Path
 
-from gvla2.memory.sqlite_file import database_path
+from gvla2.memory.addresses import database_path, scheme_of
 
 
 def default_url(environment: Mapping[str, str]) -> str:
@@ -28,8 +28,7 @@ def settled(url: str, environment: Mapping[str, str]) -> str:
     that can be no database at all.
     """
     address = url or default_url(environment)
-    scheme = address.partition(":")[0].partition("+")[0]
-    if scheme in ("postgresql", "postgres"):
+    if scheme_of(address) == "postgresql":
         return address
     return f"sqlite:///{database_path(address)}"
 

@@ -5,8 +5,9 @@ Schema 1 had the one table ``memory``, with the embedding and the links (JSON) i
 
 from __future__ import annotations
 
+import os
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.database import SCHEMA_VERSION
+from gvla2.memory.database import SCHEMA_VERSION, Uncleaned
 from gvla2.memory.putting import Put
 from gvla2.memory.records import COLUMNS, Record, load
 from gvla2.memory.sqlite import SqliteConnection
-from gvla2.memory.sqlite_file import create_tables
+from gvla2.memory.sqlite_file import BESIDE, create_tables, delete_database
 from gvla2.memory.transaction import Transaction
 
 COPY = ".before-schema-"
@@ -61,8 +62,17 @@ def copy_beside(path: Path, busy_seconds: float) -> Path:
     while copy.exists():
         number += 1
         copy = path.with_name(f"{name}.{number}")
-    with closing(sqlite3.connect(path, timeout=busy_seconds, isolation_level=None)) as connection:
-        connection.execute("VACUUM INTO ?", (str(copy),))
+    # Whoever is killed meanwhile leaves no half copy under that name. Nobody else is here: the file's lock is held.
+    aside = path.with_name(f"{name}.part")
+    delete_database(aside)
+    try:
+        with closing(sqlite3.connect(path, timeout=busy_seconds, isolation_level=None)) as connection:
+            connection.execute("VACUUM INTO ?", (str(aside),))
+        with aside.open("rb+") as handle:
+            os.fsync(handle.fileno())
+        aside.replace(copy)
+    finally:
+        delete_database(aside)
     return copy
 
 
@@ -127,12 +137,42 @@ def _links(text: object) -> Iterator[tuple[str, str]]:
                 yield kind, target
 
 
-def forget_in_copies(path: Path, bank: str, ids: Sequence[str], busy_seconds: float) -> None:
-    """Take records out of the copies that :func:`migrate` left beside ``path``, to the last byte."""
-    for copy in sorted(path.parent.glob(f"{path.name}{COPY}*")):
-        if copy.name.endswith(("-wal", "-shm", "-journal")):
-            continue
-        with closing(sqlite3.connect(copy, timeout=busy_seconds, isolation_level=None)) as connection:
+def forget_in_copies(
+    path: Path, gone: Callable[[], Sequence[tuple[str, str]]], busy_seconds: float
+) -> list[Uncleaned]:
+    """Take records, (bank, id), out of the copies that :func:`migrate` left beside ``path``, to the last byte.
+
+    A copy that is no database of schema 1, as a process that was killed leaves it, is of no use and deleted. Those
+    that could not be cleaned are returned, with the reason.
+    """
+    left: list[Uncleaned] = []
+    try:
+        copies = sorted(file for file in path.parent.iterdir() if file.name.startswith(f"{path.name}{COPY}"))
+    except OSError as error:
+        return [Uncleaned(str(path.parent), f"{path.parent} ({error.strerror or error})")]
+    ids = gone() if copies else []
+    for copy in copies:
+        try:
+            if not copy.exists() or copy.name.endswith(BESIDE):
+                continue  # of a copy that was dealt with, or will be
+            if not _clean(copy, ids, busy_seconds):
+                delete_database(copy)
+        except (sqlite3.Error, OSError) as error:
+            left.append(Uncleaned(str(copy), f"{copy} ({error})"))
+    return left
+
+
+def _clean(copy: Path, gone: Sequence[tuple[str, str]], busy_seconds: float) -> bool:
+    """Whether the copy is one, and free of these records now."""
+    with closing(sqlite3.connect(copy, timeout=busy_seconds, isolation_level=None)) as connection:
+        try:
             connection.execute("PRAGMA secure_delete=ON")
-            connection.executemany("DELETE FROM memory WHERE bank = ? AND id = ?", [(bank, id) for id in ids])
-            connection.execute("VACUUM")
+            tables = connection.execute("SELECT name FROM sqlite_master WHERE name = 'memory'").fetchall()
+            if tables:
+                connection.executemany("DELETE FROM memory WHERE bank = ? AND id = ?", gone)
+                connection.execute("VACUUM")
+            return bool(tables)
+        except sqlite3.DatabaseError as error:
+            if error.sqlite_errorcode & 0xFF in (sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_CORRUPT):
+                return False
+            raise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sqlite3
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy.dialects.postgresql.psycopg import PGDialect_psycopg
 
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
-from gvla2.memory.database import SCHEMA_VERSION, Row
-from gvla2.memory.sqlite_file import create_tables, explained, refuse_to_replace
+from gvla2.memory.addresses import server_address
+from gvla2.memory.database import SCHEMA_VERSION, Row, Uncleaned
+from gvla2.memory.sqlite_file import create_tables, delete_database, explained, refuse_to_replace
 
 if TYPE_CHECKING:
     import psycopg
@@ -78,7 +79,7 @@ class PostgresDatabase:
     other writers, and for the server, at most ``busy_seconds`` at a time. Needs the extra ``postgres``.
     """
 
-    def __init__(self, url: str, busy_seconds: float) -> None:
+    def __init__(self, url: str, busy_seconds: float, create: bool = True) -> None:
         try:
             import psycopg
         except ImportError as error:
@@ -86,8 +87,7 @@ class PostgresDatabase:
                 "psycopg", "A memory in PostgreSQL", 'pip install "gvla2[postgres]"'
             ) from error
         self._psycopg = psycopg
-        scheme, _, rest = url.partition(":")
-        self._url = f"{scheme.partition('+')[0]}:{rest}"
+        self._url = server_address(url)
         self._busy_seconds = busy_seconds
         self._name = self._redacted()
         self._idle: list[PostgresConnection] = []
@@ -95,7 +95,7 @@ class PostgresDatabase:
         self._pid = os.getpid()
         self._closed = False
         try:
-            self._prepare()
+            self._prepare(create)
         except BaseException:
             self.close()
             raise
@@ -112,7 +112,8 @@ class PostgresDatabase:
             raise ConfigurationError(
                 "Not a PostgreSQL address: give postgresql://user@host/database."
             ) from error
-        parts.pop("password", None)
+        for secret in ("password", "sslpassword"):
+            parts.pop(secret, None)
         return f"postgresql({self._psycopg.conninfo.make_conninfo('', **parts)})"
 
     def _connect(self) -> PostgresConnection:
@@ -195,15 +196,16 @@ class PostgresDatabase:
             connection.raw.execute(f"VACUUM (FULL) {', '.join(_TABLES)}")
             connection.raw.execute("CHECKPOINT")
 
-    def forget_in_copies(self, bank: str, ids: Sequence[str]) -> None:
+    def forget_in_copies(self, gone: Callable[[], Sequence[tuple[str, str]]]) -> list[Uncleaned]:
         """No migration leaves copies in a server."""
+        return []
 
     def snapshot(self, path: Path) -> None:
         """Write the banks into a SQLite file beside ``path``, then put it in its place."""
         with explained(path):
             refuse_to_replace(path, self._busy_seconds)
             aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-            aside.unlink(missing_ok=True)
+            delete_database(aside)
             try:
                 with (
                     closing(sqlite3.connect(aside, isolation_level=None)) as copy,
@@ -212,7 +214,7 @@ class PostgresDatabase:
                     _copy(connection, copy)
                 aside.replace(path)
             finally:
-                aside.unlink(missing_ok=True)
+                delete_database(aside)
 
     def size(self) -> int:
         """Bytes of the tables and their indices."""
@@ -228,11 +230,13 @@ class PostgresDatabase:
             while self._idle:
                 self._idle.pop().raw.close()
 
-    def _prepare(self) -> None:
+    def _prepare(self, create: bool) -> None:
         """Create the tables once among all processes; raises for tables of a later version or of something else."""
         with self._transaction("BEGIN", lock=0) as connection:
             found = connection.row("SELECT to_regclass('memory_meta'), to_regclass('memory')")
             if found == (None, None):
+                if not create:
+                    raise MemoryStoreError(f"There is no memory in {self._name} yet: it has no tables.")
                 _create(connection)
                 return
             if found is None or found[0] is None:

@@ -44,6 +44,9 @@ class Folding:
     links: dict[tuple[str, str, str], float] = field(default_factory=dict)
     linked: dict[str, set[tuple[str, str, str]]] = field(default_factory=dict)
     episodes: dict[str, str] = field(default_factory=dict)
+    sources: dict[str, str] = field(default_factory=dict)
+    blurred: set[str] = field(default_factory=set)
+    """Records of which an event was erased: what comes after it need not fit, until one has the whole record."""
 
     def apply(self, event: Event) -> str:
         """Apply the next event; says what does not fit, "" for nothing."""
@@ -51,21 +54,23 @@ class Folding:
         if verb in ("link", "unlink"):
             self._link(verb, (event.record, kind, event.target), event)
             return ""
+        if verb == "forget" and not kind:  # even if it was erased, as forgetting the same id once more does
+            for key in sorted(self.linked.get(event.record, ())):
+                self._link("unlink", key, event)
         if event.erased:
+            self.blurred.add(event.record)
             return ""
         try:
             change = event.change_json()
         except (ValueError, RecursionError):
             return "what changed is no sound JSON"
         if verb == "episode":
-            self.episodes[event.record] = str(change.get("episode"))
+            source = self.sources[event.record] = str(change.get("source", event.record))
+            self.episodes[source] = str(change.get("episode"))
             return ""
         if verb == "forget" and not change:
-            self.episodes.pop(event.record, None)
+            self.episodes.pop(self.sources.get(event.record, event.record), None)
             return ""
-        if verb == "forget":
-            for key in sorted(self.linked.get(event.record, ())):
-                self._link("unlink", key, event)
         if not event.change:
             return ""
         return self._change(event, change)
@@ -88,15 +93,16 @@ class Folding:
     def _change(self, event: Event, change: dict[str, Any]) -> str:
         if isinstance(change.get("id"), str):
             self.rows[event.record] = change
+            self.blurred.discard(event.record)
             return ""
-        row = self.rows.get(event.record)
+        row, blurred = self.rows.get(event.record), event.record in self.blurred
         if row is None:
-            return "it changes a record that was never created"
+            return "" if blurred else "it changes a record that was never created"
         wrong = ""
         for name, pair in change.items():
             if name not in row or not isinstance(pair, list) or len(pair) != 2:
                 return "it does not say from what to what"
-            if row[name] != pair[0]:
+            if row[name] != pair[0] and not blurred:
                 wrong = f"{name} was not what it says before"
             row[name] = pair[1]
         row["version"] += 1

@@ -10,22 +10,36 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.database import Row
-from gvla2.memory.sqlite_file import database_path, explained, prepare, refuse_to_replace
-
-__all__ = ["SqliteConnection", "SqliteDatabase", "database_path"]
+from gvla2.memory.database import Row, Uncleaned
+from gvla2.memory.sqlite_file import (
+    READ_ONLY,
+    connect_to_read,
+    delete_database,
+    explained,
+    prepare,
+    refuse_to_replace,
+)
 
 ROWS_AT_ONCE = 2000
 _EMPTY_LOG = "PRAGMA wal_checkpoint(TRUNCATE)"
-_SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG, "PRAGMA secure_delete=OFF")
+_SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG)
 
 
 def connect(path: Path, busy_seconds: float) -> sqlite3.Connection:
-    """A connection on which only explicit BEGINs open transactions, and a commit is on the disk."""
+    """A connection on which only explicit BEGINs open transactions, and a commit is on the disk.
+
+    The file is there already: one that was deleted must not come back empty.
+    """
     connection = sqlite3.connect(
-        path, timeout=busy_seconds, isolation_level=None, check_same_thread=False, cached_statements=256
+        f"file:{quote(str(path))}?mode=rw",
+        uri=True,
+        timeout=busy_seconds,
+        isolation_level=None,
+        check_same_thread=False,
+        cached_statements=256,
     )
     connection.execute("PRAGMA synchronous=FULL")
     return connection
@@ -78,6 +92,14 @@ class SqliteConnection:
         self.raw.executemany(sql, values)
 
 
+def _identity(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        return (0, 0)
+    return (found.st_dev, found.st_ino)
+
+
 def _begin(raw: sqlite3.Connection) -> None:
     raw.execute("BEGIN")
 
@@ -90,15 +112,17 @@ def _text_or_bytes(stored: bytes) -> str | bytes:
 
 
 class SqliteDatabase:
-    """A :class:`gvla2.memory.database.Database` in one file, opened or created at ``path``.
+    """A :class:`gvla2.memory.database.Database` in one file, opened at ``path``, or created there if ``create``.
 
     Idle connections are kept and hold no lock; each thread works on one of its own, and a forked process on new
-    ones. Waits for other processes at most ``busy_seconds`` at a time.
+    ones. Waits for other processes at most ``busy_seconds`` at a time. A file that cannot be written is read.
     """
 
-    def __init__(self, path: Path, busy_seconds: float) -> None:
-        prepare(path, busy_seconds)
+    def __init__(self, path: Path, busy_seconds: float, create: bool = True) -> None:
+        self._writable = prepare(path, busy_seconds, create)
         self._path, self._busy_seconds = path, busy_seconds
+        with explained(path):
+            self._identity = _identity(path)
         self._idle: list[SqliteConnection] = []
         self._inherited: list[SqliteConnection] = []
         self._pid = os.getpid()
@@ -118,10 +142,13 @@ class SqliteDatabase:
         try:
             return self._idle.pop()
         except IndexError:
-            return SqliteConnection(connect(self._path, self._busy_seconds))
+            return SqliteConnection(self._connect())
+
+    def _connect(self) -> sqlite3.Connection:
+        return (connect if self._writable else connect_to_read)(self._path, self._busy_seconds)
 
     def _give(self, connection: SqliteConnection) -> None:
-        if self._closed or connection.raw.in_transaction:
+        if self._closed or connection.raw.in_transaction or not self._writable:
             connection.raw.close()
         else:
             self._idle.append(connection)
@@ -137,6 +164,12 @@ class SqliteDatabase:
         """A transaction that holds the write lock from its start; an exception undoes all of it."""
         with self._transaction(self._begin_to_write) as connection:
             yield connection
+            if _identity(self._path) != self._identity:
+                # The change would go into a file that has no name any more, and be lost.
+                raise MemoryStoreError(
+                    f"The memory {self._path} was deleted or replaced while it was open, and nothing of the change was "
+                    "stored: put it back, and open it again."
+                )
 
     @contextmanager
     def _transaction(self, begin: Callable[[sqlite3.Connection], object]) -> Iterator[SqliteConnection]:
@@ -160,6 +193,8 @@ class SqliteDatabase:
         SQLite's own way of waiting sleeps ever longer, so that whoever comes last goes first. Here the pauses get
         shorter the longer one has waited: nobody starves.
         """
+        if not self._writable:
+            raise MemoryStoreError(READ_ONLY.format(self._path))
         began = time.monotonic()
         raw.execute("PRAGMA busy_timeout=0")
         try:
@@ -186,6 +221,8 @@ class SqliteDatabase:
 
     def scrub(self) -> None:
         """Write the file anew without what was deleted, and empty the write-ahead log."""
+        if not self._writable:
+            raise MemoryStoreError(READ_ONLY.format(self._path))
         with explained(self._path):
             connection = self._take()
             try:
@@ -193,26 +230,26 @@ class SqliteDatabase:
                     answer = connection.raw.execute(step).fetchone()
                     if step == _EMPTY_LOG and answer and answer[0]:
                         raise MemoryStoreError(
-                            f"The memory {self._path} is being read by another process, so that what was forgotten "
-                            "may still have bytes in its log: compact it later."
+                            f"The memory {self._path} cannot be cleaned now: another process is reading it."
                         )
             finally:
+                connection.raw.execute("PRAGMA secure_delete=OFF")
                 self._give(connection)
 
-    def forget_in_copies(self, bank: str, ids: Sequence[str]) -> None:
-        """Take these records out of the copies that a migration left beside the file."""
+    def forget_in_copies(self, gone: Callable[[], Sequence[tuple[str, str]]]) -> list[Uncleaned]:
+        """Take records out of the copies that a migration left beside the file; those that could not be cleaned."""
         from gvla2.memory.migrations import forget_in_copies  # it stands on this module
 
-        forget_in_copies(self._path, bank, ids, self._busy_seconds)
+        return forget_in_copies(self._path, gone, self._busy_seconds)
 
     def snapshot(self, path: Path) -> None:
         """Write a consistent, compact copy beside ``path``, then put it in its place."""
         with explained(path):
             refuse_to_replace(path, self._busy_seconds)
             aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-            aside.unlink(missing_ok=True)
+            delete_database(aside)
             try:
-                with closing(connect(self._path, self._busy_seconds)) as connection:
+                with closing(self._connect()) as connection:
                     connection.execute("VACUUM INTO ?", (str(aside),))
                 with closing(sqlite3.connect(aside)) as copy:
                     copy.execute("PRAGMA journal_mode=WAL")
@@ -220,7 +257,7 @@ class SqliteDatabase:
                     os.fsync(handle.fileno())
                 aside.replace(path)
             finally:
-                aside.unlink(missing_ok=True)
+                delete_database(aside)
 
     def size(self) -> int:
         """Bytes of the file and its log."""

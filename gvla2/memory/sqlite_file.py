@@ -5,6 +5,7 @@ Nothing here ever replaces, moves or deletes a file: what cannot be used is left
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import sys
 import time
@@ -14,41 +15,40 @@ from pathlib import Path
 from urllib.parse import quote
 
 from sqlalchemy.dialects.sqlite.pysqlite import dialect as sqlite_dialect
-from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError
 
-from gvla2.errors import ConfigurationError, MemoryStoreError
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.database import SCHEMA_VERSION
 
 if sys.platform != "win32":
     import fcntl
 
 
-def database_path(url: str) -> Path:
-    """The file of ``sqlite:///path``; raises :class:`ConfigurationError` for anything else."""
-    try:
-        parsed = make_url(url)
-    except ArgumentError as error:
-        raise ConfigurationError(f"Not a database address: {url!r}. Give sqlite:///path/to/file.") from error
-    if parsed.get_backend_name() != "sqlite":
-        raise ConfigurationError(
-            f"'{parsed.get_backend_name()}' is no file: give an address such as sqlite:///path/to/file."
-        )
-    if not parsed.database or parsed.database == ":memory:" or parsed.query:
-        raise ConfigurationError(f"{url!r} names no file: give an address such as sqlite:///path/to/file.")
-    return Path(parsed.database).expanduser().absolute()
+BESIDE = ("-wal", "-shm", "-journal")
+"""What SQLite adds to the name of a file for others beside it."""
+READ_ONLY = "The memory {} is read-only. Make it writable, or choose another file."
 
 
-def prepare(path: Path, busy_seconds: float) -> None:
+def prepare(path: Path, busy_seconds: float, create: bool = True) -> bool:
     """Make sure that ``path`` holds the memory's tables, creating or migrating them once among all processes.
 
-    Raises :class:`MemoryStoreError` for a file that is locked, corrupt, not writable, of a later schema, or the
-    database of something else.
+    Returns whether the bank can be written; what cannot is left as it is, to the byte. Raises
+    :class:`MemoryStoreError` for a file that is locked, corrupt, of a later schema, or the database of something
+    else, and for one without any tables unless ``create``.
     """
     with explained(path):
+        if not _writable(path):
+            version = _version(path, busy_seconds)
+            if version < SCHEMA_VERSION:
+                what = f"of schema {version}, which has to be brought up to date" if version else "empty"
+                raise MemoryStoreError(f"{READ_ONLY.format(path)} It is {what}.")
+            return False
+        version = _version(path, busy_seconds)
+        if version == SCHEMA_VERSION and _logs_ahead(path):
+            return True
+        if not version and not create:
+            what = "empty" if path.exists() else "absent"
+            raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
         path.parent.mkdir(parents=True, exist_ok=True)
-        if _version(path, busy_seconds) == SCHEMA_VERSION and _logs_ahead(path):
-            return
         with _creation_lock(path, busy_seconds):
             version = _version(path, busy_seconds)
             if version == 0:
@@ -60,6 +60,27 @@ def prepare(path: Path, busy_seconds: float) -> None:
             if not _logs_ahead(path):
                 with closing(sqlite3.connect(path, timeout=busy_seconds)) as connection:
                     connection.execute("PRAGMA journal_mode=WAL")
+    return True
+
+
+def connect_to_read(path: Path, busy_seconds: float) -> sqlite3.Connection:
+    """A connection to a file that cannot be written; good for one transaction.
+
+    Without a log beside it, which cannot be made, nobody is writing just now.
+    """
+    address = f"file:{quote(str(path))}?{'mode=ro' if _in_use(path) else 'immutable=1'}"
+    return sqlite3.connect(
+        address, uri=True, timeout=busy_seconds, isolation_level=None, check_same_thread=False
+    )
+
+
+def _writable(path: Path) -> bool:
+    """Whether a file, and its folder for the log, can be written; a file that is absent counts as one that can."""
+    if not path.exists():
+        return True
+    # An administrator who takes all write bits away means it, for root as well.
+    bits = path.is_dir() or path.stat().st_mode & 0o222
+    return bool(bits) and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
 
 
 def refuse_to_replace(path: Path, busy_seconds: float) -> None:
@@ -75,6 +96,12 @@ def refuse_to_replace(path: Path, busy_seconds: float) -> None:
         _look(path, "immutable=1", busy_seconds)
 
 
+def delete_database(path: Path) -> None:
+    """Delete a file that is no memory in use, and what SQLite has left beside it."""
+    for suffix in ("", *BESIDE):
+        path.with_name(path.name + suffix).unlink(missing_ok=True)
+
+
 def _logs_ahead(path: Path) -> bool:
     """Whether the file is in the mode where readers and a writer don't block one another; its header says so."""
     with path.open("rb") as handle:
@@ -87,16 +114,19 @@ def _version(path: Path, busy_seconds: float) -> int:
         return 0
     if path.is_dir():
         raise MemoryStoreError(f"The memory {path} cannot be used: it is a folder. Give the path of a file.")
-    # An administrator who takes all write bits away means it, for root as well.
-    if not path.stat().st_mode & 0o222:
-        raise MemoryStoreError(f"The memory {path} is read-only. Make it writable, or choose another file.")
+    if not path.is_file():
+        raise MemoryStoreError(
+            f"The memory {path} cannot be used: it is a device or a pipe. Give the path of a file."
+        )
     if path.stat().st_size == 0:
         return 0
     # Looking must not change a file that is then refused, nor leave a write-ahead log beside it, as reading does
     # unless the file is said to be immutable. It is not if others have it open; they leave a log beside it, too.
     if not _in_use(path):
         try:
-            _look(path, "immutable=1", busy_seconds)
+            version = _look(path, "immutable=1", busy_seconds)
+            if not _writable(path):
+                return version
         except (sqlite3.Error, MemoryStoreError):
             if not _in_use(path):
                 raise
@@ -105,7 +135,7 @@ def _version(path: Path, busy_seconds: float) -> int:
 
 def _in_use(path: Path) -> bool:
     """Whether a log lies beside the file: somebody has it open, or crashed and left something to recover."""
-    return any(path.with_name(path.name + suffix).exists() for suffix in ("-wal", "-shm", "-journal"))
+    return any(path.with_name(path.name + suffix).exists() for suffix in BESIDE)
 
 
 def _look(path: Path, mode: str, busy_seconds: float) -> int:
@@ -184,9 +214,11 @@ def explained(path: Path) -> Iterator[None]:
         if "locked" in said or "busy" in said:
             hint = " Another process holds it: wait for it, or choose another file."
         elif "readonly" in said or isinstance(error, PermissionError) or "unable to open" in said:
-            hint = " It, or its folder, is not writable: choose another file."
+            hint = " It, or its folder, is gone or not writable: choose another file."
         elif "not a database" in said or "malformed" in said:
             hint = " It is corrupt and was left as it is: restore it from a copy, or choose another file."
         elif "full" in said:
             hint = " Nothing of the change was stored: make room, and try again."
+        elif "disk I/O" in said:
+            hint = " Nothing of the change was stored: is the disk full or failing, or is there a limit on files?"
         raise MemoryStoreError(f"The memory {path} cannot be used: {said}.{hint}") from error

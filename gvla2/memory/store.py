@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.audit import Problem, audit
+from gvla2.memory.bank_names import wrong_bank_name
 from gvla2.memory.compaction import compact
 from gvla2.memory.database import Database
 from gvla2.memory.episodes import StoredEpisode
 from gvla2.memory.events import Event, Link
-from gvla2.memory.forgetting import finish_forgetting
 from gvla2.memory.opening import open_database
 from gvla2.memory.putting import Put, StaleRecordError, write_vectors
 from gvla2.memory.rebuilding import Rebuilt, rebuild
 from gvla2.memory.records import Record, clean
+from gvla2.memory.scrubbing import scrub, strays
 from gvla2.memory.transaction import Transaction
 from gvla2.memory.view import Change, View
 
@@ -52,13 +53,14 @@ class Store:
         self._database = database
 
     @classmethod
-    def open(cls, url: str, *, busy_seconds: float = 5.0) -> Store:
+    def open(cls, url: str, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
         """Open, create or migrate the database at ``sqlite:///path`` or ``postgresql://user@host/name``.
 
-        Waits for others at most ``busy_seconds`` at a time. Raises :class:`~gvla2.errors.ConfigurationError` for
-        any other address.
+        Waits for others at most ``busy_seconds`` at a time. Without ``create``, what has no tables yet stays so and
+        is refused. A file that cannot be written is opened for reading: only what writes is refused then. Raises
+        :class:`~gvla2.errors.ConfigurationError` for any other address.
         """
-        return cls(open_database(url, busy_seconds))
+        return cls(open_database(url, busy_seconds, create))
 
     @property
     def name(self) -> str:
@@ -78,14 +80,15 @@ class Store:
         ``actor`` is who decides (a command, an operation of the bank), ``now`` seconds since the epoch. All its
         changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
         """
-        if not bank or bank != clean(bank, 200):
-            raise MemoryStoreError(f"{bank!r} cannot be the name of a bank: up to 200 plain characters can.")
+        wrong = wrong_bank_name(bank)
+        if wrong and (bank != clean(bank, 200) or not self.rev(bank)):  # old banks may have other names
+            raise MemoryStoreError(wrong)
         with self._database.writing(bank) as connection:
             transaction = Transaction(connection, bank, actor, now)
             yield transaction
             transaction.finish()
-        if transaction.forgotten:
-            finish_forgetting(self._database, bank, transaction.forgotten)
+        if transaction.to_scrub:
+            scrub(self._database, transaction.forgotten)
 
     # Reading: each call is one instant ----------------------------------------------------------------------------
 
@@ -141,10 +144,21 @@ class Store:
         with self.reading() as view:
             return rebuild(view.stream_events(bank))
 
-    def verify(self, bank: str) -> list[Problem]:
-        """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing."""
+    def verify(self, bank: str, *, head: str = "") -> list[Problem]:
+        """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing.
+
+        ``head`` is "SEQ:HASH" of an event, as :meth:`stats` had them once and somebody kept elsewhere: with it, a
+        chain whose end was cut off, or that was written anew, is found as well.
+        """
         with self.reading() as view:
-            return audit(view, bank)
+            problems = audit(view, bank, head)
+            banks = view.banks()
+        for path in strays(self.name, banks):
+            what = (
+                "a process was killed that wrote an index into it, with texts of the bank: compact deletes it"
+            )
+            problems.append(Problem("file", str(path), what))
+        return problems
 
     def stats(self, bank: str) -> dict[str, Any]:
         """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain, bytes."""

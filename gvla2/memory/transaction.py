@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.database import Connection
+from gvla2.memory.episode_lookup import EpisodeLookup
 from gvla2.memory.episodes import StoredEpisode
 from gvla2.memory.events import (
     EVENT_COLUMNS,
@@ -23,10 +25,16 @@ from gvla2.memory.events import (
 )
 from gvla2.memory.linking import Tie, link_many
 from gvla2.memory.putting import Put, put_many
+from gvla2.memory.quotes import Gone
 from gvla2.memory.records import FORGOTTEN, Record, clean, dump, finite
 from gvla2.memory.view import View, models_of
 
+if TYPE_CHECKING:
+    from gvla2.memory.repairing import Repaired
+
 MAX_WHY = 2000
+LATEST = 253402300799.0
+"""The last second of the year 9999: what no calendar knows, no clock means, and later times could not follow it."""
 _EVENT = f"INSERT INTO memory_event VALUES ({', '.join('?' * len(EVENT_COLUMNS))})"
 _HEAD = (
     "INSERT INTO memory_bank (bank, rev, seq, hash, at, models) VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (bank) "
@@ -47,8 +55,10 @@ class Transaction:
     """
 
     def __init__(self, connection: Connection, bank: str, actor: str, now: float) -> None:
-        if not math.isfinite(now):
-            raise MemoryStoreError(f"The time of a change must be a finite number, not {now}.")
+        if not abs(now) <= LATEST:
+            raise MemoryStoreError(
+                f"The time of a change must be a finite number of seconds, before the year 10000, not {now}."
+            )
         self._sql, self._view = connection, View(connection)
         head = connection.row("SELECT rev, seq, hash, at, models FROM memory_bank WHERE bank = ?", (bank,))
         rev, self._seq, self._hash, last, models = head or (0, 0, GENESIS, now, "{}")
@@ -59,11 +69,21 @@ class Transaction:
         self.models: dict[str, int] = models_of(models)
         self._began = self._written = self._seq
         self.forgotten: list[str] = []
-        """Ids that :meth:`forget` took out."""
+        """Ids that :meth:`forget` took out, and summaries that held them."""
+        self.also: list[str] = []
+        """Sentences on what else :meth:`forget` had to change; complete when the transaction has ended."""
+        self.gone: list[Gone] = []
+        """What the forgotten records said, until the transaction ends."""
+        self.episodes = EpisodeLookup(connection, bank)
+        """What finds the episodes behind a record."""
+        self.to_scrub = False
+        """Whether the files have to be cleaned after the commit."""
         self.written: set[str] = set()
         """Ids of the records that were put: they are sound, and of this rev."""
         self.created: set[str] = set()
         """Those of them that were not there before."""
+        self.linked: set[str] = set()
+        """Ids of the records that links were made of."""
         self._events: list[tuple[object, ...]] = []
 
     # Reading ------------------------------------------------------------------------------------------------------
@@ -160,21 +180,41 @@ class Transaction:
             rows.append((self.bank, source, self.rev, float(episode.at), data))
         if rows:
             self._sql.run_many(_EPISODE, rows)
+            self.episodes = EpisodeLookup(self._sql, self.bank)
         for _, source, _, at, data in rows:
-            self.record_event("episode", source, change=dump({"episode": episode_digest(at, data)}))
+            # A random name: what stands in an event's header, as the source would, can never be forgotten.
+            change = dump({"episode": episode_digest(at, data), "source": source})
+            self.record_event("episode", f"episode-{os.urandom(8).hex()}", change=change)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: row, vector, links, its episodes' text, and what events say of it.
 
-        Its id, and the fact that it was forgotten, stay. When the transaction has been committed, the store sees
-        to it that no byte is left in the database's files. False where there is no such record.
+        Its id, and the fact that it was forgotten, stay. Before the commit, summaries that held it are built anew
+        without it, and what others say of it is erased (:attr:`also` tells). After the commit, the store sees to it
+        that no byte is left in the database's files. False where there is no such record.
         """
         from gvla2.memory.forgetting import forget
 
         self.flush()
         return forget(self, self._sql, id, why)
 
+    def repair(self, vectors: Collection[str] = ()) -> Repaired:
+        """Make rows, vectors and links that were changed behind the bank's back what its events say.
+
+        Rows that no event created are forgotten; damaged vectors, and those of the ids in ``vectors``, are made again
+        when the bank is asked next. What was stored of episodes cannot be had again. Raises
+        :class:`MemoryStoreError` where the events were changed, too.
+        """
+        from gvla2.memory.repairing import repair
+
+        return repair(self, self._sql, vectors)
+
     # For the store's own modules ----------------------------------------------------------------------------------
+
+    @property
+    def seq(self) -> int:
+        """The number of the last event."""
+        return int(self._seq)
 
     def touch(self, ids: Sequence[str]) -> None:
         """Let these records count as changed (rev), so that an index hears of it."""
@@ -234,6 +274,11 @@ class Transaction:
 
     def finish(self) -> None:
         """Advance the head of the chain, if anything happened; the last thing before the commit."""
+        if self.gone:
+            from gvla2.memory.mending import mend
+
+            self.flush()
+            mend(self, self._sql)
         if self._seq != self._written:
             raise MemoryStoreError("A change failed midway, so that its transaction cannot be committed.")
         self.flush()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from gvla2.memory.database import Connection, Row
 from gvla2.memory.episodes import StoredEpisode
 from gvla2.memory.events import EVENT_COLUMNS, Event, Link
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, dump, load_object
 
 _RECORD = ", ".join(f"m.{name}" for name in COLUMNS)
 _EVENT = ", ".join(EVENT_COLUMNS)
@@ -172,8 +173,23 @@ class View:
 
     def history(self, bank: str, id: str) -> list[Event]:
         """The events about one record (or one episode's source), oldest first."""
-        query = f"SELECT {_EVENT} FROM memory_event WHERE bank = ? AND record = ? ORDER BY seq"
-        return [Event(*row) for row in self._sql.rows(query, (bank, id))]
+        record = self._sql.row("SELECT 1 FROM memory WHERE bank = ? AND id = ?", (bank, id))
+        names = [id] if record else sorted({id, *self.episode_names(bank, id)})
+        query = (
+            f"SELECT {_EVENT} FROM memory_event WHERE bank = ? AND record IN ({_marks(names)}) ORDER BY seq"
+        )
+        return [Event(*row) for row in self._sql.rows(query, [bank, *names])]
+
+    def episode_names(self, bank: str, source: str) -> list[str]:
+        """By what names events speak of an episode: random ones, or its source itself in older banks."""
+        said = dump({"source": source})[1:-1]
+        like = "%" + re.sub(r"([\\%_])", r"\\\1", said) + "%"
+        query = (
+            "SELECT record, change FROM memory_event WHERE bank = ? AND action = 'episode' "
+            "AND (record = ? OR change LIKE ? ESCAPE '\\')"
+        )
+        found = self._sql.rows(query, (bank, source, like))
+        return sorted({name for name, change in found if name == source or said in change})
 
     def episodes(self, bank: str, sources: Sequence[str] | None = None) -> list[StoredEpisode]:
         """The stored episodes, of these sources or all, by time and source."""
@@ -213,6 +229,17 @@ class View:
             "LEFT JOIN memory m ON m.bank = v.bank AND m.id = v.id WHERE v.bank = ?"
         )
         return self._sql.stream(query, (FORGOTTEN, bank))
+
+    def vectors_of(self, bank: str, ids: Sequence[str]) -> dict[str, tuple[object, object]]:
+        """(dimension, bytes) of the stored vectors of these records, by id."""
+        found: dict[str, tuple[object, object]] = {}
+        for start in range(0, len(ids), CHUNK):
+            some = ids[start : start + CHUNK]
+            query = (
+                f"SELECT id, dimension, vector FROM memory_vector WHERE bank = ? AND id IN ({_marks(some)})"
+            )
+            found |= {row[0]: (row[1], row[2]) for row in self._sql.rows(query, [bank, *some])}
+        return found
 
     def meta(self, key: str) -> str:
         """A fact about the database itself, "" where it is not stated."""

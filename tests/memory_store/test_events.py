@@ -81,7 +81,7 @@ TAMPERING = {
     ),
     "the last event is deleted": (
         "DELETE FROM memory_event WHERE seq = 6",
-        ["chain: it ends with event 5, the bank's own row says 6"],
+        ["chain: it ends with event 5, the bank's own row says event 6"],
     ),
     "all events are deleted": (
         "DELETE FROM memory_event",
@@ -149,3 +149,17 @@ def test_banks_have_chains_of_their_own(store: Store, record: Make) -> None:
     assert store.verify("b") == []
     assert store.verify("c") == []
     assert store.verify("nobody's") == []
+
+
+def test_forgetting_the_same_id_again_leaves_others_as_they_were(store: Store, record: Make) -> None:
+    """The first forgetting's own event is erased by the second, and unlinks all the same."""
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("a"), action="add")
+        t.put(record("b"), action="add")
+        t.link("a", "conflict", "b")
+        t.forget("b")
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("b"), action="add")
+        t.forget("b")
+    assert [r.rev for r in store.records("b")] == [1]
+    assert store.verify("b") == []

@@ -44,8 +44,6 @@ def spoil(path: Path, how: str, make: Make) -> None:
         page = data.rindex(b"lesson 7") // 4096 * 4096
         data[page : page + 200] = b"\xff" * 200
         path.write_bytes(data)
-    elif how == "read-only":
-        path.chmod(0o444)
 
 
 @pytest.mark.parametrize(
@@ -57,7 +55,6 @@ def spoil(path: Path, how: str, make: Make) -> None:
         ("stateless", "damaged"),
         ("torn", "corrupt|malformed"),
         ("rotten", "corrupt|malformed"),
-        ("read-only", "read-only"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_and_left_alone(

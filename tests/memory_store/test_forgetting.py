@@ -1,5 +1,6 @@
 """What is forgotten is gone to the last byte, the chain still holds, and an index hears of it."""
 
+import itertools
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -119,7 +120,9 @@ def test_bytes_that_a_reader_holds_up_are_owned_up_to_and_go_later(
             reader.execute("BEGIN")
             reader.execute("SELECT COUNT(*) FROM memory").fetchone()
             with (
-                pytest.raises(MemoryStoreError, match=r"compact it later|locked"),
+                pytest.raises(
+                    MemoryStoreError, match=r"forgotten, and no longer in the bank.*another process|locked"
+                ),
                 store.writing("b", actor="owner", now=NOW) as t,
             ):
                 t.forget("s")
@@ -130,3 +133,44 @@ def test_bytes_that_a_reader_holds_up_are_owned_up_to_and_go_later(
         store.compact()
         assert store.verify("b") == []
         assert holders(tmp_path) == []
+
+
+def test_many_at_once_are_forgotten_as_one_by_one(sqlite_url: str, tmp_path: Path, record: Make) -> None:
+    ids = [f"r{i:02}" for i in range(40)]
+    with Store.open(sqlite_url) as store:
+        with store.writing("b", actor="learn", now=NOW) as t:
+            sources = '{"sources":["run/all","run/%s"]}'
+            t.put_many(
+                [Put(record(id, content=f"{SECRET} {id}", provenance=sources % id), "add") for id in ids]
+            )
+            for source, told in (("run/all", ()), *((f"run/{id}", ()) for id in ids), ("told", ids[20:22])):
+                t.save_episode(
+                    StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(told))
+                )
+            t.save_episode(StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",)))
+            t.save_episode(StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],)))
+            for one, other in itertools.pairwise(ids):
+                t.link(one, "conflict", other, why=SECRET)
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other_connection, other_connection:
+            other_connection.execute("UPDATE memory_episode SET data = data || '}' WHERE source = 'torn'")
+        with store.writing("b", actor="owner", now=NOW) as t:
+            assert all(t.forget(id) for id in ids)
+        assert [e.source for e in store.episodes("b")] == ["kept"]
+        assert holders(tmp_path) == []
+        assert store.verify("b") == []
+        forgotten = [e.record for e in store.events("b") if e.action == "forget"]
+        assert len(forgotten) == len(set(forgotten)) == 40 + 43
+
+
+def test_what_is_learnt_again_at_once_keeps_its_links(
+    store: Store, record: Make, put: Callable[..., Record]
+) -> None:
+    put(record("1"))
+    put(record("2"))
+    with store.writing("b", actor="owner", now=NOW) as t:
+        t.link("2", "conflict", "1", why=SECRET)
+        t.forget("1")
+        t.put(record("1"), action="add")
+        t.link("2", "conflict", "1", why="anew")
+    assert [e.why for e in store.history("b", "2") if e.action == "link:conflict"] == ["", "anew"]
+    assert store.verify("b") == []

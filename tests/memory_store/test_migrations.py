@@ -1,5 +1,6 @@
 """A database of schema 1 becomes one of today's: all of it, in one step, with a copy beside it."""
 
+import os
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -125,3 +126,22 @@ def test_forgetting_reaches_the_copy(old: Path) -> None:
         for path in old.parent.iterdir():
             assert b"what 1 says" not in path.read_bytes()
         assert b"what 2 says" in copy.read_bytes()
+
+
+def test_who_is_killed_while_copying_leaves_no_half_copy(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The copy gets its name when it is whole; what is left of one that is not is taken away the next time."""
+    names: list[list[str]] = []
+    fsync = os.fsync
+
+    def looked(handle: int) -> None:
+        names.append(sorted(path.name for path in old.parent.iterdir() if "before" in path.name))
+        fsync(handle)
+
+    part = old.with_name("memory.db.before-schema-2.part")
+    part.write_bytes(b"half")
+    monkeypatch.setattr(os, "fsync", looked)
+    Store.open(f"sqlite:///{old}").close()
+    assert names[0] == [part.name]
+    assert [path.name for path in old.parent.iterdir() if "before" in path.name] == [
+        "memory.db.before-schema-2"
+    ]

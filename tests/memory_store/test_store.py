@@ -387,3 +387,12 @@ def test_the_names_of_the_stores_own_events_are_reserved(store: Store, record: M
             with pytest.raises(MemoryStoreError, match="another one"):
                 t.decide(name)
     assert store.events("b") == []
+
+
+def test_a_link_made_twice_in_one_transaction_is_one(store: Store, record: Make) -> None:
+    with store.writing("b", actor="t", now=1.0) as tx:
+        for id in ("1", "2"):
+            tx.put(record(id), action="add")
+        for _ in range(2):
+            tx.link("1", "conflict", "2")
+    assert len(store.links("b")) == 1
