@@ -9,11 +9,13 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.memory.postings_kernels import shares
 from gvla2.memory.records import Record
+from gvla2.memory.retrieval_kernels import days_since
 from gvla2.memory.rows import STATES, Rows
-from gvla2.memory.words import topic_words
+from gvla2.memory.words import distinct_topics, distinct_topics_by_sentence
 
-SECONDS_PER_DAY = 86400.0
+_ALL = np.zeros(0, np.int64)
 
 
 class Served:
@@ -71,10 +73,9 @@ class RowCandidates:
     @cached_property
     def ages(self) -> NDArray[np.float64]:
         """(N,) days since the last update; never negative."""
-        ages = self._now - self._served.column("updated")
-        np.maximum(ages, 0.0, out=ages)
-        ages /= SECONDS_PER_DAY
-        return np.asarray(ages)
+        ages = np.empty(self._served.count)
+        days_since(self._served.column("updated"), self._now, ages)
+        return ages
 
     @property
     def usage(self) -> NDArray[np.int64]:
@@ -113,7 +114,7 @@ class RowCandidates:
         return self._search(query)[0]
 
     def coverage(self, query: str) -> NDArray[np.float64]:
-        """(N,) share of the query's distinct topic words."""
+        """(N,) share of the distinct topic words of the query, or of a sentence of it."""
         return self._search(query)[1]
 
     def cosine(
@@ -161,13 +162,14 @@ class RowCandidates:
 
     def _search(self, query: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if self._asked != query:
-            words = set(topic_words(query))
-            found, hits = self._rows.postings.search(tuple(words), self._served.groups, self._rows.size)
-            lexical = self._served.pick(found)
-            best = float(lexical.max(initial=0.0))
-            if best > 0:
-                lexical *= 1.0 / best
-            self._found = lexical, self._served.pick(hits) / max(len(words), 1)
+            words, served = distinct_topics(query), self._served
+            found, hits = self._rows.postings.search(words, served.groups, self._rows.size)
+            self._found = np.empty(served.count), np.empty(served.count)
+            order = _ALL if served.order is None else served.order
+            shares(found, hits, order, max(len(words), 1), *self._found)
+            for sentence in distinct_topics_by_sentence(query):
+                _, hits = self._rows.postings.search(sentence, served.groups, self._rows.size)
+                np.maximum(self._found[1], served.pick(hits) / len(sentence), out=self._found[1])
             self._asked = query
         return self._found
 

@@ -2,57 +2,74 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Candidates
 from gvla2.memory.retrieval_options import HybridOptions
+from gvla2.memory.score_tables import CONSTRAINT
 from gvla2.memory.words import tokens
+
+_AT_ONCE = 12
+"""Rows whose vectors are looked up together: about as many as are looked at."""
+
+
+class _Offered(NamedTuple):
+    row: int
+    wording: int
+    vector: NDArray[np.float32]
 
 
 class Chosen:
     """Fills the places for constraints and for hints from rows that are offered best first."""
 
-    def __init__(self, candidates: Candidates, places: Mapping[bool, int], options: HybridOptions) -> None:
+    def __init__(self, candidates: Candidates, options: HybridOptions) -> None:
         self.rows: list[int] = []
         self._candidates, self._options = candidates, options
-        self._left = dict(places)
-        self._kept: dict[bool, list[int]] = {True: [], False: []}
-        self._vectors: dict[int, NDArray[np.float32]] = {}
+        self._places = {True: options.top_k_constraints, False: options.top_k}
+        self._taken: dict[bool, list[_Offered]] = {True: [], False: []}
         self._words: dict[int, frozenset[str]] = {}
         self._about: dict[int, tuple[str, ...]] = {}
 
     @property
     def full(self) -> bool:
         """Whether no place is left."""
-        return not any(left > 0 for left in self._left.values())
+        return all(len(self._taken[kind]) >= places for kind, places in self._places.items())
 
-    def offer(self, row: int, *, binding: bool) -> bool:
-        """Take the row where its kind has a place left and none of the rows taken says the same."""
-        if self._left[binding] <= 0 or any(self._same(row, other) for other in self._kept[binding]):
-            return False
-        self._left[binding] -= 1
-        self._kept[binding].append(row)
-        self.rows.append(row)
-        return True
+    def offer(self, rows: Sequence[int]) -> None:
+        """Take the rows whose kind has a place left and that say the same as none of those taken, in their order."""
+        for first in range(0, len(rows), _AT_ONCE):
+            if self.full:
+                return
+            some = rows[first : first + _AT_ONCE]
+            places = np.array(some)
+            types = self._candidates.types[places].tolist()
+            wordings = self._candidates.wordings[places].tolist()
+            vectors = self._candidates.vectors(places)
+            for k, row in enumerate(some):
+                binding = types[k] == CONSTRAINT
+                if len(self._taken[binding]) < self._places[binding]:
+                    self._offer(_Offered(row, wordings[k], vectors[k]), self._taken[binding])
 
-    def _same(self, row: int, other: int) -> bool:
+    def _offer(self, offered: _Offered, taken: list[_Offered]) -> None:
+        for other in taken:
+            if self._same(offered, other):
+                return
+        taken.append(offered)
+        self.rows.append(offered.row)
+
+    def _same(self, one: _Offered, other: _Offered) -> bool:
         """Whether two records say the same; the numbers of their effects aside, which one of them wins with."""
-        wordings = self._candidates.wordings
-        if wordings[row] != wordings[other]:
-            if float(self._vector(row) @ self._vector(other)) <= self._options.same_cosine:
+        if one.wording != other.wording:
+            if float(one.vector @ other.vector) <= self._options.same_cosine:
                 return False
-            mine, theirs = self._wording(row), self._wording(other)
+            mine, theirs = self._wording(one.row), self._wording(other.row)
             if len(mine & theirs) < self._options.same_words * len(mine | theirs):
                 return False
-        return self._parameter(row) == self._parameter(other)
-
-    def _vector(self, row: int) -> NDArray[np.float32]:
-        if row not in self._vectors:
-            self._vectors[row] = self._candidates.vectors(np.array([row]))[0]
-        return self._vectors[row]
+        return self._parameter(one.row) == self._parameter(other.row)
 
     def _wording(self, row: int) -> frozenset[str]:
         if row not in self._words:

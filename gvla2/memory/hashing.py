@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import unicodedata
-from collections import Counter
 from collections.abc import Sequence
-from functools import lru_cache
-from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
+from gvla2.memory.gram_kernels import add_grams
 
-_CACHED_WORDS = 50_000
 _CACHED_LETTERS = 20_000
-_CACHED_LENGTH = 32  # longer words seldom come twice, and would make the cache large
 
 
 class HashEmbedder:
@@ -33,7 +29,6 @@ class HashEmbedder:
                 f"shortest={shortest}, longest={longest}."
             )
         self._dimension, self._shortest, self._longest = dimension, shortest, longest
-        self._of_word = lru_cache(maxsize=_CACHED_WORDS)(self._grams)
 
     @property
     def model(self) -> str:
@@ -44,42 +39,13 @@ class HashEmbedder:
         """(N, dimension) unit rows; a text without letters or digits gives a zero row."""
         rows = np.zeros((len(texts), self._dimension), dtype=np.float64)
         for row, text in zip(rows, texts, strict=True):
-            self._fill(row, text)
+            if words := _words(text):
+                marked = b"^%b$" % b"$^".join(words)
+                add_grams(np.frombuffer(marked, np.uint8), self._shortest, self._longest, row)
         lengths = np.sqrt(np.einsum("nd,nd->n", rows, rows))
         lengths[lengths == 0] = 1.0
         rows /= lengths[:, None]
         return rows.astype(np.float32)
-
-    def _fill(self, row: NDArray[np.float64], text: str) -> None:
-        codes: list[int] = []
-        for word in _words(text):
-            codes += self._of_word(word) if len(word) <= _CACHED_LENGTH else self._grams(word)
-        once = set(codes)
-        if len(once) == len(codes):
-            found = np.array(codes, dtype=np.int64)
-            amounts = np.where(found >= 1 << 31, 1.0, -1.0)
-        else:
-            counts = Counter(codes)
-            found = np.array(list(counts), dtype=np.int64)
-            amounts = np.where(found >= 1 << 31, 1.0, -1.0) * np.sqrt(list(counts.values()))
-        # The highest bit signs, the others place: colliding grams cancel as often as they add.
-        row += np.bincount((found & 0x7FFFFFFF) % self._dimension, amounts, self._dimension)
-
-    def _grams(self, word: str) -> list[int]:
-        """The codes of the word's n-grams: a CRC-32 each, over UTF-8."""
-        marked = f"^{word}$"
-        if marked.isascii():
-            letters = marked.encode()
-            return [
-                crc32(letters[i : i + size])
-                for size in range(self._shortest, self._longest + 1)
-                for i in range(len(letters) - size + 1)
-            ]
-        return [
-            crc32(marked[i : i + size].encode("utf-8", "surrogatepass"))
-            for size in range(self._shortest, self._longest + 1)
-            for i in range(len(marked) - size + 1)
-        ]
 
 
 class _Spelling(dict[int, str | None]):
@@ -96,8 +62,13 @@ class _Spelling(dict[int, str | None]):
 _SPELLING = _Spelling()
 
 
-def _words(text: str) -> list[str]:
-    """Runs of letters, marks and digits of any script, in one canonical spelling."""
+# The same for ASCII, all at once.
+_ASCII = bytes(ord(c.lower()) if c.isascii() and c.isalnum() else ord(" ") for c in map(chr, range(256)))
+
+
+def _words(text: str) -> list[bytes]:
+    """Runs of letters, marks and digits of any script, in one canonical spelling, as UTF-8."""
     if text.isascii():
-        return text.lower().translate(_SPELLING).split()
-    return unicodedata.normalize("NFKD", text.casefold()).translate(_SPELLING).split()
+        return text.encode().translate(_ASCII).split()
+    spelt = unicodedata.normalize("NFKD", text.casefold()).translate(_SPELLING)
+    return spelt.encode("utf-8", "surrogatepass").split()

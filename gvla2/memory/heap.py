@@ -13,6 +13,7 @@ from gvla2.memory.records import COLUMNS, Record
 
 _SPARE = 1 << 20
 _READ = 4096
+_DECODER = json.JSONDecoder()
 _VALUES = attrgetter(*COLUMNS)
 
 
@@ -50,7 +51,7 @@ class Heap:
     def read(self, row: int) -> Record:
         """The record of a row, read and not kept."""
         start = int(self.start[row])
-        return Record(*json.loads(self.data[start : start + int(self.size[row])]))
+        return Record(*_DECODER.raw_decode(self.data[start : start + int(self.size[row])].decode())[0])
 
     def compact(self, kept: NDArray[np.int64]) -> None:
         """Keep these rows alone, in this order."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,11 @@ from numpy.typing import NDArray
 from gvla2.errors import Gvla2Error
 from gvla2.memory.candidates import RowCandidates, Served
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.forgetting import discard_snapshot
 from gvla2.memory.ranking import best
 from gvla2.memory.records import Record
+from gvla2.memory.retrieval_kernels import largest
 from gvla2.memory.rows import STATES, Entry, Rows
-from gvla2.memory.snapshot import load, save
+from gvla2.memory.snapshot import discard, load, save
 from gvla2.memory.store import Store
 from gvla2.memory.vectors import sound
 from gvla2.memory.view import Change
@@ -134,7 +135,7 @@ class Index:
         served = self._of(states, skill)
         candidates = RowCandidates(served, 0.0)
         rows, cosines = best(
-            candidates.cosine(vector),
+            partial(largest, candidates.cosine(vector)),
             candidates.slack(vector),
             lambda rows: candidates.cosine(vector, rows),
             candidates.ids,
@@ -203,7 +204,7 @@ class Index:
     def discard_snapshot(self) -> None:
         """Delete the snapshot: it may hold the text of a record that is to be forgotten."""
         if self._snapshot is not None:
-            discard_snapshot(self._snapshot)
+            discard(self._snapshot)
 
     def _start(self, rev: int) -> None:
         """From the snapshot where it is sound and not ahead of the store, else from nothing."""

@@ -82,17 +82,11 @@ class Postings:
         found = np.zeros(rows, np.float64)
         hits = np.zeros(rows, np.uint16)
         known = [self.words[word] for word in sorted(set(words)) if word in self.words]
-        documents = int(self.documents[list(groups)].sum())
-        if not known or not documents:
-            return found, hits
-        terms = np.array(known, dtype=np.int64)
-        holders = self.holders[np.ix_(list(groups), known)].sum(axis=0)
-        idf = np.log1p((documents - holders + 0.5) / (holders + 0.5))
-        mean = max(float(self.total[list(groups)].sum()) / documents, 1e-9)
-        score(
-            terms, idf, self.start, self.length, self.rows, self.counts, self.sizes,
-            K1, K1 * (1 - B), K1 * B / mean, found, hits,
-        )  # fmt: skip
+        if known:
+            score(
+                np.array(known, np.int64), np.array(groups, np.int64), self.holders, self.documents, self.total,
+                self.start, self.length, self.rows, self.counts, self.sizes, K1, B, found, hits,
+            )  # fmt: skip
         return found, hits
 
     def compact(self, new_row: NDArray[np.int32], kept: int) -> None:

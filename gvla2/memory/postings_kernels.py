@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
 from numba import njit
 
 # Arguments are arrays of one dimension, as :class:`gvla2.memory.postings.Postings` describes them. Any: numba's
@@ -69,27 +71,64 @@ def append(
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def score(
     terms: Any,
-    idf: Any,
+    groups: Any,
+    holders: Any,
+    documents: Any,
+    total: Any,
     start: Any,
     length: Any,
     pool_rows: Any,
     pool_counts: Any,
     sizes: Any,
     k1: float,
-    flat: float,
-    by_size: float,
+    b: float,
     found: Any,
     hits: Any,
 ) -> None:
-    """Add each word's BM25 to ``found`` (N,) and 1 to ``hits`` (N,) of the rows that have it."""
-    for i in range(len(terms)):
-        first = start[terms[i]]
-        weight = idf[i] * (k1 + 1.0)
-        for place in range(first, first + length[terms[i]]):
-            row = pool_rows[place]
+    """Add each word's BM25 to ``found`` (N,) and 1 to ``hits`` (N,) of the rows that have it.
+
+    Statistics are those of the ``groups`` (few numbers): ``holders`` (G, T), ``documents`` and ``total`` (G,).
+    """
+    living, words = 0, 0
+    for group in groups:
+        living += documents[group]
+        words += total[group]
+    if living == 0:
+        return
+    flat, by_size = k1 * (1 - b), k1 * b / max(words / living, 1e-9)
+    for term in terms:
+        having = 0
+        for group in groups:
+            having += holders[group, term]
+        weight = math.log1p((living - having + 0.5) / (having + 0.5)) * (k1 + 1.0)
+        for place in range(start[term], start[term] + length[term]):
+            row = np.uint32(pool_rows[place])  # a sign would be looked at, which takes half of the time
             often = float(pool_counts[place])
             found[row] += weight * often / (often + flat + by_size * sizes[row])
-            hits[row] += 1
+            hits[row] += np.uint16(1)
+
+
+@njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})  # type: ignore[untyped-decorator]
+def shares(found: Any, hits: Any, order: Any, words: int, lexical: Any, coverage: Any) -> None:
+    """Set ``lexical`` (K,) to BM25 divided by its largest value, and ``coverage`` (K,) to the share of the words.
+
+    ``order`` (K,) are the rows meant, or (0,) for all of the (N,) that were found.
+    """
+    if len(order):
+        for i in range(len(order)):
+            lexical[i] = found[order[i]]
+            coverage[i] = hits[order[i]] / words
+    else:
+        for i in range(len(found)):
+            lexical[i] = found[i]
+            coverage[i] = hits[i] / words
+    best = 0.0
+    for i in range(len(lexical)):
+        best = max(best, lexical[i])
+    if best > 0:
+        best = 1.0 / best
+        for i in range(len(lexical)):
+            lexical[i] *= best
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

@@ -8,72 +8,78 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.retrieval_kernels import edge
+from gvla2.memory.retrieval_kernels import falling
+
+Nearly = Callable[[int], tuple[NDArray[np.int64], float]]
+"""Given a count, ((K,) rows in rising order, the least of their near scores): at least that many of the largest, so
+that all other rows have smaller ones; or all rows that count, and -inf.
+"""
+Exactly = Callable[[NDArray[np.int64]], NDArray[np.float64]]
+"""(K,) exact scores of some rows, -inf for those that don't count."""
 
 
-def best_first(
-    near: NDArray[np.float64],
-    slack: float,
-    exact: Callable[[NDArray[np.int64]], NDArray[np.float64]],
-    ids: Sequence[str],
-    *,
-    block: int = 32,
-) -> Iterator[tuple[int, float]]:
-    """(row, exact score) of all rows, best first; equal scores by id.
+def blocks_in_order(
+    near: Nearly, slack: float, exact: Exactly, ids: Sequence[str], *, block: int = 32
+) -> Iterator[tuple[list[int], list[float]]]:
+    """(rows, exact scores) of all rows, best first, some at a time; equal scores by id.
 
-    No exact score may be larger than its ``near`` one (N,) by more than ``slack``. ``exact`` gives the (K,) exact
-    ones of some rows, -inf for those that don't count; so does ``near``. It is asked for no more of them than the
-    order of what is taken needs.
+    No exact score may be larger than its near one by more than ``slack``. ``exact`` is asked for no more of them than
+    the order of what is taken needs.
     """
     given: set[int] = set()
     while True:
-        # Whatever is not chosen scores less than ``certain``.
-        least = edge(near, block) if block < len(near) else -np.inf
-        chosen = np.flatnonzero(near >= least) if least > -np.inf else np.flatnonzero(near > -np.inf)
-        certain = least + slack
+        chosen, least = near(block)
+        # Whatever is not chosen scores less than the least of them, and the slack.
         scores = exact(chosen)
-        kept = np.flatnonzero((scores >= certain) & (scores > -np.inf))
-        kept = kept[np.argsort(-scores[kept], kind="stable")]
-        for row, score in _ties_by_id(chosen[kept].tolist(), scores[kept].tolist(), ids):
-            if row not in given:
-                given.add(row)
-                yield row, score
+        order = np.argsort(-scores, kind="stable")
+        settled, scores, tied = falling(order, chosen, scores, least + slack)
+        found, best = settled.tolist(), scores.tolist()
+        if tied:
+            found = _ties_by_id(found, best, ids)
+        if given:
+            new = [i for i, row in enumerate(found) if row not in given]
+            found, best = [found[i] for i in new], [best[i] for i in new]
+        if found:
+            given.update(found)
+            yield found, best
         if least == -np.inf:
             return
         block *= 4
 
 
+def best_first(
+    near: Nearly, slack: float, exact: Exactly, ids: Sequence[str], *, block: int = 32
+) -> Iterator[tuple[int, float]]:
+    """(row, exact score) of all rows, one by one in the order of :func:`blocks_in_order`."""
+    for rows, scores in blocks_in_order(near, slack, exact, ids, block=block):
+        yield from zip(rows, scores, strict=True)
+
+
 def best(
-    near: NDArray[np.float64],
-    slack: float,
-    exact: Callable[[NDArray[np.int64]], NDArray[np.float64]],
-    ids: Sequence[str],
-    count: int,
+    near: Nearly, slack: float, exact: Exactly, ids: Sequence[str], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """((K,) rows, (K,) exact scores) of the first ``count`` of :func:`best_first`, quicker where none are equal."""
     block = max(32, 2 * count)
-    least = edge(near, block) if block < len(near) else -np.inf
-    if count > 0 and least > -np.inf:
-        chosen = np.flatnonzero(near >= least)
-        scores = exact(chosen)
-        order = np.argsort(-scores, kind="stable")[: count + 1]
-        top = scores[order]
-        if top[count - 1] >= least + slack and (top[:-1] != top[1:]).all():
-            return chosen[order[:count]], top[:count]
+    if count > 0:
+        chosen, least = near(block)
+        if least > -np.inf:
+            scores = exact(chosen)
+            order = np.argsort(-scores, kind="stable")[: count + 1]
+            top = scores[order]
+            if top[count - 1] >= least + slack and (top[:-1] != top[1:]).all():
+                return chosen[order[:count]], top[:count]
     found = list(islice(best_first(near, slack, exact, ids, block=block), max(count, 0)))
     return np.array([row for row, _ in found], np.int64), np.array([score for _, score in found])
 
 
-def _ties_by_id(
-    rows: Sequence[int], scores: Sequence[float], ids: Sequence[str]
-) -> Iterator[tuple[int, float]]:
-    """Equal scores are rare, so ids are looked up for those alone."""
+def _ties_by_id(rows: list[int], scores: list[float], ids: Sequence[str]) -> list[int]:
+    """Rows of equal scores in the order of their ids."""
     first = 0
     while first < len(scores):
         last = first + 1
         while last < len(scores) and scores[last] == scores[first]:
             last += 1
-        tied = rows[first:last]
-        for row in tied if last == first + 1 else sorted(tied, key=lambda row: ids[row]):
-            yield row, scores[first]
+        if last > first + 1:
+            rows[first:last] = sorted(rows[first:last], key=lambda row: ids[row])
         first = last
+    return rows

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
 from gvla2.memory.diversity import Chosen
-from gvla2.memory.ranking import best_first
-from gvla2.memory.retrieval_kernels import add_differences, near_scores, rule_out
+from gvla2.memory.ranking import blocks_in_order
+from gvla2.memory.retrieval_kernels import add_differences, exact_terms, near_best
 from gvla2.memory.retrieval_options import HybridOptions
-from gvla2.memory.score_columns import CONSTRAINT, Standing, applicability, signature_distances
-from gvla2.memory.words import topic_words
+from gvla2.memory.score_tables import CONSTRAINT, TERMS, ScoreTables
+from gvla2.memory.words import distinct_topics
 
 _ALL = np.zeros(0, np.bool_)
 _NONE = np.zeros(0)
@@ -25,7 +25,7 @@ class HybridRetriever:
 
     def __init__(self, options: HybridOptions | None = None) -> None:
         self._options = options or HybridOptions()
-        self._standing = Standing(self._options.weights)
+        self._tables = ScoreTables(self._options)
 
     def rank(
         self, task: MemoryTask, candidates: Candidates, query_embedding: NDArray[np.float32]
@@ -38,24 +38,23 @@ class HybridRetriever:
         options = self._options
         if not len(candidates.ids):
             return (), "The bank is empty."
-        if not topic_words(task.query):
+        if not distinct_topics(task.query):
             return (), "The query has no word to search by."
-        scoring = _Scoring(self._standing, options, task, candidates, query_embedding)
-        if scoring.nearest < 0:
-            return (), f"No record is about the skill '{task.skill}'."
-        chosen = Chosen(candidates, {True: options.top_k_constraints, False: options.top_k}, options)
+        scoring = _Scoring(self._tables, options, task, candidates, query_embedding)
+        chosen = Chosen(candidates, options)
         best: float | None = None
-        for row, score in best_first(scoring.near, scoring.slack, scoring.exact, candidates.ids):
-            best = score if best is None else best
-            if score < options.min_score or chosen.full:
+        for rows, scores in blocks_in_order(scoring.near, scoring.slack, scoring.exact, candidates.ids):
+            best = scores[0] if best is None else best
+            reliable = sum(score >= options.min_score for score in scores)
+            chosen.offer(rows[:reliable])
+            if chosen.full or reliable < len(rows):
                 break
-            chosen.offer(row, binding=bool(candidates.types[row] == CONSTRAINT))
         if best is None:
             return (), scoring.nothing_relevant()
         if best < options.min_score:
             return (), (
-                f"{np.count_nonzero(scoring.near > -np.inf)} records are about this, none reliable enough: the best "
-                f"score is {best:.2f}, at least {options.min_score:.2f} is asked."
+                f"{scoring.relevant()} records are about this, none reliable enough: the best score is {best:.2f}, at "
+                f"least {options.min_score:.2f} is asked."
             )
         return scoring.ranked(chosen.rows), ""
 
@@ -65,102 +64,106 @@ class _Scoring:
 
     def __init__(
         self,
-        standing: Standing,
+        tables: ScoreTables,
         options: HybridOptions,
         task: MemoryTask,
         candidates: Candidates,
         vector: NDArray[np.float32],
     ) -> None:
-        self._standing, self._options, self._task = standing, options, task
+        self._options, self._task = options, task
         self._candidates, self._vector = candidates, vector
-        self._known: tuple[NDArray[np.int64], dict[str, NDArray[np.float64]]]
-        self._signature = {n: float(v) for n, v in task.signature.items() if math.isfinite(v)}
         # BM25's statistics are those of the whole bank, whatever the skill asked for.
         self._lexical, self._coverage = candidates.lexical(task.query), candidates.coverage(task.query)
-        off = candidates.slack(vector)
-        self.slack = options.cosine_weight * off + 1e-9
-        cosine = candidates.cosine(vector)
-        allowed = candidates.of_skill(task.skill) if task.skill else _ALL
-        self.near = np.empty(len(cosine))  # (N,) S, -inf where a record is not about the query for certain
-        total, shared = self._differences()
-        self._elsewhere, self.nearest = near_scores(
-            self._lexical, self._coverage, cosine, candidates.confidence, candidates.ages, candidates.usage,
-            candidates.conflicts, candidates.types, candidates.outcomes, allowed, self._fits(), total, shared,
-            # Cosines are off by so much: nobody who might pass is left out here.
-            np.array([options.bm25_weight, options.cosine_weight, options.min_coverage, options.min_cosine - off,
-                      options.min_relevance - self.slack]),
-            standing.numbers, standing.bonuses, standing.used, CONSTRAINT, self.near,
+        self._off = candidates.slack(vector)
+        self.slack = options.cosine_weight * self._off + 1e-9
+        self._near_cosine = candidates.cosine(vector)
+        self._allowed = candidates.of_skill(task.skill) if task.skill else _ALL
+        self._total, self._shared, self._fits = self._compared()
+        self._columns = (
+            candidates.confidence, candidates.ages, candidates.usage, candidates.conflicts, candidates.types,
+            candidates.outcomes,
         )  # fmt: skip
+        self._asked = tables.asked
+        self._weights = tables.numbers, tables.bonuses, tables.used, CONSTRAINT
+        self._known, self._terms, self._scores = np.zeros(0, np.int64), _NONE, _NONE
+
+    def near(self, count: int) -> tuple[NDArray[np.int64], float]:
+        """As :data:`gvla2.memory.ranking.Nearly` says."""
+        rows, least = near_best(
+            self._lexical, self._coverage, self._near_cosine, *self._columns, self._allowed, self._fits,
+            self._total, self._shared, self._asked, self._off, *self._weights, count,
+        )  # fmt: skip
+        return rows, least
 
     def exact(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """(K,) S of these rows, -inf for those that are not about the query."""
-        terms = self._terms(rows)
-        self._known = rows, terms
-        about = self._about(rows, terms["r_text"])
-        return np.where(about, np.sum(list(terms.values()), axis=0), -np.inf)
+        self._terms, self._scores = exact_terms(
+            rows, self._candidates.cosine(self._vector, rows), self._lexical, self._coverage, *self._columns,
+            self._total, self._shared, self._asked, *self._weights,
+        )  # fmt: skip
+        self._known = rows
+        return self._scores
 
     def ranked(self, rows: Sequence[int]) -> list[Ranked]:
         """These rows with their terms, in the order given; they were among those that :meth:`exact` saw last."""
-        known, columns = self._known
-        places = np.searchsorted(known, rows)
-        found = zip(*(column[places].tolist() for column in columns.values()), strict=True)
-        return [
-            Ranked(row, sum(terms), dict(zip(columns, terms, strict=True)))
-            for row, terms in zip(rows, found, strict=True)
-        ]
+        known = self._known.tolist()
+        places = np.array([known.index(row) for row in rows], np.int64)
+        found = zip(rows, self._scores[places].tolist(), self._terms[places].tolist(), strict=True)
+        return [Ranked(row, score, dict(zip(TERMS, terms, strict=True))) for row, score, terms in found]
+
+    def relevant(self) -> int:
+        """How many rows are about the query, for all that is known of their cosines, and fit."""
+        return int(np.count_nonzero(self._about() & self._where(self._fits)))
 
     def nothing_relevant(self) -> str:
         """Why no row counts."""
-        if self._elsewhere:
-            return f"{self._elsewhere} records are about this, all of them from other geometry."
-        options, row = self._options, np.array([self.nearest])
-        allowed = np.count_nonzero(self._candidates.of_skill(self._task.skill))
+        allowed = self._where(self._allowed)
+        if not allowed.any():
+            return f"No record is about the skill '{self._task.skill}'."
+        elsewhere = np.count_nonzero(self._about() & ~self._where(self._fits))
+        if elsewhere:
+            return f"{elsewhere} records are about this, all of them from other geometry."
+        options = self._options
+        nearest = int(np.argmax(np.where(allowed, self._relevance(), -np.inf)))
+        cosine = self._candidates.cosine(self._vector, np.array([nearest]))[0]
         return (
-            f"None of {allowed} records is about this: the nearest, {self._candidates.ids[self.nearest]}, covers "
-            f"{self._coverage[self.nearest]:.0%} of the query's words (at least {options.min_coverage:.0%} are "
-            f"asked) with cosine {self._cosine(row)[0]:.2f} (at least {options.min_cosine:.2f})."
+            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, "
+            f"{self._candidates.ids[nearest]}, covers {self._coverage[nearest]:.0%} of the query's words (at least "
+            f"{options.min_coverage:.0%} are asked) with cosine {min(max(cosine, 0.0), 1.0):.2f} (at least "
+            f"{options.min_cosine:.2f})."
         )
 
-    def _terms(self, rows: NDArray[np.int64]) -> dict[str, NDArray[np.float64]]:
+    def _relevance(self) -> NDArray[np.float64]:
         options = self._options
-        relevance = options.bm25_weight * self._lexical[rows] + options.cosine_weight * self._cosine(rows)
-        distances = signature_distances(
-            self._signature, lambda name: self._candidates.numbers(name, rows), len(rows)
-        )
-        return {
-            "r_text": relevance,
-            **self._standing.terms(self._candidates, rows),
-            "applicability": applicability(options.weights, distances),
-        }
+        cosine = np.maximum(self._near_cosine, 0.0)
+        return np.asarray(options.bm25_weight * self._lexical + options.cosine_weight * cosine)
 
-    def _about(self, rows: NDArray[np.int64], relevance: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _about(self) -> NDArray[np.bool_]:
+        """(N,) which rows are allowed and perhaps about the query: cosines are off by a little."""
         options = self._options
-        about = self._coverage[rows] >= options.min_coverage
-        if not about.all():
-            about |= self._cosine(rows) >= options.min_cosine
-        return np.asarray(about & (relevance >= options.min_relevance))
+        along = options.min_cosine - self._off if options.min_cosine > 0 else -np.inf
+        about = (self._coverage >= options.min_coverage) | (self._near_cosine >= along)
+        about &= self._relevance() >= options.min_relevance - self.slack
+        return about & self._where(self._allowed)
 
-    def _cosine(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(K,) exact, in [0, 1]."""
-        return np.minimum(np.maximum(self._candidates.cosine(self._vector, rows), 0.0), 1.0)
+    def _where(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(N,) a mask, of which (0,) stands for all rows."""
+        return mask if len(mask) else np.ones(len(self._lexical), np.bool_)
 
-    def _fits(self) -> NDArray[np.bool_]:
-        """(N,) whether the records' geometry is near enough to the task's in all that is essential."""
-        names = [name for name in self._options.essential if name in self._signature]
-        if not names:
-            return _ALL
-        fits = np.ones(len(self.near), np.bool_)
-        for name in names:
-            rule_out(
-                self._candidates.numbers(name), self._signature[name], self._options.max_difference, fits
-            )
-        return fits
+    def _compared(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """How the task's numbers differ from those of each row.
 
-    def _differences(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """((N,) sums of relative differences to the task's numbers, (N,) of how many)."""
-        if not self._signature:
-            return _NONE, _NONE
-        total, shared = np.zeros(len(self.near)), np.zeros(len(self.near))
-        for name, asked in sorted(self._signature.items()):
-            add_differences(self._candidates.numbers(name), asked, total, shared)
-        return total, shared
+        ((N,) sums of relative differences, (N,) of how many, (N,) whether all that is essential is near enough);
+        (0,) for what is not asked.
+        """
+        signature = sorted((n, float(v)) for n, v in self._task.signature.items() if math.isfinite(v))
+        if not signature:
+            return _NONE, _NONE, _ALL
+        count, essential = len(self._lexical), self._options.essential
+        total, shared = np.zeros(count), np.zeros(count)
+        fits = np.ones(count, np.bool_) if any(name in essential for name, _ in signature) else _ALL
+        for name, asked in signature:
+            known = self._candidates.numbers(name)
+            most = self._options.max_difference
+            add_differences(known, asked, total, shared, most, fits if name in essential else _ALL)
+        return total, shared, fits

@@ -14,8 +14,9 @@ class HybridOptions:
     Text relevance is ``bm25_weight`` x BM25 / its maximum + ``cosine_weight`` x cosine. At most ``top_k`` hints are
     recalled, and at most ``top_k_constraints`` constraints beside them: a hint must not crowd out a constraint. A
     record is recalled when its relevance is at least ``min_relevance``, its score S at least ``min_score``, and it
-    either shares ``min_coverage`` of the query's words or has a cosine of ``min_cosine``: BM25 over its own
-    maximum alone would find the best of a bad lot. ``weights`` are the constants of S.
+    either shares ``min_coverage`` of the words of the query, or of a sentence of it, or has a cosine of
+    ``min_cosine``: BM25 over its own maximum alone would find the best of a bad lot. ``weights`` are the constants
+    of S.
 
     A record from another geometry does not apply, whatever it says: those of the numbers ``essential`` that both
     scenes have may differ by ``max_difference`` of the larger one.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
 from gvla2.memory.ranking import best_first
+from gvla2.memory.retrieval_kernels import largest
 from gvla2.memory.retrieval_options import SemanticOptions
 
 
@@ -28,7 +30,7 @@ class SemanticRetriever:
         if not query_embedding.any():
             return (), "The query has no vector to search by."
         order = best_first(
-            candidates.cosine(query_embedding),
+            partial(largest, candidates.cosine(query_embedding)),
             candidates.slack(query_embedding),
             lambda rows: candidates.cosine(query_embedding, rows),
             candidates.ids,

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import OutputError
+from gvla2.errors import MemoryStoreError, OutputError
 from gvla2.memory.heap import Heap
 from gvla2.memory.postings import Postings
 from gvla2.memory.rows import COLUMNS, Rows
 from gvla2.memory.vectors import Vectors
 
-FORMAT = "gvla2 memory index 1"
+FORMAT = "gvla2 memory index 2"
+_BEGINNING = json.dumps({"format": FORMAT}).encode()[:30]
 _ALIGNED = 64
 _DIGEST = 4
 
@@ -56,6 +57,46 @@ def save(path: Path, rows: Rows, about: Mapping[str, Any]) -> None:
             f"Cannot write the snapshot '{path}': {error.strerror or error}. The memory itself is not touched; "
             "free space there, or do without a snapshot."
         ) from error
+
+
+def strays_of(path: Path) -> list[Path]:
+    """What is left of writers of the snapshot ``path`` that were killed midway; or it is being written just now."""
+    try:
+        return sorted(file for file in path.parent.iterdir() if file.name.startswith(f".{path.name}."))
+    except OSError:
+        return []
+
+
+def discard(path: Path) -> None:
+    """Delete a snapshot: it may hold the text of a record that is to be forgotten. What is none is left alone."""
+    try:
+        if not is_foreign(path):
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise MemoryStoreError(
+            f"The snapshot '{path}', which may hold the text of what is to be forgotten, cannot be deleted "
+            f"({error.strerror or error}): delete it."
+        ) from error
+
+
+def refuse_foreign(path: Path) -> None:
+    """Raises :class:`~gvla2.errors.OutputError` where a snapshot would take the place of something else."""
+    if is_foreign(path):
+        raise OutputError(
+            f"'{path}' holds something else than a snapshot of a memory's index: give the path of a new file."
+        )
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether something else than a snapshot is at ``path``: a file that begins otherwise, or no plain file."""
+    try:
+        with path.open("rb") as file:
+            begins = file.read(len(_BEGINNING))
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return path.exists()
+    return bool(begins) and begins != _BEGINNING
 
 
 def load(path: Path, bank: str, model: str, dimension: int) -> tuple[Rows, dict[str, Any]] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable
+from functools import lru_cache
 from hashlib import blake2b
 
 from gvla2.memory.function_words import FUNCTION_WORDS
@@ -14,6 +15,10 @@ MAX_TEXT = 8192
 MAX_WORD = 64
 """Longer words (encoded data, mostly) count by their beginning."""
 
+LONG = 6
+"""Topic words from which on the clauses of a query are looked at one by one."""
+MAX_SENTENCES = 8
+_SENTENCE = re.compile(r"[.;!?](?=\s|$)|[\n。；！？]")
 _NO_TOPIC = FUNCTION_WORDS | frozenset("0123456789")
 _WORD = re.compile(r"\w+")
 # Scripts that put no spaces between words: Thai, Lao, Khmer, Myanmar, kana, Han.
@@ -48,6 +53,25 @@ def tokens(text: str) -> list[str]:
 def topic_words(text: str) -> list[str]:
     """The tokens that carry a topic: function words and single digits are left out."""
     return _topical(tokens(text), text.isascii())
+
+
+@lru_cache(maxsize=16)
+def distinct_topics(text: str) -> tuple[str, ...]:
+    """The distinct topic words of a query, sorted; several ask for them one after the other."""
+    return tuple(sorted(set(topic_words(text))))
+
+
+@lru_cache(maxsize=16)
+def distinct_topics_by_sentence(text: str) -> tuple[tuple[str, ...], ...]:
+    """:func:`distinct_topics` of the sentences of a longer query that have two or more; () where there is but one.
+
+    Whoever instructs tells of circumstances too ("The guests come at seven; set the table."), which records that know
+    what to do do not share.
+    """
+    if len(distinct_topics(text)) < LONG:
+        return ()
+    parts = [topics for part in _SENTENCE.split(text) if len(topics := distinct_topics(part)) > 1]
+    return tuple(dict.fromkeys(parts))[:MAX_SENTENCES] if len(parts) > 1 else ()
 
 
 def _topical(words: Iterable[str], plain: bool) -> list[str]:

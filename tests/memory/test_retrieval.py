@@ -10,16 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.candidates import RowCandidates, Served
-from gvla2.memory.contracts import OUTCOMES, TYPES, MemoryTask, Ranked
+from gvla2.memory.contracts import OUTCOMES, TYPES, Lesson, MemoryTask, Ranked
 from gvla2.memory.hashing import HashEmbedder
 from gvla2.memory.retrieval import HybridRetriever
 from gvla2.memory.retrieval_options import HybridOptions, SemanticOptions
 from gvla2.memory.rows import Entry, Rows
-from gvla2.memory.scoring import score_terms, signature_distance
+from gvla2.memory.scoring import ScoreWeights, score_terms, signature_distance
 from gvla2.memory.semantic import SemanticRetriever
-from gvla2.memory.words import text_of, topic_words
+from gvla2.memory.words import distinct_topics_by_sentence, text_of, topic_words
 from gvla2.testing.memory import candidates
 
 EMBEDDER = HashEmbedder()
@@ -44,7 +45,8 @@ def reference(task: MemoryTask, bank: RowCandidates, options: HybridOptions) -> 
         lexical = bm25[i] / (max(bm25) or 1.0)
         cosine = min(max(float(bank.vectors(np.array([i]))[0] @ vector), 0.0), 1.0)
         relevance = options.bm25_weight * lexical + options.cosine_weight * cosine
-        coverage = len(query & set(texts[i])) / len(query)
+        parts = [query, *map(set, distinct_topics_by_sentence(task.query))]
+        coverage = max(len(part & set(texts[i])) / len(part) for part in parts)
         skill = bank.record(i).skill
         if task.skill and skill and skill != task.skill:
             continue
@@ -100,6 +102,33 @@ def test_ranking_is_that_of_the_plain_formula(seed: int) -> None:
         assert bool(reason) != bool(expected)
         for r in ranked:
             assert r.score == pytest.approx(sum(r.terms.values()))
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [
+        ScoreWeights(applicability=-0.4, usage_most=0.6, recency=0.0),
+        ScoreWeights(conflict=-0.2, stale_failure=-0.3),
+        ScoreWeights(applicability=2.0, signature_scale=0.05, recency_days=3.0, stale_days=1.0),
+    ],
+)
+def test_the_best_are_found_under_any_weights(weights: ScoreWeights) -> None:
+    """The quick pass leaves out only what its bounds rule out."""
+    bank = corpus(300, 6)
+    options = HybridOptions(
+        weights=weights, same_cosine=2.0, min_score=-9.0, min_cosine=0.0, top_k_constraints=0
+    )
+    for task in tasks(4, 21):
+        expected = [row for row, _ in reference(task, bank, options) if bank.types[row] != 1][:3]
+        assert TYPES[1] == "failure_avoidance"
+        ranked, _ = HybridRetriever(options).rank(task, bank, EMBEDDER.embed([task.query])[0])
+        assert [r.row for r in ranked] == expected
+
+
+@pytest.mark.parametrize("name", ["recency_days", "usage_divisor", "signature_scale"])
+def test_a_weight_that_would_divide_by_zero_is_refused(name: str) -> None:
+    with pytest.raises(ConfigurationError, match=name):
+        HybridRetriever(HybridOptions(weights=ScoreWeights(**{name: 0.0})))
 
 
 def test_the_few_places_hold_the_best_of_a_large_bank() -> None:
@@ -245,3 +274,12 @@ def test_semantic_is_cosine_alone() -> None:
         assert [r.score for r in ranked] == sorted((r.score for r in ranked), reverse=True)
     assert SemanticRetriever().rank(MemoryTask(""), bank, np.zeros(512, np.float32))[1]
     assert SemanticRetriever().rank(MemoryTask("x"), candidates([]), vector)[1]
+
+
+def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) -> None:
+    bank = open_bank()
+    lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
+    bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug")
+    told = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
+    assert bank.recall(told.format("Glue the handle onto the mug.")).items
+    assert not bank.recall(told.format("Water the plants in the hall.")).items
