@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
-from gvla2.memory.instructions import reads_like_instructions
+from gvla2.memory.instructions import effect_reads_like_instructions, reads_like_instructions
 from gvla2.memory.likeness import words_of
 
 QUARANTINED = "quarantined: "
@@ -48,7 +48,7 @@ def admit(
         return Decision(
             None, "A recipe from a failed episode was left out: failures teach constraints alone."
         )
-    if reads_like_instructions(lesson.content):
+    if reads_like_instructions(lesson.content) or effect_reads_like_instructions(lesson.effect):
         return Decision("provisional", f"{QUARANTINED}the text reads like instructions")
     if lesson.effect is None and query and _repeats(lesson.content, query):
         return Decision("provisional", f"{QUARANTINED}the text only repeats the task")

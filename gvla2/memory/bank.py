@@ -43,7 +43,9 @@ from gvla2.memory.records import Record
 from gvla2.memory.replay import Replayed
 from gvla2.memory.retrieval import HybridRetriever
 from gvla2.memory.semantic import SemanticRetriever
+from gvla2.memory.snapshot import refuse_foreign
 from gvla2.memory.store import Event, Link, Problem, Store
+from gvla2.memory.vector_audit import foreign_vectors
 
 __all__ = ["BankOptions", "Governed", "Hit", "KnowledgeBank", "Replayed"]
 CHUNK = 256
@@ -109,6 +111,8 @@ class KnowledgeBank:
         database's, or in the user's cache folder where there is none. It is derived data, readable by its owner
         alone and deleted by :meth:`forget`. ``snapshot`` names another file; False does without.
         """
+        if not isinstance(snapshot, bool):
+            refuse_foreign(Path(snapshot))
         store = Store.open(url, busy_seconds=busy_seconds)
         place = snapshot_path(store.name, bank) if snapshot is True else snapshot or None
         return cls(
@@ -235,9 +239,16 @@ class KnowledgeBank:
         """All links, or those of one record."""
         return self._store.links(self.bank, id)
 
-    def verify(self) -> list[Problem]:
-        """What is wrong with the bank, [] for nothing."""
-        return self._store.verify(self.bank)
+    def verify(self, *, head: str = "") -> list[Problem]:
+        """What is wrong with the bank, [] for nothing; its vectors are compared with what this embedder makes.
+
+        ``head`` is "SEQ:HASH" of :meth:`stats`, kept elsewhere: with it, an end that was cut off is found, too.
+        """
+        problems = self._store.verify(self.bank, head=head)
+        with self._store.reading() as view:
+            named = {(problem.where, problem.id) for problem in problems}
+            found = foreign_vectors(view, self.bank, self._embedder)
+        return problems + [problem for problem in found if (problem.where, problem.id) not in named]
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""

@@ -15,8 +15,8 @@ from typing import Any, Literal, NamedTuple
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.conflicts import Conflict, Said, conflict
 from gvla2.memory.likeness import (
-    COMPARABLE,
-    HELD,
+    about,
+    jaccard,
     likeness,
     overlap,
     same_subject,
@@ -26,10 +26,6 @@ from gvla2.memory.likeness import (
 from gvla2.memory.records import Record
 
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
-
-
-_CLOSE = 0.8
-"""The cosine from which texts are compared whatever their words."""
 
 
 @dataclass(frozen=True)
@@ -52,40 +48,41 @@ def consolidate(
 ) -> Edit:
     """Decide on a candidate; ``rivals`` are served records with their cosine to it, the nearest first.
 
-    A rival counts from a relevance of ``options.match`` on, or when it has the candidate's dedup key.
+    Each is asked whether it contradicts the candidate, sentence by sentence. It may be one with the candidate from a
+    relevance of ``options.match`` on, or when it has the same dedup key.
     """
     options = options or BankOptions()
     words, mine = words_of(candidate.content), _said(candidate)
     near: list[_Near] = []
     against: list[tuple[Record, Conflict]] = []
     for rival, cosine in sorted(rivals, key=lambda entry: (-entry[1], entry[0].id)):
-        same = rival.dedup_key == candidate.dedup_key
-        if rival.id == candidate.id or not (
-            cosine >= options.match or same or likeness(candidate, rival).match >= options.match
-        ):
+        if rival.id == candidate.id:
             continue
-        content, held = overlap(words, words_of(rival.content))
-        comparable = content >= COMPARABLE or held >= HELD
-        near.append(_Near(-content, rival.id, rival, cosine, same, comparable))
-        if comparable or cosine >= _CLOSE or (candidate.effect and rival.effect):
-            found = conflict(mine, _said(rival))
-            if found:
-                against.append((rival, found))
+        # One sentence of a long lesson contradicts another, however little the texts have in common as a whole.
+        found = conflict(mine, _said(rival))
+        if found:
+            against.append((rival, found))
+            continue
+        same = rival.dedup_key == candidate.dedup_key
+        if cosine >= options.match or same or likeness(candidate, rival).match >= options.match:
+            content, _ = overlap(words, words_of(rival.content))
+            near.append(_Near(-content, rival.id, rival, cosine, same))
     if against:
         return _settle(candidate, against)
-    for _, id, rival, cosine, same, comparable in sorted(near, key=itemgetter(0, 1)):
+    for _, id, rival, cosine, same in sorted(near, key=itemgetter(0, 1)):
         if same:
             return Edit("MERGE", id, "it says the same", _scores(candidate, rival, cosine))
-        if comparable and same_subject(candidate, rival):
+        if same_subject(candidate, rival):
             aligned = surface(candidate.content, rival.content)
-            scores = {**_scores(candidate, rival, cosine), "surface": aligned}
+            concepts = jaccard(about(candidate.content).items, about(rival.content).items)
+            scores = {**_scores(candidate, rival, cosine), "surface": aligned, "concepts": concepts}
             if aligned >= options.discard:
                 return Edit("DISCARD", id, "it says the same in almost the same words", scores)
-            if aligned >= options.merge_surface or scores["content"] >= options.merge_signature:
+            if aligned >= options.merge_surface or concepts >= options.merge_signature:
                 return Edit("MERGE", id, "it says the same in other words", scores)
     if not near:
         return Edit("ADD", why="nothing in the bank is like it")
-    _, id, best, cosine, _, _ = near[0]
+    _, id, best, cosine, _ = near[0]
     return Edit("ADD", id, "the nearest record is about something else", _scores(candidate, best, cosine))
 
 
@@ -97,7 +94,6 @@ class _Near(NamedTuple):
     record: Record
     cosine: float
     same_key: bool
-    comparable: bool
 
 
 def _scores(candidate: Record, rival: Record, cosine: float) -> dict[str, float]:
@@ -150,4 +146,4 @@ def _settle(candidate: Record, against: Sequence[tuple[Record, Conflict]]) -> Ed
 
 def _said(record: Record) -> Said:
     effect: Mapping[str, Any] | None = record.effect_json() if record.effect else None
-    return Said(record.record_type, record.content, record.skill, effect)
+    return Said(record.record_type, record.content, record.skill, effect, record.query)

@@ -237,7 +237,7 @@ class Candidates(Protocol):
         ...
 
     def coverage(self, query: str) -> NDArray[np.float64]:
-        """(N,) share of the query's distinct topic words that each record has, in [0, 1]."""
+        """(N,) share of the distinct topic words of the query, or of a sentence of it, that each record has."""
         ...
 
     def cosine(

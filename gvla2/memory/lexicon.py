@@ -1,4 +1,4 @@
-"""Words that oppose one another, words of one meaning and words that forbid: English, German, French, Spanish, Chinese.
+"""Words of one meaning, words that forbid, that order and that say nothing: English, German, French, Spanish, Chinese.
 
 A language that is missing loses the oppositions between words; numbers and typed effects are still compared.
 """
@@ -8,151 +8,66 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-
-def _set(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
-
-_OPPOSITES = """
-side: left leftward leftwards links linke linken linker linkes linkem gauche izquierda izquierdo 左
-    左边 左侧 左手 左转 / right rightward rightwards rechts rechte rechten rechter rechtes rechtem droite
-    derecha derecho 右 右边 右侧 右手 右转
-height: above top up upper upward upwards over oben obere oberen oberer oberes oberhalb über
-    aufwärts hinauf haut dessus arriba encima 上 上方 上面 / below bottom down lower downward downwards
-    under underneath beneath unten untere unteren unterer unteres unterhalb unter abwärts hinunter
-    bas dessous abajo debajo 下 下方 下面
-depth: front forward forwards vorn vorne vorwärts  devant delante adelante 前面 前方 前 / back backward
-    backwards behind rear rearward hinten rückwärts derrière arrière detrás atrás 后面 后方 后
-inside: inside into  indoors innen hinein dedans dentro adentro 里面 内 / outside outdoors außen
-    draußen hinaus dehors fuera afuera 外面 外
-turning: clockwise uhrzeigersinn horaire horario 顺时针 / counterclockwise anticlockwise
-    counter-clockwise anti-clockwise gegenuhrzeigersinn antihoraire antihorario 逆时针
-opening: open opens opened opening öffne öffnen öffnet geöffnet aufmachen offen ouvre ouvrez ouvrir
-    ouvert ouverte abre abrir abra abierto abierta 打开 张开 开启 敞开 / close closes closed closing shut
-    shuts schließe schließen schließt geschlossen zumachen  ferme fermez fermer fermé fermée cierra
-    cerrar cierre cerrado cerrada 关闭 合上 闭合 关上 关好
-moving: push pushes pushed pushing shove slide drücke drücken schiebe schieben schiebt poussez
-    pousser pousse empuja empujar empuje 推 / pull pulls pulled pulling drag tug ziehe ziehen zieht
-    tirez tirer jala jalar  tirar 拉 拽
-power:  enable enabled enables enabling activate activated active einschalten anschalten
-    eingeschaltet aktivieren aktiviere aktiviert allumez allumer allume activer activez  enciende
-    encender activa activar 启用 开灯 激活 打开电源 /  disable disabled disables disabling deactivate
-    deactivated inactive ausschalten abschalten ausgeschaltet deaktivieren deaktiviere deaktiviert
-    éteignez éteindre éteins désactiver désactivez apaga apagar desactiva desactivar 禁用 关灯 停用 关掉
-running: start starts started starting begin launch resume starte starten gestartet démarrez
-    démarrer démarre inicia iniciar arranca arrancar 启动 开始 / stop stops stopped stopping halt
-    terminate kill pause stoppe stoppen anhalten beenden arrêtez arrêter arrête detén detener  parar
-    termina 停止 终止
-amount: increase increases increased increasing more  higher larger greater erhöhe erhöhen
-    vergrößern mehr augmentez augmenter  aumenta aumentar más 增加 增大 提高 加大 / decrease decreases
-    decreased decreasing reduce reduces reduced reducing fewer less shrink smaller verringere
-    verringern reduziere reduzieren weniger réduisez réduire diminuez diminuer moins  reducir
-    disminuye disminuir menos 减少 减小 降低
-vertical: lift lifts lifted lifting raise raises raised raising elevate hebe heben hebt anheben
-    hochheben gehoben soulève soulevez soulever levez  levanta levantar levante 抬高 抬起 举起 提起 升高 /
-    lowers lowered lowering drop drops dropped dropping senke senken absenken gesenkt senkt abaissez
-    abaisser baissez baisser baja bajar 放下 降下 下放
-speed: accelerate fast quick quickly rapidly swiftly faster speedy schnell schneller rasch vite
-    rapidement rapide rápido rápidamente deprisa 快 快速 迅速 / decelerate slow slowly slower langsam
-    langsamer lentement lent despacio lentamente lento 慢 缓慢 慢慢 慢速
-force: hard hart fest firmly forcefully strongly kräftig  fortement fermement fuerte firmemente 用力 /
-    soft softly weich gently lightly sanft  doucement suavemente 轻轻 轻
-level: high hoch hohe hoher hohes hohen haute  alto alta 高 / low niedrig niedrige niedriger
-    niedriges tief basse faible  低
-heat: hot warm heated heat heats heating heiß heißem heißes heißen warmes warmem chaud chaude
-    caliente 热 加热 / cold cool cooled chill chilled chills cooling kalt kaltem kaltes kalten kühl
-    kühlen froid froide frío fría 冷 冷却
-wetness: wet moist nass feucht mouillé humide mojado húmedo 湿 / dry dried trocken trockenes  sèche
-    seco seca 干
-filling: full fill filled voll füllen plein pleine lleno llena 满 / empty emptied drain leer leere
-    leeren vide vider vacío vacía vaciar 空
-tension: tighten tightens tightened tight festziehen anziehen serrez serrer aprieta apretar 拧紧 收紧 /
-    loosen loosens loosened loose lösen lockern desserrez desserrer afloja aflojar 拧松 松开
-locking: lock locks locked locking verriegeln abschließen verrouillez verrouiller bloquea bloquear
-    锁定 锁上 / unlock unlocks unlocked unlocking entriegeln aufschließen déverrouillez déverrouiller
-    desbloquea desbloquear 解锁
-joining: attach attached connect connected join mount mounted plug assemble verbinde verbinden
-    anschließen montieren attachez attacher connectez connecter branchez monter conecta conectar
-    montar 连接 安装上 挂载 / detach detached disconnect disconnected separate unmount unmounted unplug
-    disassemble dismount trenne trennen demontieren détachez détacher déconnectez déconnecter
-    débranchez démonter desconecta desconectar desmontar 断开 拆下 卸载
-allowing: allow allows allowed permit permits permitted accept erlaube erlauben zulassen autorisez
-    autoriser permettre permite permitir 允许 接受 / forbid forbids forbidden deny denies denied
-    prohibit  reject verbiete verbieten ablehnen interdire interdisez prohíbe prohibir 拒绝
-including: include includes included including einschließen inclure incluez incluye incluir 包括 包含 /
-    exclude excludes excluded excluding ausschließen exclure excluez excluye excluir 排除
-installing: install installs installed installing installiere installieren installez installer
-    instala instalar 安装 / uninstall uninstalls uninstalled deinstalliere deinstallieren désinstallez
-    désinstaller desinstala desinstalar
-adding: add adds added adding insert inserts inserted append füge hinzufügen zugeben ajoutez ajouter
-    ajoute insérez añade añadir agrega agregar inserta 添加 加入 插入 / remove removes removed removing
-    delete deletes deleted deleting extract withdraw entferne entfernen löschen lösche retirez
-    retirer supprimez supprimer quita quitar elimina eliminar retira 移除 删除 取出 去掉
-order:  ascending aufsteigend croissant ascendente 升序 /  descending absteigend décroissant
-    descendente 降序
-axis: vertical vertically upright senkrecht verticalement  verticalmente 垂直 竖直 / horizontal
-    horizontally  waagerecht waagrecht horizontalement horizontalmente 水平
-sequence: parallel parallelly concurrently simultaneously gleichzeitig parallèle simultáneamente
-    paralelo 并行 同时 / sequential sequentially serially serial nacheinander séquentiellement
-    secuencialmente 顺序 依次 串行
-timing: synchronous synchronously synchron / asynchronous asynchronously asynchron
-truth: true yes wahr vrai verdadero 真 / false falsch faux falso 假
-case: uppercase großbuchstaben majuscules mayúsculas / lowercase kleinbuchstaben minuscules
-    minúsculas
-indent: tab tabs tabulatoren / spaces leerzeichen
-distance: near   nahe proche près cerca 近 靠近 / far away weit  loin lejos 远 远离
-lateness: early earlier früh früher tôt temprano 早 / late later spät später tard tarde 晚
-accepting:  approve approved genehmigen approuver aprobar 批准 /  refuse refused  refuser rechazar
-keeping:  preserve retain behalten conserver conservar 保留 / discard  dispose verwerfen entsorgen
-    jeter desechar 丢弃
-locality: local locally lokal / remote remotely global globally
-visibility: public öffentlich publique público / private privat privée privado
-tilt:   straight gerade droit recto 直 / tilted bent crooked schräg incliné inclinado 倾斜
-flow: encrypt encrypted verschlüsseln chiffrer cifrar 加密 / decrypt decrypted entschlüsseln
-    déchiffrer descifrar 解密
-packing: compress compressed zip pack komprimieren comprimir 压缩 / decompress uncompressed unzip
-    unpack  entpacken descomprimir 解压
-covering: cover covered bedecken couvrir cubrir 盖上 / uncover uncovered aufdecken découvrir destapar
-    揭开
-size: big large groß große großen grand grande gran grandes 大 / small little klein kleine kleinen
-    petit petite pequeño pequeña 小
-load: load loads loaded laden charger cargar / unload unloads unloaded entladen décharger descargar
-light: bright  clair claro 亮 / dark dunkel sombre oscuro 暗
-thickness: thick  épais grueso 厚 / thin dünn  fino 薄
-length: long  longue largo 长 / short kurz kurze  courte corto 短
-"""
+from gvla2.memory.opposites import OPPOSITES
+from gvla2.memory.phrases import join_phrases as join_phrases
+from gvla2.memory.word_sets import word_set
 
 _SAME = """
-grasp: grasp grasps grasped grasping grab grip gripping clasp hold holds holding seize greife
-    greifen greift halte halten saisir saisissez saisis attraper agarra agarrar coge coger sujeta 抓
-    抓住 抓取 握住 拿起 夹住
-turn: turn turns turned turning rotate rotates rotated rotating rotation twist twisting spin drehe
-    drehen dreht gedreht tournez tourner tourne gira girar gire rota 旋转 转动 转 拧
-place: place places placed placing lay lege legen stelle stellen posez poser  coloca colocar pon
-    poner 放 放置
-go: move moves moved moving go drive drives driving travel bewege bewegen fahre fahren déplacez
-    déplacer bouge mueve mover conduce 移动
-cup: cup cups tasse tassen taza tazas 杯子 杯
-box: box boxes kiste schachtel boîte boîtes caja cajas 盒子 箱子
-door: door doors tür türen porte portes puerta puertas 门
-gripper: gripper grippers greifer pince pinza 夹爪 夹具
-button: button buttons knopf taste bouton botón 按钮
-check: check checks checked checking verify verifies inspect prüfe prüfen überprüfen vérifiez
-    vérifier verifica verificar comprueba 检查
-touch: touch touches touched touching contact berühre berühren touchez toucher toca tocar 触碰 触摸
-press: press presses pressed pressing 按 按下
-wait: wait waits waiting rest rests warte warten attendez attendre espera esperar 等待
-cook: cook cooks cooking koche kochen cuire cuisez cocina cocinar 煮 烹饪
-descend: descend descends descent   abstieg descendre descente descender 下降
-run: run runs running execute executes executed ran ausführen exécuter exécutez ejecuta ejecutar 运行
-    执行
-directory: folder directory directories folders ordner verzeichnis dossier répertoire carpeta
-    directorio 文件夹 目录
-error: error failure fault fehler erreur fallo 错误
+turn: turn turns turned turning rotate rotates rotated rotating rotation twist twisting spin spun drehe drehen dreht
+    gedreht tournez tourner tourne gira girar gire rota rotar ruota girare поверни 旋转 转动 转 拧
+place: place places placed placing put puts putting lay laid lege legen legt gelegt stelle stellen gestellt posez
+    poser pose mettre mettez coloca colocar coloque pon poner ponga metti posa положи поставь 放 放置 摆放
+go: move moves moved moving go goes went gone drive drives driving drove driven travel bewege bewegen bewegt fahre
+    fahren fährt gefahren déplacez déplacer déplace bouge bouger mueve mover mueva conduce conducir muovi двигай
+    移动 行驶
+throw: throw throws threw thrown toss tossed werfe werfen wirf lancer lancez lanza lanzar 扔 投
+cup: cup cups mug mugs tasse tassen taza tazas becher gobelet 杯子 杯
+box: box boxes kiste kisten schachtel boîte boîtes caja cajas scatola caixa коробку 盒子 箱子
+door: door doors tür türen porte portes puerta puertas porta дверь 门
+drawer: drawer drawers schublade schubladen tiroir tiroirs cajón cajones 抽屉
+window: window windows fenster fenêtre fenêtres ventana ventanas окно 窗户 窗
+lid: lid lids deckel couvercle tapa tapas 盖子 瓶盖
+glass: glass glasses glas gläser verre verres vaso vasos 玻璃杯
+plate: plate plates teller assiette assiettes plato platos 盘子
+bowl: bowl bowls schüssel schale bol bols cuenco 碗
+bottle: bottle bottles flasche flaschen bouteille bouteilles botella botellas 瓶子
+kettle: kettle wasserkocher bouilloire hervidor 水壶
+pot: pot pots topf töpfe casserole olla ollas 锅
+table: table tables tisch tische mesa mesas стол 桌子
+shelf: shelf shelves regal étagère étagères estante estantes 架子 书架
+screw: screw screws schraube schrauben vis tornillo tornillos 螺丝 螺钉
+key: key keys schlüssel clé clés clef llave llaves 钥匙
+valve: valve valves ventil ventile vanne vannes válvula válvulas 阀门 阀
+pump: pump pumps pumpe pumpen pompe pompes bomba bombas 泵
+lamp: lamp lamps lampe lampen lampes lámpara lámparas 灯 台灯
+handle: handle handles griff griffe poignée poignées manija asa 把手 手柄
+cube: cube cubes block blocks würfel bloc blocs bloque bloques cubo cubos 方块 积木 块
+book: book books buch bücher livre livres libro libros 书
+camera: camera cameras kamera kameras caméra caméras cámara cámaras 相机 摄像头
+motor: motor motors motoren moteur moteurs motores 电机 马达
+robot: robot robots roboter 机器人
+image: image images picture pictures photo photos bild bilder foto fotos imagen imágenes 图像 照片
+middle: middle centre center centres centers mitte milieu centro 中间 中心 中央
+colour: colour color colours colors farbe couleur 颜色
+gripper: gripper grippers greifer pince pinces pinza pinzas garra захват 夹爪 夹具
+button: button buttons knopf knöpfe taste bouton boutons botón botones 按钮
+file: file files datei dateien fichier fichiers archivo archivos 文件
+adjacent: adjacent neighbouring neighboring benachbart voisin adyacente 相邻
+check: check checks checked checking verify verifies verified inspect inspected prüfe prüfen überprüfen prüft
+    vérifiez vérifier vérifie verifica verificar comprueba comprobar 检查 确认
+touch: touch touches touched touching contact berühre berühren berührt touchez toucher toca tocar toque 触碰 触摸
+    接触
+press: press presses pressed pressing appuyer appuyez presiona presionar pulsa pulsar 按 按下 按压
+wait: wait waits waiting rest rests warte warten wartet attendez attendre attends espera esperar espere 等待 等
+cook: cook cooks cooking koche kochen kocht cuire cuisez cocina cocinar 煮 烹饪
+descend: descend descends descent abstieg descendre descendez descente descender 下降
+run: run runs running execute executes executed ran ausführen exécuter exécutez ejecuta ejecutar 运行 执行
+directory: folder directory directories folders ordner verzeichnis dossier répertoire carpeta directorio 文件夹 目录
+error: error errors failure fault fehler erreur erreurs fallo 错误
 speedof: speed velocity geschwindigkeit vitesse velocidad 速度
 """
 
-SOFT = _set(
+SOFT = word_set(
     """
     set use uses used using make makes sure keep keeps keeping kept leave leaves get gets give take takes need needs
     needed must should shall always please better best good works work worked working succeed succeeded succeeds
@@ -169,53 +84,78 @@ SOFT = _set(
 )
 """Words that change nothing about what is done to what."""
 
-CONDITIONS = _set(
+CONDITIONS = word_set(
     "if when whenever while unless until once during falls wenn sobald während solange bis quand lorsque si pendant "
     "tant cuando mientras hasta 如果 当 若 当时"
 )
 """What follows them says under which circumstances, not what to do."""
 
-BEFORE = _set("before prior vor bevor ehe avant antes 之前 以前 前先")
-AFTER = _set("after afterwards nach nachdem après después tras 之后 以后")
-THEN = _set(
-    "then afterwards next subsequently danach dann anschließend puis ensuite luego entonces 再 然后 接着"
+BEFORE = word_set("before prior vor bevor ehe avant antes перед 之前 以前 前先")
+AFTER = word_set("after afterwards nach nachdem après después tras dopo depois после 之后 以后")
+THEN = word_set(
+    "then afterwards next subsequently finally lastly danach dann anschließend schließlich zuletzt puis ensuite enfin "
+    "luego entonces finalmente poi depois затем потом 再 然后 接着 最后 随后"
 )
-FIRST = _set("first firstly zuerst zunächst  primero 先 首先")
+FIRST = word_set("first firstly zuerst zunächst erst d'abord abord primero primeiro сначала 先 首先")
 
-NEGATORS = _set(
+NEGATORS = word_set(
     """
     not never no don't dont doesn't mustn't shouldn't can't cannot won't avoid avoids avoiding refrain without
     nicht nie niemals kein keine keinen keinem keiner keines vermeide vermeiden ohne
     ne n pas jamais aucun aucune évitez éviter évite sans
     nunca jamás evita evitar evite sin
+    non mai não не никогда нельзя
     不要 别 勿 切勿 禁止 避免 不能 不可 不得 从不 绝不 不 不应 不应该 没有 
     """
 )
-"""A clause with one of these forbids what it says, unless it is one of :data:`gvla2.memory.statements.IDIOMS`."""
+"""A clause with one of these forbids what it says, unless it is one of :data:`gvla2.memory.sentences.IDIOMS`."""
 
-TURNING = _set("turn turns turned turning switch switched switching power powered leave left")
-STAYING = _set("keep keeps keeping stay stays remain remains")
-IDENTIFIERS = _set(
+TURNING = word_set("turn turns turned turning switch switched switching power powered leave left")
+STAYING = word_set("keep keeps keeping stay stays remain remains")
+IDENTIFIERS = word_set(
     "step way line waypoint table example case lesson episode run seed code object item no number figure page chapter "
     "layer joint row column stage task issue test version option variant schritt zeile beispiel schritt ligne étape "
     "paso línea ejemplo 第 步 行"
 )
 """A bare number after one of these names a thing and measures nothing."""
 
-PARTICLE_VERBS = _set(
+PARTICLE_VERBS = word_set(
     "pick set clean look put lay speed slow back write warm heat cool grow clear close wash"
 )
 """With these, "up" and "down" are part of the verb."""
 
-PLACES = _set(
+PLACES = word_set(
     "side hand arm gripper finger direction lane edge end corner half part way speed temperature water heat level rate "
     "pressure order priority seite hand arm richtung main bras côté mano brazo lado"
 )
 """Before these, "the left" is where or how; before any other noun it says which one."""
 
-DETERMINERS = _set(
+DETERMINERS = word_set(
     "the a an this that its your each die der das den dem eine einen le la les el los las un una"
 )
+
+
+ACTS = word_set(
+    "opening moving power running amount vertical heat wetness filling tension locking joining allowing including "
+    "installing adding keeping tilt flow packing covering load holding reaching showing spreading engaging "
+    "pinning freezing sealing advancing entering muting committing versioning pushing zooming merging linking "
+    "registering dressing charging blocking docking screwing tying buckling stacking winding folding wrapping "
+    "clamping inflating checking logging-in cleaning"
+)
+"""Axes whose words say what is done, so that two clauses that name acts of two of them do two different things."""
+
+NOUNS = word_set(
+    "start end stop lock load cover lift push pull pin dock charge block tie clamp clip seal plug wrap fold show split "
+    "register release grip drain spread stretch link commit catch pinch freeze hold drop heat cool switch pack "
+    "contract buckle stack display select upgrade upload download wind roll"
+)
+"""English acts that are things as well ("at the start"): acts only behind :data:`BEFORE_VERBS`."""
+
+BEFORE_VERBS = word_set(
+    "to must should shall can may will would and or then but not never always please only just first finally , don't "
+    "doesn't cannot can't do does let it they you we before after when while if once until without by"
+)
+"""Where a verb may stand behind; at the beginning of a clause it may as well."""
 
 
 def _table(text: str) -> tuple[dict[str, str], dict[str, tuple[str, int]]]:
@@ -233,7 +173,7 @@ def _table(text: str) -> tuple[dict[str, str], dict[str, tuple[str, int]]]:
     return words, poles
 
 
-_opposite_words, _poles = _table(_OPPOSITES)
+_opposite_words, _poles = _table(OPPOSITES)
 _same_words, _ = _table(_SAME)
 CONCEPTS: Mapping[str, str] = MappingProxyType({**_same_words, **_opposite_words})
 """Word -> the concept that it stands for, "axis+" or "axis-" where it has an opposite."""

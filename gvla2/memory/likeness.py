@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from gvla2.memory.concepts import concept_of, words_in
+from gvla2.memory.conflicts import contradiction
+from gvla2.memory.function_words import FUNCTION_WORDS
 from gvla2.memory.quantities import Quantity
 from gvla2.memory.records import Record, load_object
 from gvla2.memory.scoring import signature_distance
 from gvla2.memory.statements import read
-from gvla2.memory.word_forms import split_alike, starts_of
+from gvla2.memory.tasks import PREPOSITIONS
+from gvla2.memory.word_forms import Language, common, split_alike, starts_of
 from gvla2.memory.words import topic_words
 
 MAX_COMPARED = 1000
@@ -101,56 +106,91 @@ def _scene(signature: str) -> Mapping[str, float]:
 def same_subject(first: Record, second: Record) -> bool:
     """Whether two records may be merged at all: of one type and skill, about the same things, acts, sides, numbers.
 
-    They may differ in the order of words, their forms, and words that change nothing ("always", "the").
+    They may differ in the order of words, their forms, and words that change nothing ("always", "the"); never in a
+    name, in what comes before what, or in what is put on what.
     """
     if first.type != second.type or first.skill != second.skill:
         return False
     one, two = about(first.content), about(second.content)
-    if one.sides != two.sides or one.starts != two.starts:
+    if one.item_starts != two.item_starts or bool(one.forbidden) != bool(two.forbidden):
         return False
     if not _same_effect(_effect(first.effect), _effect(second.effect)):
         return False
-    _, left, right = split_alike(one.words, two.words)
-    if left or right or not (one.words or one.sides):
+    # "Before adding oil" and "add oil after" tell of one act, be it a circumstance here and what is done there.
+    if one.ordered != two.ordered or (not one.ordered and one.sides != two.sides):
+        return False
+    mine, theirs = (one.items, two.items) if one.ordered else (one.words, two.words)
+    language = common(one.language, two.language)
+    _, left, right = split_alike(mine, theirs, language)
+    if left or right or not one.items:
         return False  # one word more may be another object, and there is no telling
-    return one.forbidden == two.forbidden and _figures_agree(one.figures, two.figures)
+    _, left, right = split_alike(one.forbidden, two.forbidden, language)
+    if left or right:
+        return False
+    if not _figures_agree(one.figures, two.figures) or _swapped(first.content, second.content):
+        return False
+    return contradiction(first.content, second.content) is None
 
 
 @dataclass(frozen=True)
 class About:
-    """What a text is about, its clauses taken together."""
+    """What a text is about, its clauses taken together; ``ordered`` is how many orders it gives."""
 
     words: frozenset[str]
-    starts: frozenset[str]
+    items: frozenset[str]
+    item_starts: frozenset[str]
     sides: frozenset[tuple[str, frozenset[int]]]
     figures: tuple[Quantity, ...]
-    forbidden: int
+    forbidden: frozenset[str]
+    ordered: int
+    language: Language
 
 
 @lru_cache(maxsize=16384)
 def about(text: str) -> About:
     """The subject of a text."""
-    clauses = read(text).clauses
-    words = frozenset(word for clause in clauses for word in clause.matter) | _leftovers(text)
+    said = read(text)
+    items = frozenset(item for clause in said.clauses for item in clause.items)
     return About(
-        words,
-        starts_of(words),
-        frozenset(side for clause in clauses for side in clause.sides.items()),
-        tuple(figure for clause in clauses for figure in clause.figures),
-        sum(clause.forbidden for clause in clauses),
+        frozenset(word for clause in said.clauses for word in clause.matter),
+        items,
+        starts_of(items),
+        frozenset(side for clause in said.clauses for side in clause.sides.items()),
+        tuple(figure for clause in said.clauses for figure in clause.figures),
+        frozenset(item for clause in said.clauses if clause.forbidden for item in clause.items),
+        len(said.orders),
+        said.language,
     )
 
 
-def _leftovers(text: str) -> frozenset[str]:
-    """Bare numbers and letters, which tell "way 1" from "way 2" and "lamp A" from "lamp B"."""
-    return frozenset(f"nr{word}" for word in text.casefold().replace(".", " ").split() if len(word) == 1)
+def _swapped(first: str, second: str) -> bool:
+    """Whether two things of two texts changed places: "put the cup on the plate", "put the plate on the cup"."""
+    one, two = _places(first), _places(second)
+    moved = [word for word in one.keys() & two.keys() if one[word] != two[word]]
+    return any(one[a] == two[b] and one[b] == two[a] for a in moved for b in moved)
+
+
+@lru_cache(maxsize=8192)
+def _places(text: str) -> Mapping[str, str]:
+    """The preposition that each word stands behind, "" for none."""
+    found: dict[str, str] = {}
+    place = ""
+    for word in words_in(text.casefold().replace("’", "'")):
+        if word == ",":
+            place = ""
+        elif word in PREPOSITIONS:
+            place = word
+        elif word not in FUNCTION_WORDS:
+            found[concept_of(word)] = place
+    return found
 
 
 def _figures_agree(first: tuple[Quantity, ...], second: tuple[Quantity, ...]) -> bool:
-    if len(first) != len(second):
-        return False
-    return all(
-        a.dimension == b.dimension and a.one_sided == b.one_sided and not a.disagrees(b, 0.0)
+    """Whether two rows of figures are the same but for their units."""
+    return len(first) == len(second) and all(
+        a.dimension == b.dimension
+        and math.isclose(a.low, b.low, rel_tol=1e-6)
+        and math.isclose(a.high, b.high, rel_tol=1e-6)
         for a, b in zip(first, second, strict=True)
     )
 

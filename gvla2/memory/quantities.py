@@ -4,130 +4,29 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-_UNITS = """
-length 1e-6 µm micron microns mikrometer 微米
-length 0.001 mm millimeter millimeters millimetre millimetres millimètre millimètres milímetro milímetros 毫米
-length 0.01 cm centimeter centimeters centimetre centimetres zentimeter
-length 0.01 centimètre centimètres centímetro centímetros 厘米 公分
-length 0.1 dm
-length 1 m meter meters metre metres mètre mètres metro metros 米
-length 1000 km kilometer kilometers kilometre kilometres
-length 1000 kilomètre kilomètres kilómetro kilómetros 千米 公里
-length 0.0254 inch inches zoll pouce pouces pulgada pulgadas 英寸 ″
-length 0.3048 ft foot feet
-angle 1 degree degrees deg ° grad degré degrés grado grados 度
-angle 57.29577951308232 rad radian radians radiant radianten radianes 弧度
-angle 360 revolution revolutions umdrehung umdrehungen 圈
-temperature 1 °c ℃ celsius 摄氏度
-time 1e-6 µs microseconds
-time 0.001 ms millisecond milliseconds millisekunde millisekunden milliseconde millisecondes
-time 0.001 milisegundo milisegundos 毫秒
-time 1 s sec secs second seconds sek sekunde sekunden seconde secondes segundo segundos 秒 秒钟
-time 60 min mins minute minutes minuten minuto minutos 分钟
-time 3600 h hr hrs hour hours stunde stunden heure heures hora horas 小时
-time 86400 day days tag tage tagen jour jours día días 天
-time 604800 week weeks woche wochen semaine semaines semana semanas 周 星期
-ratio 0.01 % percent prozent pourcent ％
-mass 1e-6 mg milligram milligrams
-mass 0.001 g gram grams gramm gramme grammes gramo gramos 克
-mass 1 kg kilo kilos kilogram kilograms kilogramm kilogramme kilogrammes kilogramo kilogramos 千克 公斤
-mass 0.45359237 lb lbs pound pounds
-mass 0.028349523 oz ounce ounces
-volume 0.001 ml milliliter milliliters millilitre millilitres mililitro mililitros 毫升
-volume 0.01 cl
-volume 1 l liter liters litre litres litro litros 升
-speed 1 m/s 米/秒
-speed 0.01 cm/s
-speed 0.001 mm/s
-speed 0.2777777777777778 km/h kph
-speed 0.44704 mph
-turning 1 °/s deg/s
-turning 57.29577951308232 rad/s
-turning 6 rpm
-force 1 n newton newtons 牛
-force 1000 kn
-torque 1 nm newtonmeter
-pressure 1 pa pascal
-pressure 1000 kpa
-pressure 100000 bar bars
-voltage 0.001 mv
-voltage 1 v volt volts 伏
-current 0.001 ma
-current 1 a amp amps ampere
-power 1 w watt watts
-power 1000 kw
-frequency 1 hz hertz fps 赫兹
-frequency 1000 khz
-frequency 1000000 mhz
-bytes 1 byte bytes
-bytes 1024 kb kib
-bytes 1048576 mb mib
-bytes 1073741824 gb gib
-bytes 1099511627776 tb tib
-pixels 1 px pixel pixels
-times 1 times mal fois veces 次 遍
-"""
+from gvla2.memory.bounds import bound_before, bound_behind
+from gvla2.memory.number_words import spelled_numbers
+from gvla2.memory.units import UNITS, Unit, unit_at
 
-UNITS: dict[str, tuple[str, float]] = {
-    word: (line.split()[0], float(line.split()[1]))
-    for line in _UNITS.strip().split("\n")
-    for word in line.split()[2:]
-}
-"""Unit -> dimension and factor to its base unit (metres, degrees, degrees Celsius, seconds, kilograms, ...)."""
+__all__ = ["UNITS", "Found", "Quantity", "quantities"]
 
-_AT_LEAST = (
-    r"at least|no less than|not less than|no fewer than|minimum(?: of)?|min\.?|more than|above|over|exceeding"
-    r"|beyond"
-    r"|from|>=|≥|>|mindestens|minimal|wenigstens|mehr als|über|oberhalb(?: von)?|ab"
-    r"|au moins|plus de|au-dessus de|al menos|por lo menos|como mínimo|más de"
-    r"|至少|最少|不少于|不低于|超过|大于|高于"
+_DIGITS = r"\d(?:\d{0,2}(?:[ \u00a0]\d{3})+(?![\d.,])|\d*(?:[.,]\d+)*)(?:e[-+]?\d+(?!\w))?"
+_NUMBER = rf"[-−+]?{_DIGITS}"
+_FIGURE = re.compile(_DIGITS)
+_TO = re.compile(
+    r"\s*(?P<word>\bto\b|\bbis\b|à|\bhasta\b|\ba\b|–|—|-|~|到|至|and\b|und\b|et\b|y\b|和|±|\+/-)\s*"
 )
-_AT_MOST = (
-    r"at most|no more than|not more than|up to|maximum(?: of)?|max\.?|less than|fewer than|below|under|within"
-    r"|not exceeding"
-    r"|<=|≤|<|höchstens|maximal|nicht mehr als|weniger als|unter|unterhalb(?: von)?|bis zu"
-    r"|au plus|moins de|jusqu'à|pas plus de|como máximo|a lo sumo|menos de|no más de|hasta"
-    r"|至多|最多|不超过|不大于|不高于|少于|小于|低于"
-)
-_ABOUT = (
-    r"about|around|roughly|approximately|approx\.?|circa|ca\.|~|≈|ungefähr|etwa|rund"
-    r"|environ|aproximadamente|unos|大约|约"
-)
-_TO = "to|bis|à|hasta|a|–|—|-|到|至|and|und|et|y|和"
-_EDGE = r"(?<![^\W\u3400-\u9fff])"
-_NUMBER = r"[-−+]?\d+(?:[.,]\d+)*(?:e-?\d+)?"
-
-
-def _pattern(choices: Callable[[str], str], flags: int) -> re.Pattern[str]:
-    """The pattern of a quantity; ``choices`` may leave out alternatives that the texts cannot have."""
-    units = choices(
-        "|".join(
-            re.escape(word) + (r"(?![\w/])" if word[-1].isascii() and word[-1].isalnum() else "")
-            for word in sorted(UNITS, key=lambda word: (-len(word), word))
-        )
-    )
-    low, high, about, to = map(choices, (_AT_LEAST, _AT_MOST, _ABOUT, _TO))
-    return re.compile(
-        rf"(?:{_EDGE}(?P<low>{low})|{_EDGE}(?P<high>{high}))?\s*(?:{_EDGE}(?:of|als|de|von|à|a)\s+)?"
-        rf"(?:{_EDGE}(?P<about>{about})\s*)?(?P<between>{_EDGE}(?:between|zwischen|entre)\s+)?"
-        rf"{_EDGE}(?<!\.)(?P<first>{_NUMBER})\s*(?P<unit1>{units})?"
-        rf"(?:\s*(?P<to>{to})\s*(?P<second>{_NUMBER})\s*(?P<unit2>{units})?)?",
-        flags,
-    )
-
-
-def _plain(alternatives: str) -> str:
-    return "|".join(word for word in alternatives.split("|") if word.isascii())
-
-
-_QUANTITY = _pattern(lambda alternatives: alternatives, re.IGNORECASE)
-_PLAIN_QUANTITY = _pattern(_plain, re.ASCII)
-"""For casefolded ASCII: the same, several times as fast."""
-_DIGIT = re.compile(r"\d")
-_JOINS = frozenset({"and", "und", "et", "y", "和", "a"})
+_JOINS = frozenset({"and", "und", "et", "y", "和"})
+_AND_A_HALF = re.compile(r"\s+(?:and a half|et demie?|y medi[ao])\b")
+_BY = re.compile(rf"\s*(?:[x×]|\bby\b)\s*(?P<number>{_NUMBER})(?![^\W\d_]*\d)")
+_CLOCK = re.compile(r":(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d))?(?!\d)(?:\s?(?P<half>[ap])\.?m\b)?")
+_HALF_DAY = re.compile(r"\s?(?P<half>[ap])\.?m\b\.?")
+_FRACTION = re.compile(r"/(?P<under>\d+)(?![\d/.])")
+_ATTACHED = re.compile(r"(?P<size>k)(?!\w)|(?P<share>x)(?!\w)|(?!x\d)[a-z]")
+SAME_SIDE = 0.6
+"""Two upper (or two lower) bounds disagree when they lie apart by more than this share of the larger one."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +56,7 @@ class Quantity:
         """Whether no number satisfies both, beyond ``tolerance`` (a share of the larger figure)."""
         gap = max(self.low, other.low) - min(self.high, other.high)
         if not gap > 0:
-            return False
+            return self.one_sided and other.one_sided and self._far_bounds(other)
         scale = max(
             (abs(v) for v in (self.low, self.high, other.low, other.high) if math.isfinite(v)), default=0.0
         )
@@ -165,6 +64,13 @@ class Quantity:
         figures = self.low == self.high and other.low == other.high
         slack = tolerance * (2.0 if self.about or other.about else 1.0) if figures else 0.02
         return gap > slack * scale
+
+    def _far_bounds(self, other: Quantity) -> bool:
+        """Whether two bounds on one side are so far apart that whoever keeps the one knows nothing of the other."""
+        for a, b in ((self.low, other.low), (self.high, other.high)):
+            if math.isfinite(a) and math.isfinite(b) and a * b > 0:
+                return abs(a - b) > SAME_SIDE * max(abs(a), abs(b))
+        return False
 
 
 @dataclass(frozen=True)
@@ -177,48 +83,152 @@ class Found:
 
 
 def quantities(text: str) -> list[Found]:
-    """All quantities of a casefolded text, in reading order."""
-    found = []
-    for match in _matches(text):
-        first = _number(match["first"])
-        if first is None:
-            continue
-        end = match.end()
-        second = _number(match["second"]) if match["second"] else None
-        if second is not None and match["to"] in _JOINS and not match["between"]:
-            second, end = None, match.end("unit1") if match["unit1"] else match.end("first")
-        unit = match["unit1"] or (match["unit2"] if second is not None else None) or ""
-        dimension, factor = UNITS.get(unit.casefold(), ("", 1.0))
-        if second is not None and match["unit2"]:
-            high = second * UNITS[match["unit2"].casefold()][1]
-        else:
-            high = (first if second is None else second) * factor
-        low = first * factor
-        if second is None and match["low"]:
-            high = math.inf
-        elif second is None and match["high"]:
-            low = -math.inf
-        quantity = Quantity(dimension, min(low, high), max(low, high), bool(match["about"]))
-        found.append(Found(quantity, match.start(), end))
+    """All quantities of a casefolded text, in reading order; names are to be joined before, see
+    :func:`gvla2.memory.designations.name_things`.
+    """
+    atoms = _atoms(text)
+    found: list[Found] = []
+    last = index = 0
+    while index < len(atoms):
+        made, index, end = _read(text, atoms, index, last)
+        if made:
+            found += made
+            last = end
     return found
 
 
-def _matches(text: str) -> Iterator[re.Match[str]]:
-    """Where the pattern matches; nothing is searched in which there is no digit."""
-    pattern, at = _PLAIN_QUANTITY if text.isascii() and text == text.lower() else _QUANTITY, 0
-    while _DIGIT.search(text, at) is not None:
-        match = pattern.search(text, at)
-        if match is None:
-            return
-        yield match
-        at = match.end()
+@dataclass(frozen=True)
+class _Atom:
+    value: float
+    start: int
+    end: int
+    dimension: str = ""
+    share: bool = False
+    spelled: bool = False
+
+
+def _atoms(text: str) -> list[_Atom]:
+    """The single numbers of a text, in digits and in words."""
+    digits = []
+    for match in _FIGURE.finditer(text):
+        start = _start(text, match.start())
+        value = _number(text[start : match.end()]) if start >= 0 else None
+        if value is not None:
+            digits.append(_Atom(value, start, match.end()))
+    words = [
+        _Atom(spelled.value, spelled.start, spelled.end, spelled.dimension, spelled.share, True)
+        for spelled in spelled_numbers(text)
+    ]
+    return sorted(digits + words, key=lambda atom: atom.start) if words else digits
+
+
+def _start(text: str, at: int) -> int:
+    """Where a number begins whose digits begin at ``at``, with its sign; -1 where the digits belong to a word."""
+    before = text[at - 1] if at else " "
+    if before in "-−+":
+        return at if at > 1 and _in_word(text[at - 2]) else at - 1
+    if _in_word(before):
+        flag = at > 2 and text[at - 2] == "-" and text[at - 3].isspace()
+        return at if flag and before.isalpha() else -1  # "-j8"
+    return -1 if before == "." and at > 1 and _in_word(text[at - 2]) else at
+
+
+def _in_word(character: str) -> bool:
+    return (character.isalnum() or character == "_") and not "\u3400" <= character <= "\u9fff"
+
+
+def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Found], int, int]:
+    """The quantities that begin with atom ``index``, the index of the atom behind them, and where they end."""
+    atom = atoms[index]
+    value, end, unit = atom.value, atom.end, None
+    if atom.start < last:
+        return [], index + 1, last
+    if not atom.spelled and (clock := _clock(text, value, end)) is not None:
+        return [Found(Quantity("clock", clock[0], clock[0]), atom.start, clock[1])], index + 1, clock[1]
+    if not atom.spelled and (over := _FRACTION.match(text, end)) is not None and float(over["under"]) > 0:
+        value, end = value / float(over["under"]), over.end()
+    index += 1
+    dimension = atom.dimension
+    if not dimension:
+        unit = unit_at(text, end, atom.spelled)
+        end = unit.end if unit else end
+        if unit is None and not atom.spelled and (ending := _ATTACHED.match(text, end)):
+            if ending["size"] is None and ending["share"] is None:
+                return [], index, last  # "2nd", "3d"
+            value, end = value * (1000.0 if ending["size"] else 1.0), ending.end()
+            dimension = "ratio" if ending["share"] else ""
+    if unit is not None and (half := _AND_A_HALF.match(text, end)):
+        value, end = value + 0.5, half.end()
+        while index < len(atoms) and atoms[index].start < end:
+            index += 1
+    others = _products(text, end) if not atom.spelled else []
+    if others:
+        end = others[-1][1]
+        unit = unit or unit_at(text, end)
+        end = unit.end if unit and unit.end > end else end
+        while index < len(atoms) and atoms[index].start < end:
+            index += 1
+    before = bound_before(text, last, atom.start)
+    high, unit2, spread = value, unit, False
+    to = _TO.match(text, end) if index < len(atoms) and not others else None
+    if to is not None and to.end() == atoms[index].start and (to["word"] not in _JOINS or before.between):
+        second = atoms[index]
+        high, end, index = second.value, second.end, index + 1
+        unit2 = unit_at(text, end, second.spelled) or unit
+        end = max(end, unit2.end if unit2 else 0)
+        unit, spread = unit or unit2, to["word"] in ("±", "+/-")
+    sign, behind = bound_behind(text, end) if not before.sign else (before.sign, end)
+    if not dimension:
+        dimension = unit.dimension if unit else ("ratio" if atom.share else "by" if others else "")
+    low, high = _scaled(value, unit), _scaled(high, unit2)
+    if spread:
+        low, high = low - high, low + high
+    elif high == low and sign:
+        low, high = (low, math.inf) if sign > 0 else (-math.inf, high)
+    figures = [(min(low, high), max(low, high))] + [(_scaled(other, unit),) * 2 for other, _ in others]
+    return (
+        [Found(Quantity(dimension, a, b, before.about), before.start, behind) for a, b in figures],
+        index,
+        behind,
+    )
+
+
+def _scaled(value: float, unit: Unit | None) -> float:
+    return value if unit is None else value * unit.factor + unit.offset
+
+
+def _products(text: str, end: int) -> list[tuple[float, int]]:
+    """The further sizes of "30 x 40 x 2 cm", and where each of them ends."""
+    found: list[tuple[float, int]] = []
+    while (match := _BY.match(text, end)) is not None:
+        value = _number(match["number"])
+        if value is None:
+            break
+        end = match.end()
+        found.append((value, end))
+    return found
+
+
+def _clock(text: str, hours: float, end: int) -> tuple[float, int] | None:
+    """Seconds since midnight of "14:30" and "3 pm", and where the time ends; None for any other number."""
+    if not (0 <= hours < 25 and hours == int(hours)):
+        return None
+    match = _CLOCK.match(text, end) or _HALF_DAY.match(text, end)
+    if match is None:
+        return None
+    parts = match.groupdict(default="")
+    if parts["half"]:
+        hours = hours % 12 + (12 if parts["half"] == "p" else 0)
+    return hours * 3600 + int(parts.get("minutes") or 0) * 60 + int(parts.get("seconds") or 0), match.end()
 
 
 def _number(text: str) -> float | None:
-    """``1.5``, ``1,5``, ``1,000``; None for what is no single number, such as ``3.11.2``."""
-    plain = text.replace("−", "-")
-    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+", plain):
+    """``1.5``, ``1,5``, ``1,000``, ``10 000``; None for what is no single number, such as ``3.11.2``."""
+    plain = text.replace("−", "-").replace(" ", "").replace("\u00a0", "")
+    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?", plain):
         plain = plain.replace(",", "")
+    elif re.fullmatch(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}", plain):
+        plain = plain.replace(".", "").replace(",", ".")
     try:
         value = float(plain.replace(",", "."))
     except ValueError:

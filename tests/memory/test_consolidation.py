@@ -54,6 +54,8 @@ def test_what_is_like_nothing_is_added() -> None:
         ("Grip the mug by its handle near the top.", "Grip the mug by the handle near its top."),
         ("Always lift the crate slowly with both hands.", "Lift the crate slowly, with both hands!"),
         ("Lift the crate 15 cm before turning.", "Lift the crate 150 mm before turning."),
+        ("Lift the crate 20 cm.", "Lift the crate 0.2 m."),
+        ("Preheat the pan before adding oil.", "Add oil only after the pan has been preheated."),
     ],
 )
 def test_the_same_in_other_words_is_one_lesson(first: str, second: str) -> None:
@@ -73,6 +75,11 @@ def test_the_same_in_other_words_is_one_lesson(first: str, second: str) -> None:
          record("The handle needs room.", effect={"kind": "prior", "parameter": "tilt", "value": 1.0})),
         (record("Turn the knob of lamp A slowly."), record("Turn the knob of lamp B slowly.")),
         (record("Grip the cup."), record("Grip the cup.", type="failure_avoidance")),
+        (record("Wipe the screw with a dry cloth before packing."),
+         record("Wipe the screen with a dry cloth before packing.")),
+        (record("Put bolt M6x20 into bin A3."), record("Put bolt M6x25 into bin A3.")),
+        (record("Use cable USB-A for the scanner."), record("Use cable USB-C for the scanner.")),
+        (record("Rebase the topic branch before merging it."), record("Merge the topic branch before rebasing it.")),
         (record("Wait for the oven to reach 180 °C."), record("Wait for the oven to reach 200 °C.")),
     ],
 )  # fmt: skip
@@ -98,6 +105,28 @@ def test_a_constraint_and_a_hint_that_contradict_each_other_both_stay() -> None:
     )
     assert edit.action == "ADD"
     assert edit.conflicts
+
+
+def test_one_sentence_of_a_long_lesson_is_compared() -> None:
+    long = record(
+        "Stale objects break the link step on this machine. Run `make clean` before `make install`, and check it.",
+        query="fix the build",
+    )
+    other = record(
+        "The headers are made anew each night by another job. Run `make install` before `make clean`, always.",
+        query="the build fails, please fix it",
+    )
+    edit = decide(long, other)
+    assert (edit.action, edit.target) == ("REPLACE", other.id)
+    assert "first" in edit.conflicts[0][1]
+    elsewhere = record(other.content.replace("install", "lint"), query="fix the build")
+    assert decide(long, elsewhere).action == "ADD"
+
+
+def test_what_is_right_for_another_task_is_no_contradiction() -> None:
+    first = record("Slide the bolt up.", query="open the hatch")
+    assert decide(record("Slide the bolt down.", query="close the hatch"), first).action == "ADD"
+    assert decide(record("Slide the bolt down.", query="please open the hatch"), first).action == "REPLACE"
 
 
 def test_the_same_inputs_give_the_same_decision() -> None:
