@@ -174,7 +174,7 @@ def _setting(
 def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder | None]]:
     """The methods whose retrieval is compared, as far as they are installed."""
     from gvla2.evaluation.memory.quality import METHODS
-    from gvla2.memory.hashing import HashEmbedder
+    from gvla2.memory.retrieval.hashing import HashEmbedder
 
     words, hashed, meaning = METHODS
     found: dict[str, Callable[[], Embedder | None]] = {words: lambda: None, hashed: HashEmbedder}

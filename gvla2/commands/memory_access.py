@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
-from gvla2.memory.bank_names import wrong_bank_name
-from gvla2.memory.location import settled
 from gvla2.memory.records import Record
-from gvla2.memory.store import Store
+from gvla2.memory.storage.bank_names import wrong_bank_name
+from gvla2.memory.storage.location import settled
+from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank

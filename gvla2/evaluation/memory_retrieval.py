@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.postings import Postings
-from gvla2.memory.words import topic_words
+from gvla2.memory.indexing.postings import Postings
+from gvla2.memory.meaning.words import topic_words
 
 FILE = "locomo10.json"
 TOP = 10

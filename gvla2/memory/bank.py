@@ -4,9 +4,10 @@
     bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdict, task="lift the cup")
     print(bank.recall("lift the red cup").text)
 
-What it promises is in :mod:`gvla2.memory.contracts`; what it decides, and how, in the modules
-:mod:`~gvla2.memory.admission`, :mod:`~gvla2.memory.consolidation`, :mod:`~gvla2.memory.governance` and
-:mod:`~gvla2.memory.replay`.
+What it promises is in :mod:`gvla2.memory.contracts`; what it decides, and how, in :mod:`gvla2.memory.curation`
+(admission, consolidation, governance, replay), by what texts mean (:mod:`gvla2.memory.meaning`) and whether they give
+orders (:mod:`gvla2.memory.screening`). What is on disk is the truth (:mod:`gvla2.memory.storage`); what is in RAM
+follows it (:mod:`gvla2.memory.indexing`) and is ranked (:mod:`gvla2.memory.retrieval`).
 """
 
 from __future__ import annotations
@@ -32,20 +33,20 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.governing import Governed
-from gvla2.memory.hashing import HashEmbedder
-from gvla2.memory.index import SERVED, Index
-from gvla2.memory.induction import RulesInducer
-from gvla2.memory.location import snapshot_path
+from gvla2.memory.curation.governing import Governed
+from gvla2.memory.curation.induction import RulesInducer
+from gvla2.memory.curation.replay import Replayed
+from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.indexing.snapshot import refuse_foreign
 from gvla2.memory.operations import Operations
-from gvla2.memory.recalling import Hit, recall, search
 from gvla2.memory.records import Record
-from gvla2.memory.replay import Replayed
-from gvla2.memory.retrieval import HybridRetriever
-from gvla2.memory.semantic import SemanticRetriever
-from gvla2.memory.snapshot import refuse_foreign
-from gvla2.memory.store import Event, Link, Problem, Store
-from gvla2.memory.vector_audit import foreign_vectors
+from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.hybrid import HybridRetriever
+from gvla2.memory.retrieval.recalling import Hit, recall, search
+from gvla2.memory.retrieval.semantic import SemanticRetriever
+from gvla2.memory.storage.location import snapshot_path
+from gvla2.memory.storage.store import Event, Link, Problem, Store
+from gvla2.memory.storage.vector_audit import foreign_vectors
 
 __all__ = ["BankOptions", "Governed", "Hit", "KnowledgeBank", "Replayed"]
 CHUNK = 256

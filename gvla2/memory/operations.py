@@ -8,8 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from gvla2.errors import Gvla2Error
-from gvla2.memory import replay
-from gvla2.memory.admission import Streak, admit, believed, tempered
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     TYPES,
@@ -24,17 +22,19 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.governance import alike, summable
-from gvla2.memory.governing import Governed, Governing
-from gvla2.memory.growth import MAX_QUERY
-from gvla2.memory.index import SERVED, Index
-from gvla2.memory.learning import SECONDS_PER_DAY, Candidate, Learning
-from gvla2.memory.ledger import Ledger, Outcome
+from gvla2.memory.curation import replay
+from gvla2.memory.curation.admission import Streak, admit, believed, tempered
+from gvla2.memory.curation.governance import alike, summable
+from gvla2.memory.curation.governing import Governed, Governing
+from gvla2.memory.curation.growth import MAX_QUERY
+from gvla2.memory.curation.learning import SECONDS_PER_DAY, Candidate, Learning
+from gvla2.memory.curation.ledger import Ledger, Outcome
+from gvla2.memory.curation.replay import Replayed
+from gvla2.memory.curation.streaks import Streaks
+from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import clean, dedup_key, dump
-from gvla2.memory.replay import Replayed
-from gvla2.memory.store import Change, Store, StoredEpisode
-from gvla2.memory.streaks import Streaks
-from gvla2.memory.words import text_of
+from gvla2.memory.storage.store import Change, Store, StoredEpisode
 
 MAX_CONTENT = 2000
 MAX_TRANSCRIPT = 20_000

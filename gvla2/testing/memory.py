@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.candidates import RowCandidates, Served
 from gvla2.memory.contracts import (
     Embedder,
     Evidence,
@@ -24,10 +23,11 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.indexing.candidates import RowCandidates, Served
+from gvla2.memory.indexing.rows import Entry, Rows
+from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record, dump
-from gvla2.memory.rows import Entry, Rows
-from gvla2.memory.words import text_of
+from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.planning.effects import Effect
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (

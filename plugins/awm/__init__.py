@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.shelf_options import ShelfConfig
+from gvla2.memory.methods.shelf_options import ShelfConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Inducer, Memory
@@ -29,7 +29,7 @@ class AwmConfig(ShelfConfig):
 
 def _build(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Workflows induced from verified successes, values replaced by slots; after Agent Workflow Memory."""
-    from gvla2.memory.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import ShelfMemory
     from gvla2_plugins.awm.method import Workflows
 
     return ShelfMemory(config, Workflows(config.fewest_steps), embedder, inducer)

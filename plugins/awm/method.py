@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.exemplars import show_exemplars, with_values
-from gvla2.memory.shelf import Draft, Found
-from gvla2.memory.transcripts import abstracted, steps_of
+from gvla2.memory.methods.exemplars import show_exemplars, with_values
+from gvla2.memory.methods.shelf import Draft, Found
+from gvla2.memory.verification.transcripts import abstracted, steps_of
 
 
 class Workflows:

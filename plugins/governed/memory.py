@@ -19,7 +19,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.location import settled
+from gvla2.memory.storage.location import settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig

@@ -22,7 +22,7 @@ class HashEmbedderConfig(ComponentConfig):
 
 def _build(config: HashEmbedderConfig) -> Embedder:
     """Hashes character n-grams of any language into unit vectors; no model, no download."""
-    from gvla2.memory.hashing import HashEmbedder
+    from gvla2.memory.retrieval.hashing import HashEmbedder
 
     return HashEmbedder(config.dimension, config.shortest, config.longest)
 

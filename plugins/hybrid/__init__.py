@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.memory.retrieval_options import HybridOptions, SemanticOptions
+from gvla2.memory.retrieval.options import HybridOptions, SemanticOptions
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Retriever
@@ -24,14 +24,14 @@ class SemanticConfig(SemanticOptions, ComponentConfig):
 
 def _build_hybrid(config: HybridConfig) -> Retriever:
     """Ranks by BM25, cosine, quality and geometry; abstains when nothing is reliable enough."""
-    from gvla2.memory.retrieval import HybridRetriever
+    from gvla2.memory.retrieval.hybrid import HybridRetriever
 
     return HybridRetriever(config)
 
 
 def _build_semantic(config: SemanticConfig) -> Retriever:
     """Gives the records of the nearest vectors, whatever they are worth; for comparison."""
-    from gvla2.memory.semantic import SemanticRetriever
+    from gvla2.memory.retrieval.semantic import SemanticRetriever
 
     return SemanticRetriever(config)
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from gvla2.errors import ConfigurationError
 from gvla2.language import Completion, Endpoint, LanguageModelError, Ledger, Request
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2.memory.criteria import Criterion, criteria_set
-from gvla2.memory.rendering import neutralised
-from gvla2.memory.score_tokens import TokenScore, score_answer
+from gvla2.memory.retrieval.rendering import neutralised
+from gvla2.memory.verification.criteria import Criterion, criteria_set
+from gvla2.memory.verification.score_tokens import TokenScore, score_answer
 from gvla2_plugins.llm_verifier.prompts import messages
 
 if TYPE_CHECKING:

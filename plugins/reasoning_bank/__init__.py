@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.shelf_options import ShelfConfig
+from gvla2.memory.methods.shelf_options import ShelfConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Inducer, Memory
@@ -30,7 +30,7 @@ class ReasoningBankConfig(ShelfConfig):
 
 def _build(config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Titled items from successes and failures of the most similar task; after ReasoningBank."""
-    from gvla2.memory.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import ShelfMemory
     from gvla2_plugins.reasoning_bank.method import Strategies
 
     return ShelfMemory(config, Strategies(config.most_items), embedder, inducer)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.shelf_options import ShelfConfig
+from gvla2.memory.methods.shelf_options import ShelfConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Memory
@@ -28,7 +28,7 @@ class SemanticConfig(ShelfConfig):
 
 def _build(config: SemanticConfig, embedder: Embedder) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
-    from gvla2.memory.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import ShelfMemory
     from gvla2_plugins.semantic.method import Semantic
 
     return ShelfMemory(config, Semantic(), embedder)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.rendering import render
-from gvla2.memory.shelf import Draft, Found
+from gvla2.memory.methods.shelf import Draft, Found
+from gvla2.memory.retrieval.rendering import render
 
 
 class Semantic:

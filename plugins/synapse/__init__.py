@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.shelf_options import ShelfConfig
+from gvla2.memory.methods.shelf_options import ShelfConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Memory
@@ -28,7 +28,7 @@ class SynapseConfig(ShelfConfig):
 
 def _build(config: SynapseConfig, embedder: Embedder) -> Memory:
     """Whole trajectories of verified successes as exemplars, found by their task; after Synapse."""
-    from gvla2.memory.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import ShelfMemory
     from gvla2_plugins.synapse.method import Exemplars
 
     return ShelfMemory(config, Exemplars(), embedder)

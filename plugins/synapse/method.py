@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.exemplars import show_exemplars, with_values
-from gvla2.memory.shelf import Draft, Found
+from gvla2.memory.methods.exemplars import show_exemplars, with_values
+from gvla2.memory.methods.shelf import Draft, Found
 
 
 class Exemplars:

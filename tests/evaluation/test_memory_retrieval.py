@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory_retrieval import TOP, find_file, measure, read
-from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.retrieval.hashing import HashEmbedder
 
 TURNS = [
     ("Ana", "I finally adopted a dog from the shelter on Maple Street."),

@@ -12,8 +12,8 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.induction import RulesInducer
-from gvla2.memory.location import default_url
+from gvla2.memory.curation.induction import RulesInducer
+from gvla2.memory.storage.location import default_url
 from gvla2.testing.component import check_component
 from gvla2_plugins import governed, hash_embedder, hybrid
 from gvla2_plugins.governed import GovernedConfig
@@ -87,12 +87,20 @@ def newer(path: Path) -> None:
         connection.execute("UPDATE memory_meta SET value = '7'")
 
 
-def read_only(path: Path) -> None:
+def test_a_database_that_cannot_be_written_is_read(memory: GovernedMemory, path: Path) -> None:
     fill(path)
     path.chmod(0o444)
+    before = path.read_bytes()
+    for _ in range(2):
+        assert memory.recall(TASK).items
+        learned = memory.learn(EPISODE, SUCCESS)
+        assert str(path) in learned.degraded
+        assert not learned.added
+    memory.close()
+    assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize("spoil", [corrupt, newer, read_only])
+@pytest.mark.parametrize("spoil", [corrupt, newer])
 def test_a_database_that_cannot_be_used_degrades_and_is_left_alone(
     memory: GovernedMemory, path: Path, spoil: Any
 ) -> None:

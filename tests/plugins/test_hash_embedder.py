@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
-from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2_plugins.hash_embedder import gvla2_embedders
 
 
@@ -61,7 +61,7 @@ def test_vectors_are_those_of_the_definition(text: str) -> None:
 
 def test_another_process_agrees() -> None:
     program = (
-        "from gvla2.memory.hashing import HashEmbedder as H;"
+        "from gvla2.memory.retrieval.hashing import HashEmbedder as H;"
         "print(H().embed(['Grüße, 世界'])[0].tobytes().hex())"
     )
     other = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

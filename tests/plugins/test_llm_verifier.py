@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2.memory.criteria import ROBOT, SOFTWARE, Criterion
-from gvla2.memory.score_tokens import phi
+from gvla2.memory.verification.criteria import ROBOT, SOFTWARE, Criterion
+from gvla2.memory.verification.score_tokens import phi
 from gvla2.testing.component import check_component
 from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier

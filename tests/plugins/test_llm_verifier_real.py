@@ -14,8 +14,8 @@ import pytest
 
 from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import Evidence
-from gvla2.memory.criteria import SOFTWARE
-from gvla2.memory.score_tokens import LETTERS, phi, score_answer
+from gvla2.memory.verification.criteria import SOFTWARE
+from gvla2.memory.verification.score_tokens import LETTERS, phi, score_answer
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
 

@@ -8,7 +8,7 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.evaluation.memory_data.contradictions import pairs
 from gvla2.evaluation.memory_data.generated_contradictions import generated
-from gvla2.memory.conflicts import contradiction
+from gvla2.memory.meaning.conflicts import contradiction
 
 Judged = Sequence[tuple[str, str, bool]]
 GENERATED = 600

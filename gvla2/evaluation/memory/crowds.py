@@ -13,7 +13,7 @@ from gvla2.evaluation.memory.nursery import BANK, SHARED, in_nursery, lesson, wh
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.servers import postgres
 from gvla2.evaluation.memory.setting import NOW, Setting
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 
 PROCESSES = 8
 PEER_EACH = 100

@@ -14,11 +14,11 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.hashing import HashEmbedder
-from gvla2.memory.index import Index
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
-from gvla2.memory.store import Store
-from gvla2.memory.words import text_of
+from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.storage.store import Store
 
 KINDS = ("corrupt JSON", "not a number", "NaN vector", "short vector", "no vector at all")
 _ROWS = frozenset(KINDS[:2])

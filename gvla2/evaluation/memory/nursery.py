@@ -25,7 +25,7 @@ from gvla2.evaluation.memory.figure import NotMeasuredError
 from gvla2.evaluation.memory.peers import PeerLesson
 from gvla2.evaluation.memory.plain_peer import FILE, PlainPeer
 from gvla2.memory.records import Record
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 
 BANK = "crowd"
 SHARED = "shared"

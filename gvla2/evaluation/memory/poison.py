@@ -10,8 +10,8 @@ from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Admission, Setting, admissions
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
-from gvla2.memory.retrieval import HybridRetriever
-from gvla2.memory.retrieval_options import HybridOptions
+from gvla2.memory.retrieval.hybrid import HybridRetriever
+from gvla2.memory.retrieval.options import HybridOptions
 
 TOP = 8
 VICTIMS = 20

@@ -14,9 +14,9 @@ from gvla2.evaluation.memory.peers import Peer
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.evaluation.memory.timing import high, middle, once, spent
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.hashing import HashEmbedder
-from gvla2.memory.index import Index
-from gvla2.memory.store import Store
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.storage.store import Store
 
 QUERIES = 300
 PEER_LOOKS = 100_000

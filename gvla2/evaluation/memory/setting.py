@@ -15,10 +15,10 @@ from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.plain_peer import PlainPeer
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
-from gvla2.memory.hashing import HashEmbedder
+from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
-from gvla2.memory.store import Put, Store
-from gvla2.memory.words import text_of
+from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.storage.store import Put, Store
 
 NOW = 1.8e9
 """The time at which everything happens, in seconds since the epoch: ages do not depend on when one measures."""

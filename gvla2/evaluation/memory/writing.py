@@ -19,7 +19,7 @@ from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import middle, spent
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.records import Record
-from gvla2.memory.store import Put, Store
+from gvla2.memory.storage.store import Put, Store
 
 PATIENCE = 8.0
 """Seconds that a peer is given for one rate."""

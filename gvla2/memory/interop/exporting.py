@@ -18,7 +18,7 @@ from gvla2.memory.interop.lines import to_bytes
 from gvla2.memory.interop.reading import Layout, layout_named
 from gvla2.memory.interop.replacing import place_of
 from gvla2.memory.records import Record
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 from gvla2.writing import write_whole
 
 SERVED: tuple[LifecycleState, ...] = ("active", "summary")

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gvla2.memory.contracts import LifecycleState
-from gvla2.memory.instructions import reads_like_instructions
 from gvla2.memory.interop.entry import Entry
 from gvla2.memory.interop.lines import Remark
 from gvla2.memory.interop.reading import read_path
 from gvla2.memory.records import Record, clean, dedup_key, dump, record_id
-from gvla2.memory.store import Store
-from gvla2.memory.transaction import Transaction
+from gvla2.memory.screening.instructions import reads_like_instructions
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.transaction import Transaction
 
 
 @dataclass(frozen=True)

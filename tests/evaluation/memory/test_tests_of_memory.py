@@ -14,7 +14,7 @@ from gvla2.evaluation.memory.peers import PeerLesson
 from gvla2.evaluation.memory.plain_peer import FILE, PlainPeer
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.evaluation.memory_data.contradictions import pairs
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 
 QUICK = ("retrieval", "exactness", "start", "store", "consolidation", "governance")
 

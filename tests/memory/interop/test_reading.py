@@ -12,7 +12,7 @@ from gvla2.memory.interop import lines, states_layout, vocabulary
 from gvla2.memory.interop.importing import import_path
 from gvla2.memory.interop.lines import Line, LineError, parse, read_lines
 from gvla2.memory.interop.reading import read_path
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 
 GOOD = {"memory_id": "good", "content": "Hold the rim.", "state": "active", "source_status": "success"}
 HUGE = ["1" + "0" * 400, "-1" + "0" * 400, "9" * 5000, "1e999", "-1e999", "1E+400", "9" * 250 + "e99"]

@@ -11,7 +11,7 @@ import pytest
 from gvla2.errors import OutputError
 from gvla2.memory.interop.exporting import export_path
 from gvla2.memory.interop.importing import import_path
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 
 NOW = 1.8e9
 ROW = {"task_id": "t", "task_text": "lift", "outcome": "success", "memory_text": "Hold the rim."}

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError, MemoryStoreError, OutputError
 from gvla2.memory.interop.exporting import export_path
 from gvla2.memory.interop.importing import import_path
-from gvla2.memory.store import Store
+from gvla2.memory.storage.store import Store
 
 NOW = 1.8e9
 
@@ -251,7 +251,7 @@ def test_a_disk_that_fills_up_leaves_the_old_export(tmp_path: Path, layout: str)
             from gvla2.errors import OutputError
             from gvla2.memory.interop.exporting import export_path
             from gvla2.memory.interop.importing import import_path
-            from gvla2.memory.store import Store
+            from gvla2.memory.storage.store import Store
             target, source = Path({str(target)!r}), Path({str(tmp_path)!r}) / "active.jsonl"
             row = lambda i: dict(memory_id=str(i), content=f"lesson {{i}} " + "word " * 400, source_status="success")
             store = Store.open("sqlite:///" + {str(tmp_path / "m.db")!r})

@@ -1,0 +1,1 @@
+"""What a bank learns and keeps: admission, consolidation, governance, replay."""

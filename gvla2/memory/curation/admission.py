@@ -1,0 +1,142 @@
+"""What may enter the bank, and in which state: by verdict, by what the text looks like, and by who sends how much.
+
+Decisions on plain data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
+
+from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
+from gvla2.memory.curation.likeness import words_of
+from gvla2.memory.screening.instructions import effect_reads_like_instructions, reads_like_instructions
+
+QUARANTINED = "quarantined: "
+"""How the note of a record begins that no verdict can make active."""
+ECHO = 0.9
+SAME_SCORE = 0.01
+"""Scores that differ by no more than this are one: a verifier that always says yes may dither a little."""
+_FAILED, _SUCCEEDED = 0.35, 0.70
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What becomes of a lesson: its ``state`` in the bank, or None when it is not stored; ``note`` says why."""
+
+    state: LifecycleState | None
+    note: str = ""
+
+
+def admit(
+    lesson: Lesson, verdict: Verdict, *, query: str = "", admission: bool = True, failures: bool = True
+) -> Decision:
+    """Decide on one lesson.
+
+    Verified lessons become active. What was uncertain, or could not be judged, is provisional at most, and so is
+    text that reads like instructions to a machine, or that only repeats the ``query`` it would then be found by. A
+    failed episode teaches constraints, never recipes. ``admission`` False is the ablation that lets everything but
+    quarantined text in as active; ``failures`` False the one that learns nothing from failures.
+    """
+    if not lesson.content.strip():
+        return Decision(None, "A lesson without words was left out.")
+    failed = verdict.outcome == "verified_fail"
+    if not failures and (failed or lesson.type == "failure_avoidance"):
+        return Decision(None, "Learning from failures is switched off.")
+    if failed and lesson.type != "failure_avoidance":
+        return Decision(
+            None, "A recipe from a failed episode was left out: failures teach constraints alone."
+        )
+    if reads_like_instructions(lesson.content) or effect_reads_like_instructions(lesson.effect):
+        return Decision("provisional", f"{QUARANTINED}the text reads like instructions")
+    if lesson.effect is None and query and _repeats(lesson.content, query):
+        return Decision("provisional", f"{QUARANTINED}the text only repeats the task")
+    if not admission or failed or verdict.outcome == "verified_success":
+        return Decision("active")
+    why = "could not be judged" if verdict.outcome == "unavailable" else "is uncertain"
+    return Decision("provisional", f"the outcome {why}")
+
+
+def _repeats(content: str, query: str) -> bool:
+    said, asked = words_of(content), words_of(query)
+    return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
+
+
+@dataclass(frozen=True)
+class SourceCount:
+    """What a source has active in the bank by now: records of late, and how many of those are like the candidate."""
+
+    recent: int = 0
+    alike: int = 0
+
+
+def within_cap(count: SourceCount, per_source: int, per_source_copies: int) -> Decision:
+    """Whether a source may have one more active record; provisional otherwise, with the reason."""
+    if count.alike >= per_source_copies:
+        return Decision(
+            "provisional", f"its source has {count.alike} records like it already, as many as one may have"
+        )
+    if count.recent >= per_source:
+        return Decision(
+            "provisional", f"its source brought {count.recent} records of late, as many as one may"
+        )
+    return Decision("active")
+
+
+@dataclass(frozen=True)
+class Streak:
+    """How often in a row a verifier has given the same success: the ``criteria`` of the first, and the ``length``."""
+
+    criteria: Mapping[str, float]
+    length: int = 0
+
+
+def believed(verdict: Verdict) -> tuple[Verdict, str]:
+    """The verdict as far as it can be one, and a note on what was wrong with it.
+
+    Scores that are no numbers in [0, 1] are no judgement: unavailable. An outcome that its own score R refutes (a
+    success of R <= .35, a failure of R >= .70) is uncertain.
+    """
+    if verdict.outcome == "unavailable":
+        return verdict, ""
+    who = f"The verifier '{verdict.verifier or 'unnamed'}'"
+    scores = (verdict.quality, verdict.confidence, *verdict.criteria.values())
+    if not all(isfinite(score) and -1e-6 <= score <= 1 + 1e-6 for score in scores):
+        note = f"{who} gave scores that are not in [0, 1]: its verdict counts as unavailable."
+        return Verdict.unavailable(note, verdict.verifier), note
+    refuted = {"verified_success": verdict.quality <= _FAILED, "verified_fail": verdict.quality >= _SUCCEEDED}
+    if refuted.get(verdict.outcome):
+        note = (
+            f"{who} said {verdict.outcome} with R = {verdict.quality:.2f}: its verdict counts as uncertain."
+        )
+        return replace(verdict, outcome="uncertain"), note
+    return verdict, ""
+
+
+def streak_of(verdict: Verdict, before: Streak | None) -> Streak:
+    """The verifier's streak with this verdict; anything but an equal success starts it anew."""
+    criteria = {name: round(float(value), 6) for name, value in sorted(verdict.criteria.items())}
+    criteria["R"] = round(float(verdict.quality), 6)
+    if verdict.outcome != "verified_success":
+        return Streak(criteria, 0)
+    if before is None or not before.length or not _alike(before.criteria, criteria):
+        return Streak(criteria, 1)
+    return Streak(before.criteria, before.length + 1)
+
+
+def _alike(first: Mapping[str, float], second: Mapping[str, float]) -> bool:
+    return first.keys() == second.keys() and all(
+        abs(first[name] - second[name]) <= SAME_SCORE for name in first
+    )
+
+
+def tempered(verdict: Verdict, streak: Streak, *, longest: int, confidence: float) -> tuple[Verdict, str]:
+    """The verdict with its confidence capped where the verifier always says the same yes, and a note on it."""
+    if streak.length <= longest or verdict.confidence <= confidence:
+        return verdict, ""
+    note = (
+        f"The verifier '{verdict.verifier or 'unnamed'}' has given {streak.length} equal successes in a row: its "
+        f"confidence counts {confidence:.2f} at most."
+    )
+    return replace(verdict, confidence=confidence), note

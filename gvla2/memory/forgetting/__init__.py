@@ -1,0 +1,1 @@
+"""Forgetting for good: what one record leaves in others, and in files."""

@@ -1,0 +1,1 @@
+"""A bank in RAM, which follows its store: columns, postings, vectors."""

@@ -1,0 +1,1 @@
+"""What lessons say: words, numbers, opposites, sentences, contradictions."""

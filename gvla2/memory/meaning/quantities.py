@@ -1,0 +1,236 @@
+"""Numbers with units in a text, as intervals in base units: "at least 5 cm" is a length in [0.05, inf)."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from gvla2.memory.meaning.bounds import bound_before, bound_behind
+from gvla2.memory.meaning.number_words import spelled_numbers
+from gvla2.memory.meaning.units import UNITS, Unit, unit_at
+
+__all__ = ["UNITS", "Found", "Quantity", "quantities"]
+
+_DIGITS = r"\d(?:\d{0,2}(?:[ \u00a0]\d{3})+(?![\d.,])|\d*(?:[.,]\d+)*)(?:e[-+]?\d+(?!\w))?"
+_NUMBER = rf"[-−+]?{_DIGITS}"
+_FIGURE = re.compile(_DIGITS)
+_TO = re.compile(
+    r"\s*(?P<word>\bto\b|\bbis\b|à|\bhasta\b|\ba\b|–|—|-|~|到|至|and\b|und\b|et\b|y\b|和|±|\+/-)\s*"
+)
+_JOINS = frozenset({"and", "und", "et", "y", "和"})
+_AND_A_HALF = re.compile(r"\s+(?:and a half|et demie?|y medi[ao])\b")
+_BY = re.compile(rf"\s*(?:[x×]|\bby\b)\s*(?P<number>{_NUMBER})(?![^\W\d_]*\d)")
+_CLOCK = re.compile(r":(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d))?(?!\d)(?:\s?(?P<half>[ap])\.?m\b)?")
+_HALF_DAY = re.compile(r"\s?(?P<half>[ap])\.?m\b\.?")
+_FRACTION = re.compile(r"/(?P<under>\d+)(?![\d/.])")
+_ATTACHED = re.compile(r"(?P<size>k)(?!\w)|(?P<share>x)(?!\w)|(?!x\d)[a-z]")
+SAME_SIDE = 0.6
+"""Two upper (or two lower) bounds disagree when they lie apart by more than this share of the larger one."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a text says about a number: it lies in [low, high] of the base unit of ``dimension``.
+
+    ``about`` marks a rough figure; ``dimension`` is "" for a bare number.
+    """
+
+    dimension: str
+    low: float
+    high: float
+    about: bool = False
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether it is a bound rather than a figure."""
+        return math.isinf(self.low) or math.isinf(self.high)
+
+    def inverted(self) -> Quantity:
+        """The other side of a bound: what "never above 5" leaves."""
+        if math.isinf(self.high):
+            return Quantity(self.dimension, -math.inf, self.low, self.about)
+        return Quantity(self.dimension, self.high, math.inf, self.about)
+
+    def disagrees(self, other: Quantity, tolerance: float) -> bool:
+        """Whether no number satisfies both, beyond ``tolerance`` (a share of the larger figure)."""
+        gap = max(self.low, other.low) - min(self.high, other.high)
+        if not gap > 0:
+            return self.one_sided and other.one_sided and self._far_bounds(other)
+        scale = max(
+            (abs(v) for v in (self.low, self.high, other.low, other.high) if math.isfinite(v)), default=0.0
+        )
+        # Who gives a bound or a range means it; single figures vary from one episode to the next.
+        figures = self.low == self.high and other.low == other.high
+        slack = tolerance * (2.0 if self.about or other.about else 1.0) if figures else 0.02
+        return gap > slack * scale
+
+    def _far_bounds(self, other: Quantity) -> bool:
+        """Whether two bounds on one side are so far apart that whoever keeps the one knows nothing of the other."""
+        for a, b in ((self.low, other.low), (self.high, other.high)):
+            if math.isfinite(a) and math.isfinite(b) and a * b > 0:
+                return abs(a - b) > SAME_SIDE * max(abs(a), abs(b))
+        return False
+
+
+@dataclass(frozen=True)
+class Found:
+    """A quantity and where it stands in the text, ``start`` to ``end``."""
+
+    quantity: Quantity
+    start: int
+    end: int
+
+
+def quantities(text: str) -> list[Found]:
+    """All quantities of a casefolded text, in reading order; names are to be joined before, see
+    :func:`gvla2.memory.meaning.designations.name_things`.
+    """
+    atoms = _atoms(text)
+    found: list[Found] = []
+    last = index = 0
+    while index < len(atoms):
+        made, index, end = _read(text, atoms, index, last)
+        if made:
+            found += made
+            last = end
+    return found
+
+
+@dataclass(frozen=True)
+class _Atom:
+    value: float
+    start: int
+    end: int
+    dimension: str = ""
+    share: bool = False
+    spelled: bool = False
+
+
+def _atoms(text: str) -> list[_Atom]:
+    """The single numbers of a text, in digits and in words."""
+    digits = []
+    for match in _FIGURE.finditer(text):
+        start = _start(text, match.start())
+        value = _number(text[start : match.end()]) if start >= 0 else None
+        if value is not None:
+            digits.append(_Atom(value, start, match.end()))
+    words = [
+        _Atom(spelled.value, spelled.start, spelled.end, spelled.dimension, spelled.share, True)
+        for spelled in spelled_numbers(text)
+    ]
+    return sorted(digits + words, key=lambda atom: atom.start) if words else digits
+
+
+def _start(text: str, at: int) -> int:
+    """Where a number begins whose digits begin at ``at``, with its sign; -1 where the digits belong to a word."""
+    before = text[at - 1] if at else " "
+    if before in "-−+":
+        return at if at > 1 and _in_word(text[at - 2]) else at - 1
+    if _in_word(before):
+        flag = at > 2 and text[at - 2] == "-" and text[at - 3].isspace()
+        return at if flag and before.isalpha() else -1  # "-j8"
+    return -1 if before == "." and at > 1 and _in_word(text[at - 2]) else at
+
+
+def _in_word(character: str) -> bool:
+    return (character.isalnum() or character == "_") and not "\u3400" <= character <= "\u9fff"
+
+
+def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Found], int, int]:
+    """The quantities that begin with atom ``index``, the index of the atom behind them, and where they end."""
+    atom = atoms[index]
+    value, end, unit = atom.value, atom.end, None
+    if atom.start < last:
+        return [], index + 1, last
+    if not atom.spelled and (clock := _clock(text, value, end)) is not None:
+        return [Found(Quantity("clock", clock[0], clock[0]), atom.start, clock[1])], index + 1, clock[1]
+    if not atom.spelled and (over := _FRACTION.match(text, end)) is not None and float(over["under"]) > 0:
+        value, end = value / float(over["under"]), over.end()
+    index += 1
+    dimension = atom.dimension
+    if not dimension:
+        unit = unit_at(text, end, atom.spelled)
+        end = unit.end if unit else end
+        if unit is None and not atom.spelled and (ending := _ATTACHED.match(text, end)):
+            if ending["size"] is None and ending["share"] is None:
+                return [], index, last  # "2nd", "3d"
+            value, end = value * (1000.0 if ending["size"] else 1.0), ending.end()
+            dimension = "ratio" if ending["share"] else ""
+    if unit is not None and (half := _AND_A_HALF.match(text, end)):
+        value, end = value + 0.5, half.end()
+        while index < len(atoms) and atoms[index].start < end:
+            index += 1
+    others = _products(text, end) if not atom.spelled else []
+    if others:
+        end = others[-1][1]
+        unit = unit or unit_at(text, end)
+        end = unit.end if unit and unit.end > end else end
+        while index < len(atoms) and atoms[index].start < end:
+            index += 1
+    before = bound_before(text, last, atom.start)
+    high, unit2, spread = value, unit, False
+    to = _TO.match(text, end) if index < len(atoms) and not others else None
+    if to is not None and to.end() == atoms[index].start and (to["word"] not in _JOINS or before.between):
+        second = atoms[index]
+        high, end, index = second.value, second.end, index + 1
+        unit2 = unit_at(text, end, second.spelled) or unit
+        end = max(end, unit2.end if unit2 else 0)
+        unit, spread = unit or unit2, to["word"] in ("±", "+/-")
+    sign, behind = bound_behind(text, end) if not before.sign else (before.sign, end)
+    if not dimension:
+        dimension = unit.dimension if unit else ("ratio" if atom.share else "by" if others else "")
+    low, high = _scaled(value, unit), _scaled(high, unit2)
+    if spread:
+        low, high = low - high, low + high
+    elif high == low and sign:
+        low, high = (low, math.inf) if sign > 0 else (-math.inf, high)
+    figures = [(min(low, high), max(low, high))] + [(_scaled(other, unit),) * 2 for other, _ in others]
+    return (
+        [Found(Quantity(dimension, a, b, before.about), before.start, behind) for a, b in figures],
+        index,
+        behind,
+    )
+
+
+def _scaled(value: float, unit: Unit | None) -> float:
+    return value if unit is None else value * unit.factor + unit.offset
+
+
+def _products(text: str, end: int) -> list[tuple[float, int]]:
+    """The further sizes of "30 x 40 x 2 cm", and where each of them ends."""
+    found: list[tuple[float, int]] = []
+    while (match := _BY.match(text, end)) is not None:
+        value = _number(match["number"])
+        if value is None:
+            break
+        end = match.end()
+        found.append((value, end))
+    return found
+
+
+def _clock(text: str, hours: float, end: int) -> tuple[float, int] | None:
+    """Seconds since midnight of "14:30" and "3 pm", and where the time ends; None for any other number."""
+    if not (0 <= hours < 25 and hours == int(hours)):
+        return None
+    match = _CLOCK.match(text, end) or _HALF_DAY.match(text, end)
+    if match is None:
+        return None
+    parts = match.groupdict(default="")
+    if parts["half"]:
+        hours = hours % 12 + (12 if parts["half"] == "p" else 0)
+    return hours * 3600 + int(parts.get("minutes") or 0) * 60 + int(parts.get("seconds") or 0), match.end()
+
+
+def _number(text: str) -> float | None:
+    """``1.5``, ``1,5``, ``1,000``, ``10 000``; None for what is no single number, such as ``3.11.2``."""
+    plain = text.replace("−", "-").replace(" ", "").replace("\u00a0", "")
+    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?", plain):
+        plain = plain.replace(",", "")
+    elif re.fullmatch(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}", plain):
+        plain = plain.replace(".", "").replace(",", ".")
+    try:
+        value = float(plain.replace(",", "."))
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

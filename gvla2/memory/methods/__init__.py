@@ -1,0 +1,1 @@
+"""Whole memory methods beside the governed bank, on its store."""

@@ -1,0 +1,1 @@
+"""What a task brings back: scored, ranked, abstained from, rendered."""

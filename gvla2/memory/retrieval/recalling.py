@@ -1,0 +1,101 @@
+"""What a task brings back: ranked, bounded, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
+from gvla2.memory.curation.growth import MAX_QUERY
+from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.records import Record, clean, finite
+from gvla2.memory.retrieval.rendering import render, visible
+
+
+@dataclass(frozen=True)
+class Hit:
+    """A record that a search found, its score and the score's terms by name; ``reliable``: recall would show it."""
+
+    record: Record
+    score: float
+    terms: Mapping[str, float]
+    reliable: bool
+
+
+def recall(
+    task: MemoryTask,
+    candidates: RowCandidates,
+    retriever: Retriever,
+    embedder: Embedder,
+    options: BankOptions,
+    bank: str,
+) -> MemoryContext:
+    """The most reliable of the candidates, or none with the reason."""
+    if not len(candidates.ids):
+        return MemoryContext(abstained=f"The bank '{bank}' holds no verified knowledge yet.")
+    asked = bounded(task)
+    ranked, reason = retriever.rank(asked, candidates, embedder.embed([asked.query])[0])
+    items = tuple(_item(candidates.record(rank.row), rank.score, rank.terms) for rank in ranked)
+    if not items:
+        return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
+    return MemoryContext(items, render(items, options.max_chars))
+
+
+def search(
+    task: MemoryTask,
+    index: Index,
+    served: RowCandidates,
+    candidates: RowCandidates,
+    retriever: Retriever,
+    embedder: Embedder,
+    k: int,
+) -> list[Hit]:
+    """What a recall would show of the ``served``, with its score; then the nearest of all others, and by what."""
+    if not len(candidates.ids) or k < 1:
+        return []
+    asked = bounded(task)
+    vector = embedder.embed([asked.query])[0]
+    ranked, _ = retriever.rank(asked, served, vector)
+    hits = [
+        Hit(_of(index, served.ids[rank.row]), rank.score, dict(rank.terms), reliable=True) for rank in ranked
+    ]
+    known = {hit.record.id for hit in hits}
+    lexical, coverage = candidates.lexical(asked.query), candidates.coverage(asked.query)
+    cosine = candidates.cosine(vector)
+    text = 0.5 * lexical + 0.5 * cosine.clip(0.0, 1.0)
+    for row in sorted(range(len(text)), key=lambda i: (-text[i], candidates.ids[i]))[: k + len(known)]:
+        record = _of(index, candidates.ids[row])
+        if record.id not in known and text[row] > 0:
+            terms = {
+                "bm25": float(lexical[row]),
+                "coverage": float(coverage[row]),
+                "cosine": float(cosine[row]),
+                "confidence": record.confidence,
+            }
+            hits.append(Hit(record, float(text[row]), terms, reliable=False))
+    return hits[:k]
+
+
+def bounded(task: MemoryTask) -> MemoryTask:
+    """The task with a query that any retriever can take, and sound numbers."""
+    return MemoryTask(clean(task.query, MAX_QUERY), finite(task.signature), task.skill)
+
+
+def _of(index: Index, id: str) -> Record:
+    return index.record(index.rows([id])[0])
+
+
+def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryItem:
+    return MemoryItem(
+        id=record.id,
+        type=record.record_type,
+        content=visible(record.content),
+        confidence=record.confidence,
+        score=score,
+        terms=dict(terms),
+        # What was never verified binds nobody, even where the bank is told to show it.
+        binding=record.type == "failure_avoidance" and record.state != "provisional",
+        effect=record.effect_json() if record.effect else None,
+    )

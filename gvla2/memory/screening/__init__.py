@@ -1,0 +1,1 @@
+"""Text that gives orders to machines, in many languages and disguises."""

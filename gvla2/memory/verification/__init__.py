@@ -1,0 +1,1 @@
+"""What a verifier that reads is asked, and what its answer says."""

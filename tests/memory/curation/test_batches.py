@@ -1,0 +1,116 @@
+"""What is taken in at once is decided as if it came one by one; and an index that is brought up to date is like one
+that was read anew."""
+
+import json
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gvla2.evaluation.memory.corpus import lessons
+from gvla2.evaluation.memory.setting import admission
+from gvla2.memory.bank import BankOptions, KnowledgeBank
+from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.storage.store import Store
+
+Open = Callable[..., KnowledgeBank]
+Item = tuple[Lesson, Verdict, MemoryTask | str, str]
+
+
+def stream(count: int) -> list[Item]:
+    """Lessons of which many say the same, in other words, or the opposite, some of them from one source."""
+    items: list[Item] = []
+    for i, record in enumerate(lessons(count, 5)):
+        lesson, verdict, task, _ = admission(record, i)
+        thing, side = ("mug", "drawer", "lamp")[i % 3], ("left", "right")[i % 7 // 4]
+        said = (
+            lesson.content,
+            f"Turn the {thing} to the {side} before you lift it.",
+            f"Lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait.",
+            f"Always lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait!",
+        )[i % 4]
+        items.append((Lesson(lesson.type, said), verdict, task, f"run/{i // 9}" if i % 2 else ""))
+    return items
+
+
+def columns(index: Index) -> dict[str, Any]:
+    """All that an index holds of each record."""
+    index.refresh()
+    rows = index._rows
+    return {
+        id: (
+            rows.record(row),
+            rows.vectors.exact[row].tobytes(),
+            [column[row].item() for name, column in rows.columns.items() if name != "skill"],
+        )
+        for id, row in rows.row_of.items()
+    }
+
+
+def decisions(path: Path) -> list[tuple[Any, ...]]:
+    """What was decided in which order, without what tells transactions apart."""
+    with sqlite3.connect(path) as connection:
+        found = connection.execute(
+            "SELECT action, record, target, why FROM memory_event WHERE action <> 'episode'"
+            " ORDER BY record, target, seq"
+        ).fetchall()
+    connection.close()
+    return found
+
+
+def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:
+    items = stream(120)
+    found = []
+    for size in (1, 23):
+        path = tmp_path / f"{size}.db"
+        options = BankOptions(summary_size=1000)  # summaries are made at the end of each transaction
+        with KnowledgeBank.open(f"sqlite:///{path}", options=options, clock=lambda: 1.8e9) as bank:
+            for start in range(0, len(items), size):
+                bank.admit_many(items[start : start + size])
+            assert bank.verify() == []
+            links = {(link.source, link.kind, link.target) for link in bank.links()}
+            states = {record.id: (record.state, record.count, record.note) for record in bank.records()}
+        found.append((links, states, decisions(path)))
+    assert found[0] == found[1]
+    actions = {row[0] for row in found[0][2]}
+    assert {"ADD", "MERGE", "MERGED", "REPLACE", "REPLACED", "link:conflict", "link:merged"} <= actions
+
+
+def test_an_index_follows_what_was_decided_as_if_it_were_read_anew(tmp_path: Path) -> None:
+    url, items = f"sqlite:///{tmp_path / 'memory.db'}", stream(150)
+    options = BankOptions(active_budget=40, provisional_budget=5)
+    now = [1.8e9]
+    with KnowledgeBank.open(url, options=options, clock=lambda: now[0]) as bank, Store.open(url) as store:
+        for place, start in enumerate((0, 1, 2, 40, 41, 80, 81, 120)):
+            end = (1, 2, 40, 41, 80, 81, 120, 150)[place]
+            bank.admit_many(items[start:end])
+            now[0] += 86400
+            if place % 3 == 2:
+                bank.govern()
+            assert columns(bank._index) == columns(Index(store, "default", HashEmbedder()))
+        states = store.stats("default")["states"]
+        assert states["archive"] > 0
+        assert states["active"] <= 40
+
+
+def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verdicts: Any, url: str) -> None:
+    bank = open_bank()
+    hint = Lesson("procedural_hint", "Lift the cup 5 cm.")
+    other = Lesson("failure_avoidance", "Never lift the cup 5 cm.")
+    bank.admit_many([(hint, verdicts["success"], "lift the cup", ""), (other, verdicts["fail"], "cup", "")])
+    assert [link.kind for link in bank.links()] == ["conflict"]
+    with Store.open(url) as store:
+        first, second = (record.id for record in bank.records())
+        with store.writing("default", actor="test", now=1.9e9) as transaction:
+            link = bank.links()[0]
+            assert not transaction.link(link.source, "conflict", link.target)
+            assert transaction.link(first, "noted", second, why="one")
+            assert not transaction.link(first, "noted", second)
+            transaction.decide("LOOKED", first)
+            assert [event.action for event in transaction.view.history("default", first)][-2:] == [
+                "link:noted", "LOOKED",
+            ]  # fmt: skip
+        assert store.verify("default") == []
+        assert json.loads(store.events("default")[-1].scores) == {}

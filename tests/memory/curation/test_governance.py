@@ -1,0 +1,179 @@
+"""What a bank keeps: retirement, contradictions, summaries, budgets; after each episode and as a whole."""
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gvla2.memory.contracts import Lesson, MemoryTask
+from gvla2.memory.curation.governance import overflow, retention
+from gvla2.memory.records import Record
+
+Open = Callable[..., Any]
+DAY = 86400.0
+WAYS = (
+    "Read the failing test first, then trace the error to its source file.",
+    "Read the failing test first, trace the error to the source file by name.",
+    "First read the failing test and trace its error to one source file.",
+)
+
+
+def record(id: str, **fields: Any) -> Record:
+    plain = {
+        "bank": "b", "query": "q", "content": id, "type": "procedural_hint", "state": "active",
+        "outcome": "verified_success",
+        "confidence": 0.8, "quality": 0.9, "dedup_key": id, "created": 0.0, "updated": 0.0,
+    }  # fmt: skip
+    return Record(id=id, **{**plain, **fields})
+
+
+def test_retention_is_the_sum_of_the_released_terms() -> None:
+    rows = [
+        record("a"),
+        record("b", usage=3),
+        record("c", usage=50, updated=90 * DAY),
+        record("d", outcome="uncertain", confidence=0.0, quality=0.5),
+        record("e", type="failure_avoidance", outcome="verified_fail", quality=0.1),
+    ]
+    scores = retention(rows, 90 * DAY)
+    assert scores.tolist() == pytest.approx([2.2, 2.5, 2.95, 0.2, 2.2])
+
+
+def test_overflow_takes_the_least_worth_keeping() -> None:
+    rows = [record(f"r{i}", usage=i) for i in range(5)]
+    assert [r.id for r in overflow(rows, 0.0, 3)] == ["r0", "r1"]
+    assert overflow(rows, 0.0, 5) == []
+
+
+def test_stale_failures_that_nobody_used_retire(
+    open_bank: Open, episode: Open, verdicts: Any, clock: Any
+) -> None:
+    bank = open_bank()
+    avoid = Lesson("failure_avoidance", "Moving the jar: failed because the lid was loose.")
+    used = Lesson("failure_avoidance", "Moving the lamp: failed because the cable was short.")
+    bank.learn(episode("Move the jar", avoid, skill=""), verdicts["fail"])
+    bank.learn(episode("Move the lamp", used, skill=""), verdicts["fail"])
+    recalled = bank.recall(MemoryTask("Move the lamp with the short cable"))
+    tool = Lesson("tool_usage", "The crane needs air.")
+    bank.learn(episode("Run the crane", tool, skill="", recalled=recalled), verdicts["success"])
+    clock.pass_days(13)
+    assert bank.govern().changes == 0
+    clock.pass_days(2)
+    governed = bank.govern()
+    assert len(governed.retired) == 1
+    (gone,) = bank.records(["archive"])
+    assert "jar" in gone.content
+    assert "14 days" in gone.note
+    assert [e.action for e in bank.history(gone.id)][-1] == "RETIRE"
+    assert bank.govern().changes == 0  # nothing is left to do
+
+
+def test_learning_retires_as_well(open_bank: Open, episode: Open, verdicts: Any, clock: Any) -> None:
+    bank = open_bank()
+    avoid = Lesson("failure_avoidance", "Moving the jar: failed because the lid was loose.")
+    bank.learn(episode("Move the jar", avoid, skill=""), verdicts["fail"])
+    clock.pass_days(20)
+    bank.learn(
+        episode("Run the crane", Lesson("tool_usage", "The crane needs air."), skill=""), verdicts["success"]
+    )
+    assert [r.state for r in bank.records() if r.type == "failure_avoidance"] == ["archive"]
+
+
+def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, way in enumerate(WAYS):
+        bank.admit(
+            Lesson("procedural_hint", way),
+            verdicts["success"],
+            task=f"fix bug {i} of the parser",
+            source=f"s{i}",
+        )
+    (summary,) = bank.records(["summary"])
+    members = bank.records(["archive"])
+    assert len(members) == 3
+    assert all(" ".join(way.split()) in summary.content for way in WAYS)  # nothing that was said is lost
+    assert {(k.source, k.kind) for k in bank.links()} == {(summary.id, "summary_of")}
+    assert summary.count == 3
+    assert summary.id in [
+        i.id for i in bank.recall("fix a bug: read the failing test, trace the error").items
+    ]
+    # What is said again goes to the summary.
+    again = bank.admit(Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9")
+    assert again.merged == (summary.id,)
+    assert bank.records(["summary"])[0].count == 4
+    assert bank.verify() == []
+
+
+def test_one_task_alone_makes_no_summary_and_effects_are_not_summed_up(
+    open_bank: Open, verdicts: Any
+) -> None:
+    bank = open_bank()
+    for way in WAYS:
+        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task="fix the parser")
+    for i, name in enumerate(("depth", "tilt", "height")):
+        effect = {"kind": "prior", "parameter": name, "value": 1.0, "count": 1}
+        content = f"Take the small box: this {name} succeeded."
+        bank.admit(Lesson("procedural_hint", content, effect), verdicts["success"], task=f"take box {i}")
+    assert bank.govern().summaries == []
+    assert not bank.records(["summary"])
+
+
+def test_a_pass_settles_contradictions_that_came_in_unsettled(open_bank: Open, verdicts: Any) -> None:
+    lax = open_bank(governance=False)
+    for n in (15, 5):
+        lax.admit(
+            Lesson("procedural_hint", f"Lift the cup {n} cm."), verdicts["success"], task="lift the cup"
+        )
+    lax.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="lift it")
+    assert len(lax.records(["active"])) == 2
+    bank = open_bank()
+    governed = bank.govern()
+    assert len(governed.replaced) == 1
+    (kept,) = bank.records(["active"])
+    assert kept.content == "Lift the cup 15 cm."
+    assert {k.kind for k in bank.links()} == {"conflict", "replaces"}
+    assert lax.govern().changes == 0
+
+
+def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, many_lessons: Any) -> None:
+    bank = open_bank(active_budget=40, provisional_budget=15)
+    items = [(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(150)]
+    items += [(lesson, verdicts["uncertain"], task, "") for lesson, task in many_lessons(60, seed=1)]
+    for start in range(0, len(items), 30):
+        bank.admit_many(items[start : start + 30])
+        assert len(bank.records(["active", "summary"])) <= 40
+        assert len(bank.records(["provisional"])) <= 15
+        assert len(bank._index) <= 55  # what is archived takes no room in memory
+    assert len(bank.records()) == 210  # nothing was deleted
+    assert bank.verify() == []
+
+
+def test_without_governance_nothing_of_it_happens(open_bank: Open, verdicts: Any, clock: Any) -> None:
+    bank = open_bank(governance=False, active_budget=1)
+    for i, way in enumerate(WAYS):
+        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task=f"task {i}")
+    clock.pass_days(30)
+    assert bank.govern().changes == 0
+    assert len(bank.records(["active"])) == 3
+
+
+def test_the_same_history_gives_the_same_bank(
+    open_bank: Open, verdicts: Any, many_lessons: Any, clock: Any
+) -> None:
+    rng = random.Random(3)
+    lessons = many_lessons(40) + [(Lesson("procedural_hint", way), f"task {i}") for i, way in enumerate(WAYS)]
+    lessons += [(Lesson("procedural_hint", f"Lift the cup {n} cm."), "cup") for n in (5, 15, 30)]
+    rng.shuffle(lessons)
+    seen = []
+    start = clock.now
+    for name in ("one", "other"):
+        clock.now = start
+        bank = open_bank(name, active_budget=30)
+        for lesson, task in lessons:
+            clock.now += 60
+            bank.admit(lesson, verdicts["success"], task=task, source=task)
+        bank.govern()
+        rows = [(r.content, r.state, r.count, r.confidence, r.note.partition(" ")[0]) for r in bank.records()]
+        seen.append(sorted(rows))
+    assert seen[0] == seen[1]

@@ -1,0 +1,250 @@
+"""The index follows its store, exactly, and starts from a snapshot only where that is right."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gvla2.evaluation.memory.corpus import lessons
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.meaning.words import text_of
+from gvla2.memory.records import Record
+from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.storage.store import Put, Store
+
+EMBEDDER = HashEmbedder()
+NOW = 1.8e9
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store.open(f"sqlite:///{tmp_path / 'memory.db'}") as opened:
+        yield opened
+
+
+def put(store: Store, records: list[Record], *, vectors: bool = True, model: str = EMBEDDER.model) -> None:
+    made = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
+    with store.writing("default", actor="test", now=NOW) as transaction:
+        transaction.put_many(
+            [
+                Put(r, "add", v if vectors else None, model if vectors else "")
+                for r, v in zip(records, made, strict=True)
+            ]
+        )
+
+
+def stored(store: Store, id: str) -> Record:
+    (record,) = store.records("default", ids=[id])
+    return record
+
+
+def fresh(store: Store) -> Index:
+    index = Index(store, "default", EMBEDDER)
+    index.refresh()
+    return index
+
+
+def same(index: Index, store: Store, query: str = "pick up the red cube near the mug") -> None:
+    """The index answers as one does that reads all of the store anew."""
+    other = fresh(store)
+    vector = EMBEDDER.embed([query])[0]
+    one, two = index.candidates(now=NOW), other.candidates(now=NOW)
+    assert sorted(one.ids) == sorted(two.ids)
+    place = {id: i for i, id in enumerate(two.ids)}
+    order = [place[id] for id in one.ids]
+    for name in ("confidence", "ages", "usage", "conflicts", "outcomes", "types", "wordings"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name)[order])
+    np.testing.assert_allclose(one.lexical(query), two.lexical(query)[order], atol=1e-12)
+    np.testing.assert_array_equal(one.coverage(query), two.coverage(query)[order])
+    rows = np.arange(len(one.ids))
+    np.testing.assert_array_equal(one.vectors(rows), two.vectors(np.array(order, dtype=np.int64)))
+    for name in ("theme_width", "objects", "unknown"):
+        np.testing.assert_array_equal(one.numbers(name), two.numbers(name)[order])
+    near, cosines = index.nearest(vector, 5)
+    other_near, other_cosines = other.nearest(vector, 5)
+    assert [index.record(r) for r in near] == [other.record(r) for r in other_near]
+    np.testing.assert_allclose(cosines, other_cosines, atol=1e-6)
+    assert [one.record(i) for i in range(len(one.ids))] == [two.record(i) for i in order]
+
+
+def test_it_follows_every_kind_of_change(store: Store) -> None:
+    put(store, lessons(60, now=NOW))
+    index = fresh(store)
+    assert len(index) == 60
+    ids = list(index.candidates().ids)
+    first = stored(store, ids[0])
+    changes = [
+        replace(first, usage=7, confidence=0.1, updated=NOW + 5),
+        replace(stored(store, ids[1]), content="entirely other words: ein roter Würfel"),
+        replace(stored(store, ids[2]), state="archive"),
+        replace(stored(store, ids[3]), state="provisional"),
+        replace(stored(store, ids[4]), state="summary", signature='{"theme_width":0.5,"unknown":3.0}'),
+    ]
+    put(store, changes)
+    put(store, lessons(20, 99, now=NOW))
+    index.refresh()
+    same(index, store)
+    served = list(index.candidates().ids)
+    assert ids[2] not in served
+    assert ids[3] not in served
+    assert ids[3] in index.candidates(("provisional",)).ids
+    assert index.rows(["no such id", ids[2]]) == []
+    put(store, [replace(stored(store, ids[2]), state="active")])
+    index.refresh()
+    assert ids[2] in index.candidates().ids
+    same(index, store)
+
+
+def test_links_count_as_conflicts_on_both_ends(store: Store) -> None:
+    put(store, lessons(3, now=NOW))
+    index = fresh(store)
+    ids = list(index.candidates().ids)
+    with store.writing("default", actor="test", now=NOW) as transaction:
+        transaction.link(ids[0], "conflict", ids[1])
+        transaction.link(ids[2], "merged", ids[1])
+    index.refresh()
+    assert dict(zip(index.candidates().ids, index.candidates().conflicts.tolist(), strict=True)) == {
+        ids[0]: 1, ids[1]: 1, ids[2]: 0,
+    }  # fmt: skip
+
+
+def test_forgotten_records_leave_the_index_and_its_snapshot(store: Store, tmp_path: Path) -> None:
+    records = [replace(r, content=f"a secret about door {i}") for i, r in enumerate(lessons(5, now=NOW))]
+    put(store, records)
+    snapshot = tmp_path / "memory.index"
+    index = Index(store, "default", EMBEDDER, snapshot=snapshot)
+    assert index.save()
+    name = records[0].content.encode()
+    assert name in snapshot.read_bytes()
+    with store.writing("default", actor="test", now=NOW) as transaction:
+        transaction.forget(records[0].id, why="asked to")
+    index.refresh()
+    assert records[0].id not in index.candidates().ids
+    assert not snapshot.exists()
+    assert index.save()
+    assert name not in snapshot.read_bytes()
+
+
+def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None:
+    records = lessons(6, now=NOW)
+    put(store, records[:2], model="another-model")
+    put(store, records[2:4], vectors=False)
+    put(store, records[4:])
+    index = fresh(store)
+    expected = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
+    for record, vector in zip(records, expected, strict=True):
+        (row,) = index.rows([record.id])
+        np.testing.assert_array_equal(index.vector(row), vector)
+
+
+def test_dead_rows_go(store: Store) -> None:
+    records = lessons(300, now=NOW)
+    put(store, records)
+    index = fresh(store)
+    for turn in range(7):
+        put(
+            store,
+            [replace(stored(store, r.id), content=f"turn {turn} of {r.content}") for r in records],
+        )
+        index.refresh()
+        assert index._rows.size <= 300 + 1024 + 150 + 300
+    same(index, store)
+
+
+def test_nearest_is_exact(store: Store) -> None:
+    records = lessons(800, now=NOW)
+    put(store, records)
+    index = fresh(store)
+    table = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
+    for query in ("pick up the red cube", "öffne die linke Schublade", "拿起红色方块"):
+        vector = EMBEDDER.embed([query])[0]
+        rows, cosines = index.nearest(vector, 10)
+        expected = np.sort(table @ vector)[::-1][:10]
+        np.testing.assert_allclose(cosines, expected, atol=1e-6)
+        truth = {records[i].id for i in np.argsort(-(table @ vector), kind="stable")[:10]}
+        assert {index.record(r).id for r in rows} == truth
+    assert len(index.nearest(np.zeros(512, np.float32), 3)[0]) == 0
+    assert len(index.nearest(vector, 0)[0]) == 0
+    assert len(index.nearest(vector, 5000)[0]) == 800
+
+
+def test_a_snapshot_starts_it_and_newer_changes_are_applied(store: Store, tmp_path: Path) -> None:
+    put(store, lessons(50, now=NOW))
+    snapshot = tmp_path / "memory.index"
+    index = Index(store, "default", EMBEDDER, snapshot=snapshot)
+    assert index.save()
+    assert oct(snapshot.stat().st_mode & 0o777) == "0o600"
+    put(store, lessons(10, 7, now=NOW))
+    asked: list[int] = []
+    counted = Index(store, "default", EMBEDDER, snapshot=snapshot)
+    apply = counted.apply
+    counted.apply = lambda changes: (asked.append(len(changes)), apply(changes))[1]  # type: ignore[method-assign]
+    counted.refresh()
+    assert asked == [10]
+    same(counted, store)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data[:-1],
+        lambda data: data[: len(data) // 2],
+        lambda data: b"",
+        lambda data: b"not json\n" + data,
+        lambda data: data[:-2000] + bytes([data[-2000] ^ 1]) + data[-1999:],
+        lambda data: data.replace(b'"size": ', b'"size": 9', 1),
+    ],
+)
+def test_a_damaged_snapshot_is_ignored(
+    store: Store, tmp_path: Path, damage: Callable[[bytes], bytes]
+) -> None:
+    put(store, lessons(30, now=NOW))
+    snapshot = tmp_path / "memory.index"
+    assert Index(store, "default", EMBEDDER, snapshot=snapshot).save()
+    snapshot.write_bytes(damage(snapshot.read_bytes()))
+    index = Index(store, "default", EMBEDDER, snapshot=snapshot)
+    index.refresh()
+    same(index, store)
+
+
+def test_a_snapshot_of_another_database_model_or_bank_is_ignored(store: Store, tmp_path: Path) -> None:
+    put(store, lessons(30, now=NOW))
+    snapshot = tmp_path / "memory.index"
+    assert Index(store, "default", EMBEDDER, snapshot=snapshot).save()
+    with Store.open(f"sqlite:///{tmp_path / 'other.db'}") as other:
+        put(other, lessons(4, 5, now=NOW))
+        put(other, lessons(4, 6, now=NOW))
+        index = Index(other, "default", EMBEDDER, snapshot=snapshot)
+        index.refresh()
+        same(index, other)
+    small = Index(store, "default", HashEmbedder(64), snapshot=snapshot)
+    small.refresh()
+    assert small.vector(0).shape == (64,)
+    empty = Index(store, "another bank", EMBEDDER, snapshot=snapshot)
+    empty.refresh()
+    assert len(empty) == 0
+    assert not empty.save()
+
+
+def test_an_empty_bank(store: Store) -> None:
+    index = fresh(store)
+    assert len(index.candidates().ids) == 0
+    assert index.candidates().lexical("cube").shape == (0,)
+    assert index.candidates().cosine(EMBEDDER.embed(["cube"])[0]).shape == (0,)
+    assert len(index.nearest(EMBEDDER.embed(["cube"])[0], 3)[0]) == 0
+
+
+def test_another_database_in_its_place_is_read_anew(tmp_path: Path) -> None:
+    path = tmp_path / "memory.db"
+    with Store.open(f"sqlite:///{path}") as store:
+        for seed in (1, 2, 3):
+            put(store, lessons(5, seed, now=NOW))
+        index = fresh(store)
+        index.candidates()
+        with Store.open(f"sqlite:///{tmp_path / 'other.db'}") as other:
+            put(other, lessons(4, 9, now=NOW))
+            index._store = other  # what a restored backup looks like from here: the same bank, an earlier rev
+            index.refresh()
+            same(index, other)

@@ -1,0 +1,165 @@
+"""Every decision is an event: history, the past, rebuilding, and tampering that is found out."""
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gvla2.memory.contracts import MemoryTask
+from gvla2.memory.records import Record
+from gvla2.memory.storage.rebuilding import rows_json
+from gvla2.memory.storage.store import Store, StoredEpisode
+
+NOW = 1.8e9
+Make = Callable[..., Record]
+
+
+def fill(store: Store, make: Make) -> None:
+    """Five events: two records, a change, a link, an episode; and a decision."""
+    with store.writing("b", actor="learn", now=NOW) as t:
+        first = t.put(make("1", content="lift 15 cm"), action="add", why="new", scores={"match": 0.2})
+        t.put(make("2"), action="add")
+    with store.writing("b", actor="learn", now=NOW + 1) as t:
+        t.put(replace(first, count=2, content="lift 20 cm"), action="merge", why="same surface")
+        t.link("1", "conflict", "2", why="15 against 5")
+    with store.writing("b", actor="learn", now=NOW + 2) as t:
+        t.save_episode(StoredEpisode("run/1", NOW + 2, MemoryTask("q"), transcript="it moved"))
+        t.decide("discard", "2", why="known already", scores={"match": 0.97, "odd": float("nan")})
+
+
+def test_history_says_who_what_why_before_and_after(store: Store, record: Make) -> None:
+    fill(store, record)
+    created, merged, linked = store.history("b", "1")
+    assert (created.actor, created.action, created.why, created.at) == ("learn", "add", "new", NOW)
+    assert created.scores_json() == {"match": 0.2}
+    assert created.change_json()["content"] == "lift 15 cm"
+    assert merged.change_json() == {"count": [1, 2], "content": ["lift 15 cm", "lift 20 cm"]}
+    assert (linked.action, linked.target, linked.rev) == ("link:conflict", "2", 2)
+    events = store.events("b")
+    assert [e.seq for e in events] == [1, 2, 3, 4, 5, 6]
+    assert store.events("b", since=4) == events[4:]
+    assert store.events("b", since=1, limit=2) == events[1:3]
+    assert (events[5].action, events[5].scores_json(), events[5].change) == ("discard", {"match": 0.97}, "")
+
+
+def test_the_past_and_the_rows_from_events_alone(store: Store, record: Make) -> None:
+    fill(store, record)
+    assert [r.content for r in store.as_of("b", NOW)] == ["lift 15 cm", "what 2 says"]
+    assert [r.content for r in store.as_of("b", NOW + 1)] == ["lift 20 cm", "what 2 says"]
+    assert store.as_of("b", NOW - 1) == []
+    assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
+    assert store.verify("b") == []
+
+
+TAMPERING = {
+    "an event's reason is edited": (
+        "UPDATE memory_event SET why = 'other' WHERE seq = 3",
+        ["event 3: what it says was changed"],
+    ),
+    "an event's change is edited": (
+        "UPDATE memory_event SET change = replace(change, '20 cm', '99 cm') WHERE seq = 3",
+        ["event 3: what it says was changed", "record 1: content differ"],
+    ),
+    "an event's scores are edited": (
+        "UPDATE memory_event SET scores = '{}' WHERE seq = 1",
+        ["event 1: what it says was changed"],
+    ),
+    "an event's actor is edited": (
+        "UPDATE memory_event SET actor = 'somebody' WHERE seq = 2",
+        ["event 2: its header was changed"],
+    ),
+    "an event's time is edited": (
+        "UPDATE memory_event SET at = at - 5 WHERE seq = 3",
+        ["event 3: its header was changed", "event 3: it is older"],
+    ),
+    "an event is deleted": (
+        "DELETE FROM memory_event WHERE seq = 3",
+        ["chain 4: events 3 to 3 are missing", "record 1: content, count"],
+    ),
+    "the last event is deleted": (
+        "DELETE FROM memory_event WHERE seq = 6",
+        ["chain: it ends with event 5, the bank's own row says event 6"],
+    ),
+    "all events are deleted": (
+        "DELETE FROM memory_event",
+        ["chain: it ends with event 0", "record 1: no event created it", "record 2: no event created it"],
+    ),
+    "events are swapped": (
+        "UPDATE memory_event SET seq = CASE seq WHEN 2 THEN 30 WHEN 3 THEN 2 ELSE seq END;"
+        "UPDATE memory_event SET seq = 3 WHERE seq = 30",
+        ["chain 2: it does not follow", "event 2: its header was changed", "event 3: its header was changed"],
+    ),
+    "an event is erased": (
+        "UPDATE memory_event SET why = '', scores = '', change = '', salt = X'' WHERE seq = 3",
+        ["event 3: it was erased, and nothing was forgotten afterwards", "record 1: content, count"],
+    ),
+    "a row is edited": (
+        "UPDATE memory SET content = 'lift 99 cm' WHERE id = '1'",
+        ["record 1: content differ"],
+    ),
+    "a row is deleted": (
+        "DELETE FROM memory WHERE id = '2'",
+        ["record 2: the events have it, the rows do not"],
+    ),
+    "a row is slipped in": (
+        "INSERT INTO memory SELECT '3', bank, query, content, type, state, outcome, confidence, quality, 'k3', created,"
+        " updated, used, count, usage, recalled, verifier, signature, skill, effect, provenance, note, version, rev"
+        " FROM memory WHERE id = '1'",
+        ["record 3: no event created it"],
+    ),
+    "a link is taken away": ("DELETE FROM memory_link", ["link 1 conflict 2"]),
+    "a link is slipped in": (
+        "INSERT INTO memory_link VALUES ('b', '2', 'conflict', '1', 1.0)",
+        ["link 2 conflict 1"],
+    ),
+    "an episode is edited": (
+        "UPDATE memory_episode SET data = replace(data, 'it moved', 'it flew')",
+        ["episode run/1: it is not what was stored"],
+    ),
+    "an episode is deleted": (
+        "DELETE FROM memory_episode",
+        ["episode run/1: the events have it, the rows do not"],
+    ),
+    "the bank's row is deleted": ("DELETE FROM memory_bank", ["chain: the bank's own row is missing"]),
+}
+
+
+@pytest.mark.parametrize("how", TAMPERING)
+def test_tampering_is_found_out(sqlite_url: str, tmp_path: Path, record: Make, how: str) -> None:
+    statements, expected = TAMPERING[how]
+    with Store.open(sqlite_url) as store:
+        fill(store, record)
+        assert store.verify("b") == []
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
+            for statement in statements.split(";"):
+                other.execute(statement)
+        found = [str(problem) for problem in store.verify("b")]
+        for sentence in expected:
+            assert any(problem.startswith(sentence) for problem in found), found
+
+
+def test_banks_have_chains_of_their_own(store: Store, record: Make) -> None:
+    fill(store, record)
+    with store.writing("c", actor="x", now=NOW - 50) as t:
+        t.put(record("1", bank="c"), action="add")
+    assert [(e.bank, e.seq, e.at) for e in store.events("c")] == [("c", 1, NOW - 50)]
+    assert store.verify("b") == []
+    assert store.verify("c") == []
+    assert store.verify("nobody's") == []
+
+
+def test_forgetting_the_same_id_again_leaves_others_as_they_were(store: Store, record: Make) -> None:
+    """The first forgetting's own event is erased by the second, and unlinks all the same."""
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("a"), action="add")
+        t.put(record("b"), action="add")
+        t.link("a", "conflict", "b")
+        t.forget("b")
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("b"), action="add")
+        t.forget("b")
+    assert [r.rev for r in store.records("b")] == [1]
+    assert store.verify("b") == []

@@ -1,0 +1,238 @@
+"""SQLite files: created once, refused and left alone where they cannot be used, damaged rows kept apart."""
+
+import os
+import sqlite3
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.records import Record
+from gvla2.memory.storage.store import Put, Store
+
+NOW = 1.8e9
+Make = Callable[..., Record]
+
+
+def spoil(path: Path, how: str, make: Make) -> None:
+    if how == "garbage":
+        path.write_bytes(b"this is no database, but it is somebody's data " * 200)
+        return
+    if how == "foreign":
+        with closing(sqlite3.connect(path)) as connection:
+            connection.execute("CREATE TABLE photos (name TEXT)")
+        return
+    Store.open(f"sqlite:///{path}").close()
+    if how == "newer":
+        with closing(sqlite3.connect(path)) as connection, connection:
+            connection.execute("UPDATE memory_meta SET value = '99'")
+    elif how == "stateless":
+        with closing(sqlite3.connect(path)) as connection, connection:
+            connection.execute("DELETE FROM memory_meta")
+    elif how == "torn":
+        data = bytearray(path.read_bytes())
+        data[4096:] = os.urandom(len(data) - 4096)
+        path.write_bytes(data)
+    elif how == "rotten":  # one page of a file that looks well from outside
+        with Store.open(f"sqlite:///{path}") as store, store.writing("b", actor="a", now=NOW) as t:
+            t.put_many([Put(make(f"r{i}", content=f"lesson {i}"), "add") for i in range(16)])
+        data = bytearray(path.read_bytes())
+        page = data.rindex(b"lesson 7") // 4096 * 4096
+        data[page : page + 200] = b"\xff" * 200
+        path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ("garbage", "not a database"),
+        ("foreign", "something else"),
+        ("newer", "schema 99"),
+        ("stateless", "damaged"),
+        ("torn", "corrupt|malformed"),
+        ("rotten", "corrupt|malformed"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_refused_and_left_alone(
+    tmp_path: Path, how: str, said: str, record: Make
+) -> None:
+    path = tmp_path / "memory.db"
+    spoil(path, how, record)
+    before, mode = path.read_bytes(), path.stat().st_mode
+    beside = sorted(tmp_path.iterdir())
+    with pytest.raises(MemoryStoreError, match=said) as caught:
+        Store.open(f"sqlite:///{path}", busy_seconds=0.2)
+    assert str(path) in str(caught.value)
+    assert (path.read_bytes(), path.stat().st_mode) == (before, mode)
+    assert sorted(tmp_path.iterdir()) == beside
+
+
+def test_a_folder_in_place_of_the_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(MemoryStoreError, match="cannot be used: it is a folder"):
+        Store.open(f"sqlite:///{tmp_path}")
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(MemoryStoreError, match="cannot be used"):
+        Store.open(f"sqlite:///{tmp_path / 'file' / 'memory.db'}")
+
+
+def test_a_locked_database_is_refused_and_serves_again_later(sqlite_url: str, tmp_path: Path) -> None:
+    Store.open(sqlite_url).close()
+    path = tmp_path / "memory.db"
+    before = path.read_bytes()
+    with closing(sqlite3.connect(path)) as holder:
+        holder.execute("PRAGMA locking_mode=EXCLUSIVE")
+        holder.execute("BEGIN EXCLUSIVE")
+        started = time.monotonic()
+        with pytest.raises(MemoryStoreError, match="locked"):
+            Store.open(sqlite_url, busy_seconds=0.2)
+        assert time.monotonic() - started < 5
+        assert path.read_bytes() == before
+    with Store.open(sqlite_url) as store:
+        assert store.records("b") == []
+
+
+def test_a_busy_writer_blocks_writers_but_no_readers(sqlite_url: str, tmp_path: Path) -> None:
+    with (
+        Store.open(sqlite_url, busy_seconds=0.2) as store,
+        closing(sqlite3.connect(tmp_path / "memory.db")) as holder,
+    ):
+        holder.execute("BEGIN IMMEDIATE")
+        assert store.records("b") == []
+        with pytest.raises(MemoryStoreError, match="locked"), store.writing("b", actor="a", now=NOW):
+            pass
+        holder.rollback()
+        with store.writing("b", actor="a", now=NOW):
+            pass
+
+
+def test_an_empty_file_and_a_missing_folder_become_a_bank(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "er" / "memory.db"
+    Store.open(f"sqlite:///{path}").close()
+    assert path.exists()
+    empty = tmp_path / "empty.db"
+    empty.touch()
+    Store.open(f"sqlite:///{empty}").close()
+    with closing(sqlite3.connect(empty)) as connection:
+        assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+        assert connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone() == ("2",)
+
+
+def test_a_file_whose_log_was_switched_off_gets_it_back(sqlite_url: str, tmp_path: Path) -> None:
+    Store.open(sqlite_url).close()
+    with closing(sqlite3.connect(tmp_path / "memory.db")) as connection:
+        assert connection.execute("PRAGMA journal_mode=DELETE").fetchone() == ("delete",)
+    Store.open(sqlite_url).close()
+    with closing(sqlite3.connect(tmp_path / "memory.db")) as connection:
+        assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+@pytest.mark.parametrize(
+    ("statement", "found"),
+    [
+        ("UPDATE memory SET effect = '{' WHERE id = '1'", "record 1: damaged: effect is no sound JSON"),
+        (
+            "UPDATE memory SET content = CAST(X'ff00ff' AS TEXT) WHERE id = '1'",
+            "record 1: damaged: content of a",
+        ),
+        ("UPDATE memory SET content = X'00' WHERE id = '1'", "record 1: damaged: content of a wrong type"),
+        (
+            "UPDATE memory SET quality = 9e999 WHERE id = '1'",
+            "record 1: damaged: quality is no finite number",
+        ),
+        (
+            "UPDATE memory SET confidence = 'high' WHERE id = '1'",
+            "record 1: damaged: confidence of a wrong type",
+        ),
+    ],
+)
+def test_a_damaged_row_is_named_and_holds_up_nothing(
+    sqlite_url: str, tmp_path: Path, record: Make, statement: str, found: str
+) -> None:
+    with Store.open(sqlite_url) as store:
+        with store.writing("b", actor="a", now=NOW) as t:
+            t.put_many([Put(record(str(i)), "add") for i in range(3)])
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
+            other.execute(statement)
+        assert [r.id for r in store.records("b")] == ["0", "2"]
+        assert [c.record.id for c in store.changes("b", 0)] == ["0", "2"]
+        assert [str(p) for p in store.verify("b") if str(p).startswith(found)]
+        assert len(store.verify("b")) == 1
+        assert [r.id for r in store.rebuild("b").records] == ["0", "1", "2"]  # the events have it still
+        with store.writing("b", actor="a", now=NOW) as t:
+            assert t.get("1") is None
+            again = t.put(record("1", content="said again"), action="add")
+        assert again.version == 2
+        assert store.verify("b") == []
+
+
+@pytest.mark.parametrize(
+    ("bytes_", "found"),
+    [
+        (np.full(16, np.nan, "<f4").tobytes(), "vector 1: damaged"),
+        (b"\x00" * 63, "vector 1: damaged"),
+        (b"", "vector 1: damaged"),
+    ],
+)
+def test_a_damaged_vector_is_named_and_left_out(
+    sqlite_url: str, tmp_path: Path, record: Make, vector: np.ndarray, bytes_: bytes, found: str
+) -> None:
+    with Store.open(sqlite_url) as store:
+        with store.writing("b", actor="a", now=NOW) as t:
+            t.put_many([Put(record(str(i)), "add", vector, "m") for i in range(3)])
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
+            other.execute("UPDATE memory_vector SET vector = ? WHERE id = '1'", (bytes_,))
+        assert [c.vector is None for c in store.changes("b", 0)] == [False, True, False]
+        (problem,) = store.verify("b")
+        assert str(problem).startswith(found)
+
+
+def test_a_vector_of_another_length_than_its_model_is_named(
+    sqlite_url: str, tmp_path: Path, record: Make, vector: np.ndarray
+) -> None:
+    with Store.open(sqlite_url) as store:
+        with store.writing("b", actor="a", now=NOW) as t:
+            t.put(record("1"), vector, model="m", action="add")
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
+            other.execute("UPDATE memory_vector SET vector = X'0000803f', dimension = 1")
+            other.execute("INSERT INTO memory_vector VALUES ('b', 'nobody', 'm', 1, X'0000803f')")
+        assert [str(p) for p in store.verify("b")] == [
+            "vector 1: 1 numbers, others of 'm' have 16.",
+            "vector nobody: it belongs to no record.",
+        ]
+
+
+def test_threads_share_a_store(sqlite_url: str, record: Make) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
+    with Store.open(sqlite_url, busy_seconds=20) as store:
+
+        def work(i: int) -> int:
+            with store.writing("b", actor=f"thread {i}", now=NOW) as t:
+                t.put(record(f"r{i}"), action="add")
+            return store.rev("b")
+
+        with ThreadPoolExecutor(6) as pool:
+            revs = list(pool.map(work, range(40)))
+        assert max(revs) == 40
+        assert len(store.records("b")) == 40
+        assert store.verify("b") == []
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_process_works_on_connections_of_its_own(sqlite_url: str, record: Make) -> None:
+    with Store.open(sqlite_url) as store:
+        assert store.rev("b") == 0
+        child = os.fork()
+        if child == 0:
+            try:
+                with store.writing("b", actor="child", now=NOW) as t:
+                    t.put(record("c"), action="add")
+                os._exit(0)
+            finally:
+                os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+        assert [r.id for r in store.records("b")] == ["c"]

@@ -1,0 +1,176 @@
+"""What is forgotten is gone to the last byte, the chain still holds, and an index hears of it."""
+
+import itertools
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.contracts import Lesson, MemoryTask
+from gvla2.memory.records import Record
+from gvla2.memory.storage.rebuilding import rows_json
+from gvla2.memory.storage.store import Put, Store, StoredEpisode
+
+NOW = 1.8e9
+SECRET = "Anna keeps the spare key under the third flowerpot"
+Make = Callable[..., Record]
+
+
+def fill(store: Store, make: Make, vector: np.ndarray) -> None:
+    with store.writing("b", actor="learn", now=NOW) as t:
+        t.put_many([Put(make(f"r{i}"), "add", vector, "m") for i in range(40)])
+        secret = t.put(
+            make("s", content=SECRET, provenance='{"sources":["run/s"]}'),
+            vector * 3,
+            model="m",
+            action="add",
+            why=f"says {SECRET}",
+        )
+        t.put(replace(secret, note=f"note: {SECRET}", count=2), action="merge")
+        t.link("s", "conflict", "r1", why=f"against {SECRET}")
+        t.link("r2", "replaces", "s", why=f"instead of {SECRET}")
+        for source, told in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
+            lessons = (Lesson("tool_usage", SECRET if source != "run/u" else "harmless"),)
+            t.save_episode(StoredEpisode(source, NOW, MemoryTask("q"), lessons, records=told))
+
+
+def holders(folder: Path, text: str = SECRET) -> list[str]:
+    return [p.name for p in sorted(folder.rglob("*")) if p.is_file() and text.encode() in p.read_bytes()]
+
+
+def test_no_byte_is_left_in_the_files(
+    sqlite_url: str, tmp_path: Path, record: Make, vector: np.ndarray
+) -> None:
+    with Store.open(sqlite_url) as store:
+        fill(store, record, vector)
+        assert holders(tmp_path)
+        rev = store.rev("b")
+        with store.writing("b", actor="owner", now=NOW + 1) as t:
+            assert t.forget("s", why="asked for")
+            assert not t.forget("s")
+            assert not t.forget("nobody")
+        assert holders(tmp_path) == []
+        assert (vector * 3).tobytes() not in (tmp_path / "memory.db").read_bytes()
+        check_forgotten(store, rev)
+    assert holders(tmp_path) == []
+
+
+def test_forgetting_on_either_database(store: Store, record: Make, vector: np.ndarray) -> None:
+    fill(store, record, vector)
+    rev = store.rev("b")
+    with store.writing("b", actor="owner", now=NOW + 1) as t:
+        assert t.forget("s", why="asked for")
+    check_forgotten(store, rev)
+
+
+def check_forgotten(store: Store, rev: int) -> None:
+    assert store.verify("b") == []
+    assert len(store.records("b")) == 40
+    assert store.links("b") == []
+    assert [e.source for e in store.episodes("b")] == ["run/u"]
+    assert store.rebuild("b").json() == rows_json(store.records("b"), [])
+    assert [r.id for r in store.as_of("b", NOW)] == [r.id for r in store.records("b")]
+    changes = {c.record.id: c for c in store.changes("b", rev)}
+    assert {id: c.forgotten for id, c in changes.items()} == {"r1": False, "r2": False, "s": True}
+    assert (changes["s"].record.content, changes["s"].vector) == ("", None)
+    *before, last = store.history("b", "s")
+    assert all(e.erased and not e.change and not e.why for e in before)
+    assert (last.action, last.why, last.actor) == ("forget", "asked for", "owner")
+
+
+def test_the_same_may_be_learnt_again(store: Store, record: Make, put: Callable[..., Record]) -> None:
+    first = put(record("1"))
+    with store.writing("b", actor="owner", now=NOW) as t:
+        t.forget("1")
+        assert t.get("1") is None
+        assert t.by_key(first.dedup_key) is None
+    again = put(record("1"))
+    assert again.version == 3
+    assert store.records("b") == [again]
+    assert store.verify("b") == []
+    with store.writing("b", actor="owner", now=NOW) as t:
+        assert t.forget("1")
+    assert store.verify("b") == []
+    assert store.stats("b")["states"] == {"forgotten": 1}
+
+
+def test_a_damaged_record_can_be_forgotten(sqlite_url: str, tmp_path: Path, record: Make) -> None:
+    with Store.open(sqlite_url) as store:
+        with store.writing("b", actor="a", now=NOW) as t:
+            t.put(record("1", content=SECRET), action="add")
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
+            other.execute("UPDATE memory SET provenance = '{'")
+        with store.writing("b", actor="a", now=NOW) as t:
+            assert t.forget("1")
+        assert store.verify("b") == []
+        assert holders(tmp_path) == []
+
+
+def test_bytes_that_a_reader_holds_up_are_owned_up_to_and_go_later(
+    sqlite_url: str, tmp_path: Path, record: Make, vector: np.ndarray
+) -> None:
+    with Store.open(sqlite_url, busy_seconds=0.2) as store:
+        fill(store, record, vector)
+        with closing(sqlite3.connect(tmp_path / "memory.db", isolation_level=None)) as reader:
+            reader.execute("BEGIN")
+            reader.execute("SELECT COUNT(*) FROM memory").fetchone()
+            with (
+                pytest.raises(
+                    MemoryStoreError, match=r"forgotten, and no longer in the bank.*another process|locked"
+                ),
+                store.writing("b", actor="owner", now=NOW) as t,
+            ):
+                t.forget("s")
+            assert [str(p) for p in store.verify("b")] == [
+                "file: bytes of what was forgotten may be left in it: compact it."
+            ]
+            assert SECRET not in {r.content for r in store.records("b")}
+        store.compact()
+        assert store.verify("b") == []
+        assert holders(tmp_path) == []
+
+
+def test_many_at_once_are_forgotten_as_one_by_one(sqlite_url: str, tmp_path: Path, record: Make) -> None:
+    ids = [f"r{i:02}" for i in range(40)]
+    with Store.open(sqlite_url) as store:
+        with store.writing("b", actor="learn", now=NOW) as t:
+            sources = '{"sources":["run/all","run/%s"]}'
+            t.put_many(
+                [Put(record(id, content=f"{SECRET} {id}", provenance=sources % id), "add") for id in ids]
+            )
+            for source, told in (("run/all", ()), *((f"run/{id}", ()) for id in ids), ("told", ids[20:22])):
+                t.save_episode(
+                    StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(told))
+                )
+            t.save_episode(StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",)))
+            t.save_episode(StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],)))
+            for one, other in itertools.pairwise(ids):
+                t.link(one, "conflict", other, why=SECRET)
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other_connection, other_connection:
+            other_connection.execute("UPDATE memory_episode SET data = data || '}' WHERE source = 'torn'")
+        with store.writing("b", actor="owner", now=NOW) as t:
+            assert all(t.forget(id) for id in ids)
+        assert [e.source for e in store.episodes("b")] == ["kept"]
+        assert holders(tmp_path) == []
+        assert store.verify("b") == []
+        forgotten = [e.record for e in store.events("b") if e.action == "forget"]
+        assert len(forgotten) == len(set(forgotten)) == 40 + 43
+
+
+def test_what_is_learnt_again_at_once_keeps_its_links(
+    store: Store, record: Make, put: Callable[..., Record]
+) -> None:
+    put(record("1"))
+    put(record("2"))
+    with store.writing("b", actor="owner", now=NOW) as t:
+        t.link("2", "conflict", "1", why=SECRET)
+        t.forget("1")
+        t.put(record("1"), action="add")
+        t.link("2", "conflict", "1", why="anew")
+    assert [e.why for e in store.history("b", "2") if e.action == "link:conflict"] == ["", "anew"]
+    assert store.verify("b") == []

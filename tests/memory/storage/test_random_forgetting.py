@@ -1,0 +1,82 @@
+"""Summaries, merges, contradictions and forgetting in any order: the chain holds, and the rows are what it says."""
+
+import os
+import random
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from gvla2.memory.contracts import MemoryTask
+from gvla2.memory.records import Record
+from gvla2.memory.storage.rebuilding import rows_json
+from gvla2.memory.storage.store import Store, StoredEpisode, Transaction
+
+NOW = 1.8e9
+MEMORY_DISK = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
+IDS = ("alpha-1", "beta-22", "gamma-3", "delta-4", "omega-5")
+TASKS = ("do one", "do two", "do three")
+WORDS = ("lift the cup gently by its handle", "turn the big wheel slowly", "press the red lamp twice")
+KINDS = ("merged", "summary_of", "conflict")
+OPERATIONS = ("put", "put", "put", "link", "link", "forget", "decide", "episode", "sum up", "unlink")
+
+
+def link(t: Transaction, source: str, kind: str, target: str) -> None:
+    known = {(k.source, k.kind, k.target) for k in t.view.links("b", source)}
+    if (source, kind, target) not in known and t.get(source) and t.get(target):
+        t.link(source, kind, target, why=f"as {target} says")
+
+
+def do(t: Transaction, draw: random.Random, make: Callable[..., Record]) -> None:
+    operation, (id, other) = draw.choice(OPERATIONS), draw.sample(IDS, 2)
+    known, kind, task = t.get(id), draw.choice(KINDS), draw.choice(TASKS)
+    if operation == "put":
+        sources = f'{{"sources":["run/{draw.randrange(3)}"]}}'
+        record = known or make(id, query=task, content=f"{draw.choice(WORDS)} {id[0]}", provenance=sources)
+        notes = ("", f"replaced by {other}", f"it contradicts {other} (1 against 2)")
+        t.put(
+            replace(
+                record,
+                query="\n".join(dict.fromkeys([*record.query.split("\n"), task])),
+                note=draw.choice(notes),
+                state=draw.choice(["active", "archive"]),
+                count=record.count + 1,
+            ),
+            action=draw.choice(["ADD", "REPLACED", "MERGE"]),
+            why=draw.choice(["", f"outweighs {other} (3 against 4)", draw.choice(WORDS)]),
+        )
+    elif operation == "link":
+        link(t, id, kind, other)
+    elif operation == "unlink":
+        t.unlink(id, kind, other)
+    elif operation == "forget":
+        t.forget(id)
+    elif operation == "decide":
+        t.decide("DISCARD", draw.choice(["", id]), why=f"{other}: {draw.choice(WORDS)}")
+    elif operation == "episode":
+        t.save_episode(StoredEpisode(f"run/{draw.randrange(3)}", t.now, MemoryTask("q"), records=(id,)))
+    elif operation == "sum up" and known:
+        t.put(replace(known, state="summary"), action="SUMMARY")
+        for member in map(t.get, draw.sample(IDS, 3)):
+            if member is not None and member.id != id:
+                t.put(replace(member, state="archive", note=f"summed up in {id}"), action="SUMMED_UP")
+                link(t, id, "summary_of", member.id)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_any_order(seed: int, record: Callable[..., Record]) -> None:
+    draw = random.Random(seed)
+    with (
+        tempfile.TemporaryDirectory(dir=MEMORY_DISK) as folder,
+        Store.open(f"sqlite:///{folder}/m.db") as store,
+    ):
+        for step in range(draw.randint(2, 8)):
+            with store.writing("b", actor="random", now=NOW + step) as t:
+                for _ in range(draw.randint(1, 6)):
+                    do(t, draw, record)
+            assert store.verify("b") == []
+            assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
+            living = {r.id for r in store.records("b")}
+            told = [e for e in store.events("b") if e.why and e.action[:4] in ("ADD", "MERG", "REPL", "DISC")]
+            assert not [e for e in told for id in t.forgotten if id in e.why and id not in living]

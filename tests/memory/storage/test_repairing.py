@@ -1,0 +1,144 @@
+"""Rows that somebody has changed by hand become again what the events say, for every process that looks."""
+
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.contracts import Lesson, Verdict
+from gvla2.memory.records import COLUMNS, Record
+from gvla2.memory.storage.store import Put, Store
+
+GOOD = Verdict.from_criteria({"done": 1.0})
+SAID = (
+    "Lift the cup 15 cm before you move it.",
+    "Turn the lid to the left.",
+    "Lift the cup 5 cm before you move it.",
+)
+
+
+@pytest.fixture
+def tampered(tmp_path: Path) -> Callable[..., KnowledgeBank]:
+    """A bank that is open in one process while another changes its file."""
+
+    def make(*statements: str) -> KnowledgeBank:
+        bank = KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}")
+        for text in SAID:
+            bank.admit(Lesson("procedural_hint", text), GOOD, task="lift the cup")
+        assert bank.recall("lift the cup").items
+        with sqlite3.connect(tmp_path / "m.db") as raw:
+            for statement in statements:
+                assert raw.execute(statement).rowcount
+        raw.close()
+        return bank
+
+    return make
+
+
+def repaired(bank: KnowledgeBank):
+    with bank._store.writing("default", actor="test", now=2e9) as tx:
+        return tx.repair()
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE memory SET content = 'Throw the cup.', confidence = 1.0 WHERE content LIKE 'Lift%15%'",
+        "UPDATE memory SET state = 'archive'",
+        "UPDATE memory SET confidence = 'much'",  # cannot be read
+        "UPDATE memory SET dedup_key = 'x' || dedup_key, version = 7",
+        "DELETE FROM memory WHERE content LIKE 'Turn%'",
+        "DELETE FROM memory_link",
+        "UPDATE memory_link SET at = 1.0",
+        "UPDATE memory_vector SET vector = x'00'",
+        "UPDATE memory SET id = 'hint-0' WHERE content LIKE 'Turn%'",
+    ],
+)
+def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path):
+    with tampered(statement) as bank:
+        assert bank.verify() != []
+        before = bank._store.rebuild("default").records
+        done = repaired(bank)
+        assert bank.verify() == []
+        assert done.records
+        assert {r.content for r in bank.records()} == set(SAID)
+        for old, new in zip(before, bank.records(), strict=True):
+            assert {n for n in COLUMNS if getattr(old, n) != getattr(new, n)} <= {"version", "rev"}
+        assert {hit.record.content for hit in bank.search("lift the cup or turn the lid")} <= set(SAID)
+        assert bank.history(done.records[0])[-1].action == "repair"
+        assert bank.verify() == []
+    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as again:
+        assert {item.content for item in again.recall("lift the cup").items} <= set(SAID)
+        assert again.admit(Lesson("procedural_hint", "Wipe the plate."), GOOD, task="wipe").added
+
+
+def test_a_row_that_nobody_created_is_forgotten(tampered):
+    columns = ", ".join(name for name in COLUMNS if name not in ("id", "dedup_key", "content"))
+    with tampered(
+        f"INSERT INTO memory (id, dedup_key, content, {columns}) SELECT 'hint-evil', 'k', 'Throw the cup.', {columns} "
+        "FROM memory WHERE content LIKE 'Turn%'"
+    ) as bank:
+        assert any(hit.record.id == "hint-evil" for hit in bank.search("throw the cup")) or bank.verify()
+        assert repaired(bank).forgotten == ("hint-evil",)
+        assert bank.verify() == []
+        assert {r.content for r in bank.records()} == set(SAID)
+
+
+def test_a_sound_bank_is_left_alone(tampered):
+    with tampered() as bank:
+        rev = bank.stats()["rev"]
+        done = repaired(bank)
+        assert (done.records, done.forgotten, bank.stats()["rev"]) == ((), (), rev)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("hash = 'x'", "says another hash"),
+        ("rev = 99", "number of its transaction"),
+        ("seq = 99", "says event 99"),
+    ],
+)
+def test_a_changed_head_says_what_differs(tampered, change: str, told: str):
+    with tampered(f"UPDATE memory_bank SET {change}") as bank:
+        (problem,) = bank.verify()
+        assert told in problem.what
+
+
+@pytest.mark.parametrize(
+    "statement", ["UPDATE memory_event SET actor = 'me'", "UPDATE memory_event SET change = '{}'"]
+)
+def test_changed_events_are_no_ground_to_build_on(tampered, statement: str):
+    with tampered(
+        statement, "UPDATE memory SET content = 'Throw the cup.' WHERE content LIKE 'Turn%'"
+    ) as bank:
+        with pytest.raises(MemoryStoreError, match="Restore the database from a copy"):
+            repaired(bank)
+        assert any(r.content == "Throw the cup." for r in bank.records())
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "UPDATE memory SET content = 'Throw the cup.' WHERE id = '1'",
+        "DELETE FROM memory WHERE id = '1'",
+        "DELETE FROM memory_link",
+        "UPDATE memory SET id = 'x' WHERE id = '1'",
+    ],
+)
+def test_rows_of_either_database(store: Store, record: Callable[..., Record], statement: str):
+    with store.writing("b", actor="test", now=1.8e9) as tx:
+        tx.put_many([Put(record("1"), "add"), Put(record("2"), "add")])
+        tx.link("1", "conflict", "2")
+    before = [(r.id, r.content) for r in store.records("b")]
+    with store._database.writing("b") as raw:
+        assert raw.run(statement)
+    assert store.verify("b")
+    with store.writing("b", actor="test", now=1.9e9) as tx:
+        assert tx.repair().records
+    assert store.verify("b") == []
+    assert [(r.id, r.content) for r in store.records("b")] == before
+    assert len(store.links("b")) == 1

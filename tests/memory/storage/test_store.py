@@ -1,0 +1,398 @@
+"""What is put in comes out: versions, transactions, links, vectors, episodes, and what is refused."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError, MemoryStoreError
+from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.records import COLUMNS, Record
+from gvla2.memory.storage import postgres
+from gvla2.memory.storage.events import EVENT_COLUMNS
+from gvla2.memory.storage.rebuilding import rows_json
+from gvla2.memory.storage.store import Put, StaleRecordError, Store, StoredEpisode
+from gvla2.memory.storage.tables import EventRow, RecordRow, table_columns
+
+NOW = 1.8e9
+Make = Callable[..., Record]
+
+
+def test_minus_zero_is_zero(store: Store, record: Make, put: Make) -> None:
+    stored = put(record(created=-0.0, quality=0))
+    assert str(stored.created) == "0.0"
+    assert store.verify("b") == []
+    assert store.rebuild("b").json() == rows_json(store.records("b"), [])
+
+
+def test_the_tables_are_the_records_column_for_column() -> None:
+    assert tuple(RecordRow.__table__.columns.keys()) == COLUMNS
+    assert tuple(EventRow.__table__.columns.keys()) == EVENT_COLUMNS
+    assert set(postgres._TABLES) == set(table_columns())
+
+
+def test_a_record_comes_back_as_it_was_stored(
+    store: Store, record: Make, put: Make, vector: np.ndarray
+) -> None:
+    stored = put(record(effect='{"value":0.1}', confidence=np.float32(0.5), quality=1), vector)
+    assert (stored.version, stored.rev, stored.confidence) == (1, 1, 0.5)
+    assert store.records("b") == [stored]
+    assert type(stored.quality) is float
+    (change,) = store.changes("b", 0)
+    assert (change.record, change.model, change.forgotten) == (stored, "m", False)
+    np.testing.assert_array_equal(change.vector, vector)
+    assert store.changes("b", stored.rev) == []
+    assert store.rev("b") == 1
+    assert store.rev("other") == 0
+    assert store.verify("b") == []
+
+
+def test_an_update_counts_and_a_stale_one_is_refused(store: Store, record: Make, put: Make) -> None:
+    first = put(record())
+    second = put(replace(first, count=2))
+    assert (second.version, second.rev, second.count) == (2, 2, 2)
+    with pytest.raises(StaleRecordError, match="version 2 by now, not 1"):
+        put(replace(first, count=9))
+    with pytest.raises(StaleRecordError, match="not 0"):
+        put(record())
+    with pytest.raises(StaleRecordError, match="of version 0 by now, not 4"):
+        put(record("new", version=4))
+    assert store.records("b") == [second]
+    assert store.verify("b") == []
+
+
+def test_a_transaction_is_whole_or_nothing_and_has_one_rev(store: Store, record: Make) -> None:
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("1"), action="add")
+        t.put_many([Put(record(str(i)), "add") for i in range(2, 5)])
+        t.link("1", "conflict", "2", why="they differ")
+        again = t.get("1")
+        t.put(replace(again, count=5), action="merge")
+    assert {r.rev for r in store.records("b")} == {1}
+    for interruption in (KeyboardInterrupt, ValueError):
+        with pytest.raises(interruption):
+            interrupted(store, record("9"), interruption)
+    assert [r.id for r in store.records("b")] == ["1", "2", "3", "4"]
+    assert len(store.links("b")) == 1
+    assert store.rev("b") == 1
+    with store.writing("b", actor="a", now=NOW):
+        pass  # nothing happens
+    assert store.rev("b") == 1
+    assert store.verify("b") == []
+
+
+def interrupted(store: Store, record: Record, interruption: type[BaseException]) -> None:
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record, action="add")
+        t.unlink("1", "conflict", "2")
+        raise interruption
+
+
+def test_a_refused_put_leaves_its_transaction_usable(store: Store, record: Make) -> None:
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("1"), action="add")
+        with pytest.raises(MemoryStoreError):
+            t.put_many([Put(record("2"), "add"), Put(record("3", confidence=float("nan")), "add")])
+        t.put(record("4"), action="add")
+    assert [r.id for r in store.records("b")] == ["1", "4"]
+    assert store.verify("b") == []
+
+
+def test_one_batch_may_change_a_record_twice(store: Store, record: Make, vector: np.ndarray) -> None:
+    first = record("1")
+    with store.writing("b", actor="a", now=NOW) as t:
+        stored = t.put_many(
+            [
+                Put(first, "add", vector, "m"),
+                Put(replace(first, version=1, count=2), "merge"),
+                Put(replace(first, version=2, count=3), "merge"),
+            ]
+        )
+    assert [r.version for r in stored] == [1, 2, 3]
+    assert store.records("b") == [stored[-1]]
+    np.testing.assert_array_equal(store.changes("b", 0)[0].vector, vector)
+    assert [e.action for e in store.history("b", "1")] == ["add", "merge", "merge"]
+    assert store.verify("b") == []
+
+
+def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make) -> None:
+    put(record("1", dedup_key="k"))
+    with pytest.raises(MemoryStoreError, match="'1' of bank 'b' has its dedup key"):
+        put(record("2", dedup_key="k"))
+    with (
+        store.writing("b", actor="a", now=NOW) as t,
+        pytest.raises(MemoryStoreError, match="one and the same"),
+    ):
+        t.put_many([Put(record("3", dedup_key="j"), "add"), Put(record("4", dedup_key="j"), "add")])
+    moved = put(replace(store.records("b")[0], dedup_key="other"))
+    assert put(record("2", dedup_key="k")).id == "2"
+    with store.writing("b", actor="a", now=NOW) as t:
+        assert t.by_key("other") == moved
+        assert t.by_key("nobody's") is None
+
+
+def test_records_by_state_and_id(store: Store, record: Make, put: Make) -> None:
+    for i, state in enumerate(["active", "archive", "provisional", "active"]):
+        put(record(f"r{i}", state=state))
+    assert [r.id for r in store.records("b", ["active"])] == ["r0", "r3"]
+    assert [r.id for r in store.records("b", ["active", "archive"], ["r1", "r3", "r9"])] == ["r1", "r3"]
+    assert store.records("b", []) == []
+    assert store.records("b", ids=[]) == []
+    assert store.records("other") == []
+
+
+def test_links_count_as_a_change_of_both_ends(store: Store, record: Make, put: Make) -> None:
+    for id in "123":
+        put(record(id))
+    rev = store.rev("b")
+    with store.writing("b", actor="a", now=NOW) as t:
+        assert t.link("1", "conflict", "2")
+        assert not t.link("1", "conflict", "2")
+    changes = store.changes("b", rev)
+    assert [c.record.id for c in changes] == ["1", "2"]
+    assert [len(c.links) for c in changes] == [1, 1]
+    assert [c.record.version for c in changes] == [1, 1]
+    (link,) = store.links("b", "2")
+    assert (link.source, link.kind, link.target, link.at) == ("1", "conflict", "2", NOW)
+    with store.writing("b", actor="a", now=NOW) as t:
+        assert t.unlink("1", "conflict", "2")
+        assert not t.unlink("1", "conflict", "2")
+        with pytest.raises(MemoryStoreError, match="Cannot link"):
+            t.link("1", "conflict", "nobody")
+        with pytest.raises(MemoryStoreError, match="two different records"):
+            t.link("1", "conflict", "1")
+    assert store.links("b") == []
+    assert store.verify("b") == []
+
+
+def test_text_of_any_kind_is_kept_or_cleaned(store: Store, record: Make, put: Make) -> None:
+    texts = [
+        "",
+        "x" * 1_000_000,
+        "\x01\x1b[31m\r\n\t\u2028 тест 机器人 🤖",
+        "a\x00b",
+        "lone \ud800 half",
+        "\\u0000",
+    ]
+    for i, text in enumerate(texts):
+        put(record(str(i), content=text, note=text[:50]))
+    assert [r.content for r in store.records("b")] == [*texts[:3], "ab", "lone ? half", "\\u0000"]
+    assert store.verify("b") == []
+    assert store.rebuild("b").records == tuple(store.records("b"))
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"confidence": float("nan")}, "confidence is no finite number"),
+        ({"updated": float("inf")}, "updated is no finite number"),
+        ({"effect": "{"}, "effect is no sound JSON"),
+        ({"effect": "[1]"}, "effect is no sound JSON"),
+        ({"signature": '{"a":NaN}'}, "signature is no sound JSON"),
+        ({"signature": '{"a":"b"}'}, "signature"),
+        ({"verifier": ""}, "verifier is no sound JSON"),
+        ({"content": None}, "content of a wrong type"),
+        ({"count": 2**63}, "count is no count"),
+        ({"bank": "other"}, "cannot be stored in bank 'b'"),
+        ({"id": ""}, "cannot be stored"),
+        ({"dedup_key": ""}, "cannot be stored"),
+        ({"state": "forgotten"}, "cannot be stored"),
+    ],
+)
+def test_unsound_records_are_refused(
+    store: Store, record: Make, fields: dict[str, object], said: str
+) -> None:
+    with store.writing("b", actor="a", now=NOW) as t, pytest.raises(MemoryStoreError, match=said):
+        t.put(record(**fields), action="add")
+    assert store.records("b") == []
+
+
+def test_vectors_are_finite_and_of_one_length(
+    store: Store, record: Make, put: Make, vector: np.ndarray
+) -> None:
+    put(record("1"), vector)
+    for wrong, said in (
+        (np.full(16, np.nan), "finite"),
+        (np.ones(8), "8 numbers, those of 'm' in bank 'b' have 16"),
+        (np.ones((4, 4)), "one row"),
+        (np.ones(0), "finite"),
+    ):
+        with pytest.raises(MemoryStoreError, match=said):
+            put(record("2"), wrong)
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.put(record("2"), np.ones(8), model="another", action="add")
+    assert [c.model for c in store.changes("b", 0)] == ["m", "another"]
+    assert store.verify("b") == []
+
+
+def test_a_vector_goes_with_the_text_it_was_made_of(
+    store: Store, record: Make, put: Make, vector: np.ndarray
+) -> None:
+    first = put(record("1"), vector)
+    second = put(replace(first, count=2))
+    assert store.changes("b", 0)[0].vector is not None
+    third = put(replace(second, content="something else"))
+    assert store.changes("b", 0)[0].vector is None
+    assert store.save_vectors("b", "m", [(second, vector)]) == 0  # made of a text that is no more
+    assert store.save_vectors("b", "m2", [(third, np.ones(4)), (record("gone"), np.ones(4))]) == 1
+    (change,) = store.changes("b", 0)
+    assert (change.model, change.record) == ("m2", third)
+    assert store.verify("b") == []
+    assert store.rev("b") == third.rev  # derived data are no change
+
+
+def test_time_never_runs_backwards(store: Store, record: Make, put: Make) -> None:
+    put(record("1"), now=NOW + 100)
+    put(record("2"), now=NOW)
+    assert [e.at for e in store.events("b")] == [NOW + 100, NOW + 100]
+    with store.writing("b", actor="a", now=NOW - 5) as t:
+        assert t.now == NOW + 100
+    for time in (float("nan"), float("inf")):
+        with pytest.raises(MemoryStoreError, match="finite"), store.writing("b", actor="a", now=time):
+            pass
+    assert store.verify("b") == []
+
+
+EPISODE = StoredEpisode(
+    source="run/1",
+    at=NOW,
+    task=MemoryTask("Pick up the red cube", {"height": 0.1}, "pick"),
+    lessons=(Lesson("tool_usage", "grip low", {"kind": "prior", "value": 0.1}),),
+    transcript="it moved\nand \x00 it lifted",
+    facts={"exit_status": 0},
+    verdicts=(Verdict.from_criteria({"task_completion": 1.0}, ["done"], "test"),),
+    records=("hint-1",),
+    provenance={"planner": "skill"},
+)
+
+
+def test_episodes_come_back_for_replay(store: Store) -> None:
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.save_episode(EPISODE)
+        t.save_episode(replace(EPISODE, source="run/2", at=NOW - 1))
+    kept = replace(EPISODE, transcript="it moved\nand  it lifted")
+    assert store.episodes("b") == [replace(kept, source="run/2", at=NOW - 1), kept]
+    later = replace(kept, verdicts=(*kept.verdicts, Verdict.unavailable("network")))
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.save_episode(later)
+        with pytest.raises(MemoryStoreError, match="no sound JSON"):
+            t.save_episode(replace(EPISODE, facts={"what": object()}))
+        with pytest.raises(MemoryStoreError, match="under a source"):
+            t.save_episode(replace(EPISODE, source=""))
+    assert store.episodes("b", ["run/1"]) == [later]
+    assert store.verify("b") == []
+
+
+def test_stats_banks_and_a_snapshot(
+    store: Store, record: Make, put: Make, vector: np.ndarray, tmp_path: Path
+) -> None:
+    put(record("1"), vector)
+    put(record("2", state="archive"))
+    put(record("x", bank="c"))
+    with store.writing("b", actor="a", now=NOW) as t:
+        t.link("1", "replaces", "2")
+        t.save_episode(EPISODE)
+    assert store.banks() == ["b", "c"]
+    stats = store.stats("b")
+    assert stats["states"] == {"active": 1, "archive": 1}
+    assert (stats["vectors"], stats["links"], stats["events"], stats["episodes"], stats["rev"]) == (
+        1,
+        1,
+        4,
+        1,
+        3,
+    )
+    assert stats["bytes"] > 0
+    copy = tmp_path / "deep" / "copy.db"
+    store.snapshot(copy)
+    store.snapshot(copy)  # in place of the first one
+    assert [p.name for p in copy.parent.iterdir()] == ["copy.db"]
+    with Store.open(f"sqlite:///{copy}") as opened:
+        for bank in "bc":
+            assert opened.verify(bank) == []
+            assert opened.records(bank) == store.records(bank)
+            assert opened.events(bank) == store.events(bank)
+        assert opened.episodes("b") == store.episodes("b")
+        assert opened.stats("b")["hash"] == stats["hash"]
+
+
+def test_a_snapshot_replaces_copies_only(store: Store, tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("years of work " * 100)
+    with pytest.raises(MemoryStoreError, match="not a database"):
+        store.snapshot(tmp_path / "thesis.txt")
+    with Store.open(f"sqlite:///{tmp_path / 'used.db'}") as used:
+        with used.writing("b", actor="a", now=NOW) as t:
+            t.decide("something")
+        with pytest.raises(MemoryStoreError, match="is in use"):
+            store.snapshot(tmp_path / "used.db")
+        with pytest.raises(MemoryStoreError, match="is in use"):
+            used.snapshot(tmp_path / "used.db")
+        assert used.rev("b") == 1
+    assert (tmp_path / "thesis.txt").read_text().startswith("years")
+
+
+@pytest.mark.parametrize("name", ["", "a\x00b", "half \ud800", "x" * 201])
+def test_names_that_no_database_takes(store: Store, record: Make, name: str) -> None:
+    with pytest.raises(MemoryStoreError, match="name of a bank"), store.writing(name, actor="a", now=NOW):
+        pass
+    if "\x00" in name or "\ud800" in name:
+        with pytest.raises(MemoryStoreError), store.writing("b", actor="a", now=NOW) as t:
+            t.put(record(name), action="add")
+    assert store.stats("b")["events"] == 0
+
+
+def test_reading_is_one_instant(store: Store, url: str, record: Make, put: Make) -> None:
+    put(record("1"))
+    with store.reading() as view, Store.open(url) as other:
+        before = view.records("b")
+        with other.writing("b", actor="a", now=NOW) as t:
+            t.put(record("2"), action="add")
+        assert other.rev("b") == 2
+        assert (view.rev("b"), view.records("b")) == (1, before)
+    assert store.rev("b") == 2
+
+
+def test_compaction_forgets_what_was_archived_long_ago(store: Store, record: Make, put: Make) -> None:
+    put(record("old", state="archive", updated=NOW - 100))
+    put(record("young", state="archive"))
+    put(record("living", updated=NOW - 100))
+    assert store.compact("b", archived_before=NOW - 50, now=NOW) == 1
+    assert store.compact() == 0
+    assert [r.id for r in store.records("b")] == ["living", "young"]
+    assert store.verify("b") == []
+
+
+def test_a_closed_store_says_so(store: Store) -> None:
+    store.close()
+    store.close()
+    with pytest.raises(MemoryStoreError, match="was closed"):
+        store.rev("b")
+
+
+@pytest.mark.parametrize(
+    "url", ["", "memory.db", "sqlite://", "sqlite:///:memory:", "mysql://host/x", "nosuch:x"]
+)
+def test_other_addresses_are_errors_of_the_configuration(url: str) -> None:
+    with pytest.raises(ConfigurationError, match="sqlite:///path"):
+        Store.open(url)
+
+
+def test_the_names_of_the_stores_own_events_are_reserved(store: Store, record: Make) -> None:
+    with store.writing("b", actor="a", now=NOW) as t:
+        for name in ("forget", "link", "link:x", "episode", ""):
+            with pytest.raises(MemoryStoreError, match="another one"):
+                t.put(record(), action=name)
+            with pytest.raises(MemoryStoreError, match="another one"):
+                t.decide(name)
+    assert store.events("b") == []
+
+
+def test_a_link_made_twice_in_one_transaction_is_one(store: Store, record: Make) -> None:
+    with store.writing("b", actor="t", now=1.0) as tx:
+        for id in ("1", "2"):
+            tx.put(record(id), action="add")
+        for _ in range(2):
+            tx.link("1", "conflict", "2")
+    assert len(store.links("b")) == 1
