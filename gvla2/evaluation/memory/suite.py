@@ -10,6 +10,7 @@ from gvla2.evaluation.memory import (
     contradicting,
     crowds,
     endurance,
+    examining,
     faults,
     poison,
     quality,
@@ -27,7 +28,7 @@ VERSION = 1
 @cache
 def all_tests() -> tuple[Test, ...]:
     """Every test; the long one last."""
-    parts = (retrieval, writing, crowds, faults, contradicting, poison, upkeep, quality, endurance)
+    parts = (retrieval, writing, crowds, faults, contradicting, examining, poison, upkeep, quality, endurance)
     return tuple(test for part in parts for test in part.tests())
 
 

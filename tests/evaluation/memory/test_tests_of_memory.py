@@ -95,7 +95,7 @@ def test_damage_is_named_and_the_rest_is_served(setting: Setting, monkeypatch: p
     assert figures["quarantine_served"].value == figures["quarantine_named"].value == 100
     assert figures["quarantine_shown"].value == 0
     assert figures["quarantine_served"].peer_value == 0, "one damaged line stops the peer"
-    monkeypatch.setattr(Store, "verify", lambda self, bank: [])
+    monkeypatch.setattr(Store, "verify", lambda self, bank, *, head="": [])
     assert faults.quarantine(setting, 50, "")["quarantine_named"].value == 0
 
 
