@@ -44,6 +44,16 @@ _DOUBLE = re.compile(
     r"|(?:不要|别|切勿|不得|不能|不可)(?P<zh>[^,;:]*?)(?:没有|未经)"
 )
 """Two negations that make one assertion: "don't solder without flux" says to solder with it."""
+_BANNED = re.compile(
+    r"\b(?:it )?(?:is|are) (?:strictly |absolutely )?(?:forbidden|prohibited|not (?:allowed|permitted))\b(?: to\b)?"
+    r"|\bunder no circumstances\b|\bon no account\b"
+    r"|\b(?:es )?(?:ist|sind) (?:streng )?(?:verboten|untersagt|nicht (?:erlaubt|gestattet))\b"
+    r"|\bauf keinen fall\b|\bkeinesfalls\b"
+    r"|\b(?:il |c')?(?:est|sont) (?:strictement |formellement )?interdite?s?\b(?: de\b| d')?|\ben aucun cas\b"
+    r"|\bestán? (?:terminantemente )?prohibid[oa]s?\b|\bbajo ningún concepto\b|\ben ningún caso\b"
+    r"|严禁|不准|不许|不允许"
+)
+"""Ways to say "never" that are not one word."""
 _SECOND_HALF = re.compile(r"\b(?:pas|jamais|plus|aucune?)\b")
 _ASIDE = re.compile(r"\([^()\d]*\)")
 _SENTENCE = re.compile(r"[!?;\n。！？；]+|\.(?=\s|$)")
@@ -93,6 +103,8 @@ class Signs:
 
 _NEGATING = _set(
     """not no need needn never don avoid without unless cannot nicht nie niemals kein keine keinen keinem keiner vergiss
+    forbidden prohibited circumstances account verboten untersagt keinesfalls keinen interdit interdite interdits
+    interdites aucun prohibido prohibida prohibidos prohibidas ningún
     vergessen zögere muss musst müssen brauchst braucht brauchen ohne ne n pas sans nunca jamás sin dud duda dudes
     dude"""
 )
@@ -149,7 +161,7 @@ def sentences_of(plain: str) -> list[str]:
 def asserted(sentence: str) -> tuple[str, bool]:
     """The sentence without idioms and double negations, and whether it says that something need not be done."""
     needless = _NEEDLESS.search(sentence) is not None
-    return _DOUBLE.sub(_positive, IDIOMS.sub(" ", sentence)), needless
+    return _DOUBLE.sub(_positive, _BANNED.sub(" never ", IDIOMS.sub(" ", sentence))), needless
 
 
 def _positive(found: re.Match[str]) -> str:
