@@ -37,6 +37,7 @@ from gvla2.memory.records import clean, dedup_key, dump
 from gvla2.memory.storage.store import Change, Store, StoredEpisode
 
 MAX_CONTENT = 2000
+MAX_SOURCE = 200
 MAX_TRANSCRIPT = 20_000
 LARGEST = 1e9
 """No number of an effect is larger, whatever its unit."""
@@ -65,6 +66,7 @@ class Operations:
         """Store what an episode teaches, credit what was recalled, govern what was touched."""
         outcome = Outcome()
         verdict = _believed(verdict, outcome)
+        episode = replace(episode, source=clean(episode.source, MAX_SOURCE))
         episode = replace(episode, lessons=self._induced(episode, verdict, outcome))
         candidates = self._weigh(episode, verdict, outcome, self._options.max_per_episode)
         with self._writing("learn") as ledger:
@@ -78,9 +80,8 @@ class Operations:
         weighed = [
             (episode, verdict, self._decide(episode, verdict, outcome))
             for lesson, said, task, source in items
-            for episode, verdict in [
-                (MemoryEpisode(task, (lesson,), source=source), _believed(said, outcome))
-            ]
+            for episode in [MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE))]
+            for verdict in [_believed(said, outcome)]
         ]
         brought = self._embedded(weighed)
         with self._writing("admit") as ledger:
@@ -119,13 +120,17 @@ class Operations:
     def _writing(self, actor: str) -> Iterator[Ledger]:
         """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
         changes: list[Change] | None = None
-        with self._store.writing(self._index.bank, actor=actor, now=self._clock()) as transaction:
-            if self._index.rev != transaction.rev - 1:
-                self._index.refresh()  # nobody else can write from here on
-            before = self._index.rev
-            ledger = Ledger(transaction, self._index, self._embedder.model)
-            yield ledger
-            changes = ledger.write()
+        try:
+            with self._store.writing(self._index.bank, actor=actor, now=self._clock()) as transaction:
+                if self._index.rev != transaction.rev - 1:
+                    self._index.refresh()  # nobody else can write from here on
+                before = self._index.rev
+                ledger = Ledger(transaction, self._index, self._embedder.model)
+                yield ledger
+                changes = ledger.write()
+        except BaseException:
+            self._streaks = Streaks()  # verdicts were counted of which nothing is stored: read them again
+            raise
         if changes is not None and before == transaction.rev - 1 and (changes or ledger.wrote):
             self._index.apply(changes)
             self._index.rev = transaction.rev

@@ -213,9 +213,10 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
     """
     words = " ".join(unicodedata.normalize("NFKC", content).casefold().split())
     about = [str((effect or {}).get(name, "")) for name in ("kind", "parameter", "op", "skill")]
-    about += (
-        [str(scale)] if (scale := (effect or {}).get("scale")) else []
-    )  # shares and metres are never pooled
+    if scale := (effect or {}).get("scale"):
+        about.append(str(scale))  # shares and metres are never pooled
+    # Nor is what was learnt of another object or region.
+    about += [f"{name}={where}" for name in ("object", "region") if (where := (effect or {}).get(name))]
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 

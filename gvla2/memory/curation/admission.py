@@ -50,7 +50,7 @@ def admit(
         )
     if reads_like_instructions(lesson.content) or effect_reads_like_instructions(lesson.effect):
         return Decision("provisional", f"{QUARANTINED}the text reads like instructions")
-    if lesson.effect is None and query and _repeats(lesson.content, query):
+    if not lesson.effect and query and repeats(lesson.content, query):
         return Decision("provisional", f"{QUARANTINED}the text only repeats the task")
     if not admission or failed or verdict.outcome == "verified_success":
         return Decision("active")
@@ -58,7 +58,8 @@ def admit(
     return Decision("provisional", f"the outcome {why}")
 
 
-def _repeats(content: str, query: str) -> bool:
+def repeats(content: str, query: str) -> bool:
+    """Whether a text says hardly more than the task that it would be found by."""
     said, asked = words_of(content), words_of(query)
     return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
 

@@ -23,6 +23,8 @@ from gvla2.memory.records import Record, dedup_key, dump, record_id
 
 SECONDS_PER_DAY = 86400.0
 SUMMARY_LINES = 6
+SUMMARY_LENGTH = 1600
+"""Lines and characters that a summary tells."""
 
 
 def retention(records: Sequence[Record], now: float) -> NDArray[np.float64]:
@@ -186,8 +188,13 @@ def alike(first: Record, second: Record, options: BankOptions) -> bool:
 
 
 def summable(group: Sequence[Record], options: BankOptions) -> bool:
-    """Whether a group is large enough and comes from two tasks or more, without a contradiction in it."""
-    if len(group) < options.summary_size or len(tasks_of(group)) < 2:
+    """Whether a group is large enough and what a summary can tell of it comes from two tasks or more, without a
+    contradiction in it.
+    """
+    if len(group) < options.summary_size:
+        return False
+    _, held = _told(group)
+    if len(held) < 2 or len(tasks_of(held)) < 2:
         return False
     return not any(conflict_of(a, b) for i, a in enumerate(group) for b in group[i + 1 :])
 
@@ -197,15 +204,22 @@ def tasks_of(group: Sequence[Record]) -> list[str]:
     return sorted({line for record in group for line in record.query.casefold().split("\n") if line})
 
 
-def summary_of(group: Sequence[Record], now: float) -> tuple[Record, list[Record]]:
-    """The summary of a group, best first, and the members whose words it holds in full."""
+def _told(group: Sequence[Record]) -> tuple[list[str], list[Record]]:
+    """The lines of a group's summary, and the members whose words they hold in full: as many as there is room for."""
     lines: list[str] = []
     held: list[Record] = []
     for record in group:
         line = " ".join(record.content.split())
-        if line in lines or (len(lines) < SUMMARY_LINES and sum(map(len, lines)) + len(line) <= 1600):
+        room = len(lines) < SUMMARY_LINES and sum(map(len, lines)) + len(line) <= SUMMARY_LENGTH
+        if line in lines or room or not held:
             lines += [] if line in lines else [line]
             held.append(record)
+    return lines, held
+
+
+def summary_of(group: Sequence[Record], now: float) -> tuple[Record, list[Record]]:
+    """The summary of a group, best first, and the members whose words it holds in full."""
+    lines, held = _told(group)
     best = group[0]
     tasks = len(tasks_of(held))
     content = f"Worked in {tasks} tasks: " + " / ".join(lines)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Verdict
-from gvla2.memory.curation.admission import Streak
+from gvla2.memory.curation.admission import Streak, repeats
 from gvla2.memory.curation.merging import merge_effects, merge_quality, merge_signatures
 from gvla2.memory.records import Record, clean, dump, finite, record_id
 
@@ -54,12 +54,18 @@ def new_record(
 
 
 def restarted(old: Record, fresh: Record, episode: MemoryEpisode) -> Record:
-    """Verified evidence in place of unverified evidence; the record keeps its id, age and phrasings."""
+    """Verified evidence in place of unverified evidence; the record keeps its id, age and phrasings.
+
+    Save those that its text only repeats: a copy of a likely question is not to be found by it.
+    """
+    lines = old.query.split("\n")
+    if not fresh.effect:
+        lines = [line for line in lines if not repeats(fresh.content, line)]
     return replace(
         fresh,
         id=old.id,
         dedup_key=old.dedup_key,
-        query=phrasings(old.query, episode.task.query),
+        query=phrasings("\n".join(lines), episode.task.query),
         created=old.created,
         used=old.used,
         usage=old.usage,

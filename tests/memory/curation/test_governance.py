@@ -177,3 +177,14 @@ def test_the_same_history_gives_the_same_bank(
         rows = [(r.content, r.state, r.count, r.confidence, r.note.partition(" ")[0]) for r in bank.records()]
         seen.append(sorted(rows))
     assert seen[0] == seen[1]
+
+
+def test_lessons_too_long_for_one_summary_stay_apart(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    rest = "and then look at the gauge again before going on with the next of the bolts " * 21
+    for i, start in enumerate(("Tighten it slowly", "Slowly tighten it", "Tighten it, slowly")):
+        lesson = Lesson("procedural_hint", f"{start} {rest}{i}")
+        bank.admit(lesson, verdicts["success"], task=f"task {i}", source=f"run/{i}")
+    bank.govern()
+    assert not bank.records(["summary"])
+    assert bank.records(["active"])

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, Verdict
 
 Open = Callable[..., Any]
@@ -122,3 +123,65 @@ def test_an_effect_that_gives_orders_is_held_back(open_bank: Open, verdicts: Any
     )
     assert learned.provisional
     assert not bank.recall("push it").items
+
+
+def test_effects_of_different_objects_are_not_pooled(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, (thing, force) in enumerate((("egg", 2.0), ("brick", 40.0), ("egg", 2.2))):
+        effect = {
+            "kind": "prior",
+            "parameter": "force",
+            "value": force,
+            "count": 1,
+            "skill": "pick",
+            "object": thing,
+        }
+        lesson = Lesson("procedural_hint", "Close the fingers with the right force.", effect)
+        bank.admit(lesson, verdicts["success"], task="pick it", source=f"run/{i}")
+    found = {r.effect_json()["object"]: (r.count, r.effect_json()["value"]) for r in bank.records(["active"])}
+    assert found == {"egg": (2, pytest.approx(2.1)), "brick": (1, 40.0)}
+
+
+def test_a_copy_of_a_question_is_not_found_by_it_later(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    question = "Wash the large window in the hall"
+    bank.admit(Lesson("procedural_hint", question + "."), verdicts["success"], task=question, source="one")
+    assert not bank.recall(question).items
+    bank.admit(
+        Lesson("procedural_hint", question + "."), verdicts["success"], task="Sort the bolts", source="two"
+    )
+    (record,) = bank.records()
+    assert record.query == "Sort the bolts"
+
+
+def test_an_empty_effect_is_none(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    question = "Wash the large window in the hall"
+    bank.admit(Lesson("procedural_hint", question, {}), verdicts["success"], task=question)
+    assert [r.state for r in bank.records()] == ["provisional"]
+
+
+def test_sources_are_the_same_however_they_are_written(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank(governance=False)
+    lessons = [(Lesson("tool_usage", f"Hold the {w} by its rim."), verdicts["success"], w, s)
+               for w, s in (("cup", "a"), ("pan", "a\0"), ("jar", "\0"))]  # fmt: skip
+    assert len(bank.admit_many(lessons).added) == 3
+    assert sorted(r.sources() for r in bank.records()) == [(), ("a",), ("a",)]
+    (episode,) = bank._store.episodes("default")
+    assert len(episode.records) == 2
+
+
+def test_verdicts_of_an_undone_transaction_do_not_count(open_bank: Open, episode: Any, verdicts: Any) -> None:
+    bank = open_bank(constant_verdicts=5, replay=False)
+
+    def failing(*args: Any, **kwargs: Any) -> Any:
+        raise OSError("the disk is gone")
+
+    for i in range(8):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("gvla2.memory.curation.ledger.Ledger.write", failing)
+            with pytest.raises(MemoryStoreError, match="gone"):
+                bank.learn(episode(source=f"lost/{i}"), verdicts["success"])
+    bank.learn(episode(source="kept"), verdicts["success"])
+    (record,) = bank.records()
+    assert record.confidence == pytest.approx(verdicts["success"].confidence)
