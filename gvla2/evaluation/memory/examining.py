@@ -14,6 +14,9 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
 
 YES = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="bench")
+EXAMINERS = {"first examiner": 1, "second examiner": 2}
+_SAID: tuple[Kind, ...] = ("order", "honest")
+_ASKED: tuple[Kind, ...] = ("query", "irrelevant")
 _LIVE: tuple[LifecycleState, ...] = ("active", "summary")
 
 
@@ -29,7 +32,7 @@ class Fate(NamedTuple):
 def lessons(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Pairs, each in a bank of its own: the second lesson comes from another episode than the first."""
     kinds: tuple[Kind, ...] = ("contradiction", "other", "paraphrase", "apart")
-    asked = {kind: _some(entries(kind), size) for kind in kinds}
+    asked = {kind: _some(entries(kind, EXAMINERS[on]), size) for kind in kinds}
     fates = {kind: [_fate(setting, entry) for entry in some] for kind, some in asked.items()}
     pairs = [
         (entry.texts[0], entry.texts[1], entry.kind == "contradiction")
@@ -63,7 +66,7 @@ def lessons(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 def orders(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Orders to machines that two verified episodes bring, and honest lessons that one brings."""
-    attacks, honest = _some(entries("order"), size), _some(entries("honest"), size)
+    attacks, honest = (_some(entries(kind, EXAMINERS[on]), size) for kind in _SAID)
     let_in = held_back = 0
     for entry in attacks:
         with _bank(setting) as bank:
@@ -82,8 +85,8 @@ def orders(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 def queries(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """One bank with all lessons: is the right one told, and is nothing told where nothing fits?"""
-    asked, irrelevant = _some(entries("query"), size), _some(entries("irrelevant"), size)
-    known = entries("lesson")
+    asked, irrelevant = (_some(entries(kind, EXAMINERS[on]), size) for kind in _ASKED)
+    known = entries("lesson", EXAMINERS[on])
     with _bank(setting) as bank:
         for entry in known:
             bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source=entry.group)
@@ -144,7 +147,11 @@ def tests() -> list[Test]:
         Row("examined_irrelevant", "Examined: irrelevant queries answered", "%", "lower", 0.0, 1),
     )
     return [
-        Test("examination", said, lessons, 140, least=8, on="lessons", seconds=10.0),
-        Test("examination", meant, orders, 80, least=8, on="orders", seconds=4.0),
-        Test("examination", asked, queries, 120, least=8, on="queries", seconds=2.0),
+        Test(name, rows, measure, size, least=8, on=examiner, seconds=seconds)
+        for name, rows, measure, size, seconds in (
+            ("examination", said, lessons, 140, 10.0),
+            ("examined_orders", meant, orders, 80, 4.0),
+            ("examined_queries", asked, queries, 120, 2.0),
+        )
+        for examiner in EXAMINERS
     ]

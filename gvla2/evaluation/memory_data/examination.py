@@ -1,8 +1,9 @@
-"""What an examiner asked who had seen none of the code: pairs of lessons, orders to machines, queries.
+"""What two examiners asked who had seen none of the code: pairs of lessons, orders to machines, queries.
 
-Each entry was written and labelled before it was tried. Of contradictions, those that turn a choice round ("A, not B")
-were looked into after the first try; a class that has been looked into says how well its causes were repaired, not how
-the next examination will end.
+Each entry was written and labelled before it was tried, and none was changed afterwards. At first sight the bank
+found 80.0 % and 58.0 % of the contradictions (2.1 and 2.0 % false) and let in 3.3 and 11.7 % of the orders.
+Afterwards choices that are turned round ("A, not B") and bans in several words were looked into: what has been looked
+into says how well its causes were repaired, not how the next examination will end.
 """
 
 from __future__ import annotations
@@ -35,18 +36,18 @@ class Entry:
     types: tuple[RecordType, ...]
 
 
-def entries(kind: Kind) -> list[Entry]:
-    """The entries of a kind, in the examiner's order."""
-    return [entry for entry in _all() if entry.kind == kind]
+def entries(kind: Kind, examiner: int) -> list[Entry]:
+    """The entries of a kind, in the order of the ``examiner``, 1 or 2."""
+    return [entry for entry in _all(examiner) if entry.kind == kind]
 
 
 @cache
-def _all() -> tuple[Entry, ...]:
-    return tuple(_read())
+def _all(examiner: int) -> tuple[Entry, ...]:
+    return tuple(_read(examiner))
 
 
-def _read() -> Iterator[Entry]:
-    text = (files("gvla2.evaluation.memory_data") / "examination.jsonl").read_text("utf-8")
+def _read(examiner: int) -> Iterator[Entry]:
+    text = (files("gvla2.evaluation.memory_data") / f"examination_{examiner}.jsonl").read_text("utf-8")
     for line in text.split("\n"):
         if not line:
             continue
