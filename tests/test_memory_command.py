@@ -17,7 +17,6 @@ from omegaconf import OmegaConf
 from gvla2 import cli
 from gvla2.catalog import Registry
 from gvla2.commands.memory import VERBS, VerbJob, tell, usage
-from gvla2.commands.memory_access import WrongWordError, time_of
 from gvla2.commands.memory_answers import one_line, plain, printable
 from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.commands.memory_words import UsageError, understood
@@ -149,26 +148,6 @@ def test_as_of_goes_back_in_time(run: Run):
     status, _, err = run("as-of", "soon")
     assert status == 2
     assert "90min, 3h, 2d" in err
-
-
-@pytest.mark.parametrize(
-    ("words", "seconds"),
-    [
-        ("90min", 1e6 - 5400),
-        ("2 d ago", 1e6 - 172800),
-        ("1.5h", 1e6 - 5400),
-        ("1234.5", 1234.5),
-        ("1970-01-02T00:00:00Z", 86400),
-    ],
-)
-def test_times(words: str, seconds: float):
-    assert time_of(words, now=1e6) == seconds
-
-
-@pytest.mark.parametrize("words", ["", "yesterday", "2026-13-01", "1e300", "nan", "3 years"])
-def test_what_is_no_time(words: str):
-    with pytest.raises(WrongWordError, match="is no time"):
-        time_of(words)
 
 
 def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):

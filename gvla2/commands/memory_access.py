@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gvla2.plugins import Registry
 
 _AGO = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|m|h|d|w)(?:\s+ago)?")
+_DATE = re.compile(r"[0-9]{8}")
 _SECONDS = {"s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
 
 
@@ -144,13 +145,16 @@ def record_of(store: Store, bank: str, word: str, *, whole: bool = False) -> Rec
 
 
 def time_of(words: str, now: float | None = None) -> float:
-    """Seconds since the epoch of a date (ISO, local unless it names a zone), a number, or "3h", "2d" (ago)."""
+    """Seconds since the epoch of a date (ISO, local unless it names a zone), a number, or "3h", "2d" (ago).
+
+    Eight digits are a date: 20261120.
+    """
     text = words.strip()
     if ago := _AGO.fullmatch(text):
         return (time.time() if now is None else now) - float(ago[1]) * _SECONDS[ago[2]]
     try:
         number = float(text)
-        if abs(number) < 4e11:
+        if abs(number) < 4e11 and not _DATE.fullmatch(text):
             return number
     except ValueError:
         pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
 from dataclasses import dataclass, field
@@ -55,5 +56,7 @@ class MemoryCommandConfig:
             )
         if self.limit is not None and self.limit < 0:
             raise ConfigurationError(f"limit is {self.limit}; it must not be negative (0 shows all).")
-        if self.archived_days is not None and self.archived_days < 0:
-            raise ConfigurationError(f"archived_days is {self.archived_days}; it must not be negative.")
+        if self.archived_days is not None and not 0 <= self.archived_days < math.inf:
+            raise ConfigurationError(
+                f"archived_days is {self.archived_days}; it must be a finite number, and not negative."
+            )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
@@ -14,6 +13,7 @@ from operator import attrgetter
 from typing import Any, cast
 
 from gvla2.memory.contracts import LifecycleState, Outcome, RecordType
+from gvla2.memory.meaning.plain_text import unified
 
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, its id and the number of its changes are all that is left."""
@@ -211,7 +211,7 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
 
     The effect's numbers are left out: they are what merging pools.
     """
-    words = " ".join(unicodedata.normalize("NFKC", content).casefold().split())
+    words = " ".join(unified(content).casefold().split())
     about = [str((effect or {}).get(name, "")) for name in ("kind", "parameter", "op", "skill")]
     if scale := (effect or {}).get("scale"):
         about.append(str(scale))  # shares and metres are never pooled

@@ -154,7 +154,8 @@ class Learning:
         if known is not None and known.note == note:
             self._discard(known.id, f"{known.id} stays provisional: {note}")
             return
-        self._store(record, "PROVISIONAL", candidate, note)
+        # What the bank has already keeps its instructions, and so its vector.
+        self._store(record, "PROVISIONAL", candidate if known is None else None, note)
         self._outcome.provisional.append(record.id)
         self._outcome.note(f"{record.id} is provisional: {note}.")
 

@@ -10,11 +10,13 @@ from difflib import SequenceMatcher
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+from gvla2.memory.meaning.clauses import is_soft
 from gvla2.memory.meaning.concepts import concept_of, words_in
 from gvla2.memory.meaning.conflicts import contradiction
-from gvla2.memory.meaning.function_words import FUNCTION_WORDS
+from gvla2.memory.meaning.idle_words import telling
+from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import Quantity
-from gvla2.memory.meaning.statements import read
+from gvla2.memory.meaning.statements import MAX_READ, read
 from gvla2.memory.meaning.tasks import PREPOSITIONS
 from gvla2.memory.meaning.word_forms import Language, common, split_alike, starts_of
 from gvla2.memory.meaning.words import topic_words
@@ -23,6 +25,8 @@ from gvla2.memory.retrieval.scoring import signature_distance
 
 MAX_COMPARED = 1000
 """Characters of two texts that are aligned with one another."""
+_OF = frozenset(("of", "von", "de", "d", "du", "del"))
+"""Behind other small words these tell nothing more: "all of the bolts"."""
 COMPARABLE, HELD = 0.3, 0.6
 """Shares of words from which two texts may say the same or the opposite, see :class:`Likeness`."""
 
@@ -106,13 +110,18 @@ def _scene(signature: str) -> Mapping[str, float]:
 def same_subject(first: Record, second: Record) -> bool:
     """Whether two records may be merged at all: of one type and skill, about the same things, acts, sides, numbers.
 
-    They may differ in the order of words, their forms, and words that change nothing ("always", "the"); never in a
-    name, in what comes before what, or in what is put on what.
+    They may differ in the order of words, their forms, and idle words (:data:`~gvla2.memory.meaning.idle_words.IDLE`:
+    "always", "the"); never in a name, in any other small word ("on" and "off", "and" and "or"), in what comes before
+    what, or in what is put on what. Where there is no telling they stay apart, for what is merged is lost.
     """
     if first.type != second.type or first.skill != second.skill:
         return False
     one, two = about(first.content), about(second.content)
-    if one.item_starts != two.item_starts or bool(one.forbidden) != bool(two.forbidden):
+    if (
+        one.item_starts != two.item_starts
+        or one.telling != two.telling
+        or bool(one.forbidden) != bool(two.forbidden)
+    ):
         return False
     if not _same_effect(_effect(first.effect), _effect(second.effect)):
         return False
@@ -134,7 +143,10 @@ def same_subject(first: Record, second: Record) -> bool:
 
 @dataclass(frozen=True)
 class About:
-    """What a text is about, its clauses taken together; ``ordered`` is how many orders it gives."""
+    """What a text is about, its clauses taken together; ``ordered`` is how many orders it gives.
+
+    ``telling`` are the small words that are not idle.
+    """
 
     words: frozenset[str]
     items: frozenset[str]
@@ -142,6 +154,7 @@ class About:
     sides: frozenset[tuple[str, frozenset[int]]]
     figures: tuple[Quantity, ...]
     forbidden: frozenset[str]
+    telling: frozenset[str]
     ordered: int
     language: Language
 
@@ -158,30 +171,48 @@ def about(text: str) -> About:
         frozenset(side for clause in said.clauses for side in clause.sides.items()),
         tuple(figure for clause in said.clauses for figure in clause.figures),
         frozenset(item for clause in said.clauses if clause.forbidden for item in clause.items),
+        telling(said.soft),
         len(said.orders),
         said.language,
     )
 
 
 def _swapped(first: str, second: str) -> bool:
-    """Whether two things of two texts changed places: "put the cup on the plate", "put the plate on the cup"."""
-    one, two = _places(first), _places(second)
-    moved = [word for word in one.keys() & two.keys() if one[word] != two[word]]
-    return any(one[a] == two[b] and one[b] == two[a] for a in moved for b in moved)
+    """Whether things of two texts changed places: "put the cup on the plate", "put the plate on the cup"."""
+    # "a" is an article in English and "to" in Spanish, and short texts show no language.
+    return any(_rotated(_places(first, article), _places(second, article)) for article in ("a", ""))
+
+
+def _rotated(one: Mapping[str, str], two: Mapping[str, str]) -> bool:
+    """Whether some of the words took one another's places, two or more in turn."""
+    moved = {word for word in one.keys() & two.keys() if one[word] != two[word]}
+    while moved:
+        left, entered = {one[word] for word in moved}, {two[word] for word in moved}
+        # Only who takes a place that another left, and leaves one that another takes, is part of a round.
+        turning = {word for word in moved if one[word] in entered and two[word] in left}
+        if turning == moved:
+            return True
+        moved = turning
+    return False
 
 
 @lru_cache(maxsize=8192)
-def _places(text: str) -> Mapping[str, str]:
-    """The preposition that each word stands behind, "" for none."""
+def _places(text: str, article: str) -> Mapping[str, str]:
+    """The preposition or other small word that each word stands behind, "" for none; ``article`` is passed over."""
     found: dict[str, str] = {}
-    place = ""
-    for word in words_in(text.casefold().replace("’", "'")):
+    place, fresh = "", False
+    for word in words_in(plain_text(text[:MAX_READ])):
         if word == ",":
             place = ""
+        elif word == article or (fresh and word in _OF):
+            continue
         elif word in PREPOSITIONS:
-            place = word
-        elif word not in FUNCTION_WORDS:
+            place, fresh = word, True
+        elif not is_soft(word):
             found[concept_of(word)] = place
+            fresh = False
+        elif telling(frozenset((word,))):
+            place, fresh = word, True
     return found
 
 

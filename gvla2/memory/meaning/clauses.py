@@ -56,6 +56,11 @@ _STAYING = STAYING | _set("take takes taken put puts")
 _JOINTS = NEGATORS | _BEHIND | BEFORE | AFTER | _UNTIL | CONDITIONS | _UNLESS | {","}
 _APART = {"ein": 1, "an": 1, "aus": -1, "ab": -1}
 """What German puts at the end for switching on and off."""
+_STATES = {"on": "enabled", "off": "disabled"}
+_STATE_ENDS = CONDITIONS | BEFORE | AFTER | {",", "and", "or", "then"}
+_ONLY = _set("only erst seulement solo sólo")
+"""Before "after" these change nothing: "only after it is dry"."""
+_BEING = _set("is are was were be been being")
 _PREFIXES = ("un", "non", "mis", "dis", "de", "dé", "in", "im", "il", "ir", "ent", "不", "未", "非", "无")
 _PRONOUNS = _set("it them they es ihn ihm sie le la lo les los las l ça eso esto ello 它 它们 他")
 _INDEFINITE = _set("a an ein eine einen un una une")
@@ -80,6 +85,7 @@ class Clause:
     ``forbidden`` when the text says not to; ``open`` when it need not be done, or when it only tells why; ``bounded``
     when a prohibition left a bound ("never above 5"); ``pronoun`` when it speaks of what is named elsewhere ("lift it",
     "..., not with pip"). ``phase`` are the acts that tell when this one is done.
+    ``soft`` are the words that say nothing about who does what: articles, prepositions, conditions.
     """
 
     words: set[str] = field(default_factory=set)
@@ -93,6 +99,7 @@ class Clause:
     pronoun: bool = False
     language: Language = ""
     phase: frozenset[str] = frozenset()
+    soft: set[str] = field(default_factory=set)
 
     @cached_property
     def matter(self) -> frozenset[str]:
@@ -194,6 +201,8 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
     relation = ""
     within = in_condition = unless = noun_only = False
     for index, word in enumerate(words):
+        if word in _STATES and _is_state(words, index):
+            word = _STATES[word]
         if word in _JOINTS:
             if word == ",":
                 if not main:  # what came first were the circumstances
@@ -216,17 +225,21 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                 if index + 1 < len(words) and not relation and _temporal(word, words, index):
                     relation, within = "before" if word in BEFORE else "after", True
                     noun_only = word in ("vor", "nach")
+                else:
+                    clause.soft.add(word)
                 continue
             if word in _UNTIL and not relation and clause.forbidden and _until(words, index):
                 relation, within = "before", True
                 continue
             if word in CONDITIONS or word in _UNLESS:
                 in_condition = True
+                clause.soft.add(word)
                 unless |= word in _UNLESS
                 continue
         concept = concept_of(word)
         if concept in POLES and not _is_noun(word, words, index, clause.language):
             if _particle(word, words, index):
+                clause.soft.add(word)
                 continue
             if within and side and noun_only:
                 within = False  # German puts what is done behind "vor der Messung"
@@ -237,6 +250,8 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                 clause.poles.setdefault(name, []).append(sign)
         elif is_soft(word, clause.language) and not _is_ordinal(word, words, index):
             clause.pronoun |= word in _PRONOUNS
+            if not (word in _ONLY and index + 1 < len(words) and words[index + 1] in AFTER):
+                clause.soft.add(word)
             continue
         else:
             concept = concept if concept not in POLES else stem_of(word)
@@ -335,6 +350,16 @@ def _names_a_thing(word: str, words: Sequence[str], index: int) -> bool:
         return before not in ("向", "往", "从", "朝") and after not in ("边", "侧")
     is_last = not after or after in FUNCTION_WORDS or is_soft(after) or after in NEGATORS
     return before in DETERMINERS and not is_last
+
+
+def _is_state(words: Sequence[str], index: int) -> bool:
+    """Whether "on" or "off" tells of a state, "while it is off", "with the motor on", and of no place."""
+    if index + 1 < len(words) and words[index + 1] not in _STATE_ENDS:
+        return False
+    before = words[index - 1] if index else ""
+    if before in _BEING:
+        return True
+    return "with" in words[max(0, index - 4) : index - 1] and before not in FUNCTION_WORDS
 
 
 def _switches(words: Sequence[str], clause: Clause) -> None:

@@ -34,4 +34,5 @@ def _alone(found: re.Match[str]) -> str:
 
 
 def _word(found: re.Match[str]) -> str:
-    return f" nr{_PLAIN.sub('', found.group())}0 "
+    # The separators stay: "release/1.4" is not "release/14".
+    return f" nr{_PLAIN.sub('_', found.group()).strip('_')}0 "

@@ -134,16 +134,6 @@ DETERMINERS = word_set(
     "the a an this that its your each die der das den dem eine einen le la les el los las un una"
 )
 
-
-ACTS = word_set(
-    "opening moving power running amount vertical heat wetness filling tension locking joining allowing including "
-    "installing adding keeping tilt flow packing covering load holding reaching showing spreading engaging "
-    "pinning freezing sealing advancing entering muting committing versioning pushing zooming merging linking "
-    "registering dressing charging blocking docking screwing tying buckling stacking winding folding wrapping "
-    "clamping inflating checking logging-in cleaning"
-)
-"""Axes whose words say what is done, so that two clauses that name acts of two of them do two different things."""
-
 NOUNS = word_set(
     "start end stop lock load cover lift push pull pin dock charge block tie clamp clip seal plug wrap fold show split "
     "register release grip drain spread stretch link commit catch pinch freeze hold drop heat cool switch pack "

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 from gvla2.memory.meaning.clauses import Clause, Order, clause_of
-from gvla2.memory.meaning.designations import name_things
-from gvla2.memory.meaning.identifiers import marked
+from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.sentences import (
     asserted,
     in_order,
@@ -28,26 +26,29 @@ MAX_READ = 2000
 
 @dataclass(frozen=True)
 class Statement:
-    """A lesson's clauses, what it says comes before what, and what is to be preferred to what."""
+    """A lesson's clauses, what it says comes before what, and what is to be preferred to what.
+
+    ``soft`` are the words that say nothing about who does what, see :class:`~gvla2.memory.meaning.clauses.Clause`.
+    """
 
     clauses: Sequence[Clause]
     orders: Sequence[Order]
     choices: Sequence[Order]
     language: Language = ""
+    soft: frozenset[str] = frozenset()
 
 
 @lru_cache(maxsize=8192)
 def read(text: str) -> Statement:
     """The statement of a text; the same text always gives the same."""
-    plain = marked(text[:MAX_READ])
-    plain = plain if plain.isascii() else unicodedata.normalize("NFKC", plain)
-    plain = name_things(plain.casefold().replace("’", "'"))
+    plain = plain_text(text[:MAX_READ])
     signs = signs_of(plain)
     plain = in_order(plain) if signs.orders else plain
     language = language_of(signs.words)
     clauses: list[Clause] = []
     orders: list[Order] = []
     choices: list[Order] = []
+    soft: set[str] = set()
     for sentence in sentences_of(plain):
         needless = False
         if signs.negates:
@@ -56,6 +57,7 @@ def read(text: str) -> Statement:
         for number, (piece, is_reason) in enumerate(pieces_of(sentence, signs)):
             for part in steps_of(piece, signs):
                 clause, order = clause_of(part, language, signs.replaces)
+                soft |= clause.soft
                 clause.pronoun |= number > 0 and not is_reason
                 clause.open = needless or is_reason
                 if not is_reason:
@@ -72,7 +74,7 @@ def read(text: str) -> Statement:
             for clause in made:
                 clause.phase |= frozenset().union(*[other.items for other in made if other is not clause])
         clauses += [clause for clause in made if clause.words or clause.context or clause.poles]
-    return Statement(tuple(clauses), _whole(orders), _whole(choices), language)
+    return Statement(tuple(clauses), _whole(orders), _whole(choices), language, frozenset(soft))
 
 
 def _whole(pairs: Sequence[Order]) -> tuple[Order, ...]:

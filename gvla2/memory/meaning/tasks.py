@@ -7,9 +7,8 @@ from functools import lru_cache
 
 from gvla2.memory.meaning.clauses import Clause, is_soft, named
 from gvla2.memory.meaning.concepts import concept_of, words_in
-from gvla2.memory.meaning.designations import name_things
-from gvla2.memory.meaning.identifiers import marked
 from gvla2.memory.meaning.lexicon import DETERMINERS, POLES
+from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.statements import read
 from gvla2.memory.meaning.word_forms import Language, common, split_alike
 
@@ -147,7 +146,7 @@ def task_of(line: str) -> Task:
     act: set[str] = set()
     parts: dict[str, set[str]] = {"things": set(), "goal": set(), "scene": set()}
     part, before = "things", ""
-    for index, word in enumerate(words_in(name_things(marked(line).casefold().replace("’", "'")))):
+    for index, word in enumerate(words_in(plain_text(line))):
         if parts["things"] and word in PREPOSITIONS:
             if before not in PREPOSITIONS:  # "next to" tells of the scene, too
                 part = "scene" if word in _SCENE else "goal"

@@ -64,7 +64,7 @@ _ENDINGS: dict[Language, tuple[frozenset[str], ...]] = {
 }
 _ADJECTIVES = re.compile(
     r"(?:roj|blanc|negr|amarill|limpi|suci|nuev|viej|pesad|liger|metálic|plástic|llen|vací|sec|mojad|fin|grues|larg"
-    r"|cort|rápid|lent|anch|estrech|plan|redond|cuadrad|rot|ambiguo)(?:o|a|os|as)"
+    r"|cort|rápid|lent|anch|estrech|plan|redond|cuadrad|rot|ambigu)(?:o|a|os|as)"
 )
 _EASES = re.compile(r"(?:[dt]|[^aeioulrhmn][mn])e?")
 """German stems that put an "e" before a "t": "arbeitet", "öffnet"."""

@@ -6,6 +6,7 @@ Schema 1 had the one table ``memory``, with the embedding and the links (JSON) i
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
@@ -20,11 +21,14 @@ from gvla2.memory.records import COLUMNS, Record, load
 from gvla2.memory.storage.database import SCHEMA_VERSION, Uncleaned
 from gvla2.memory.storage.putting import Put
 from gvla2.memory.storage.sqlite import SqliteConnection
-from gvla2.memory.storage.sqlite_file import BESIDE, create_tables, delete_database
+from gvla2.memory.storage.sqlite_file import create_tables, delete_database
 from gvla2.memory.storage.transaction import Transaction
 
 COPY = ".before-schema-"
 """What the name of a copy adds to the file's own, before the new schema's number."""
+
+_NAMED = re.compile(rf"{re.escape(COPY)}[0-9]+(?:\.(?:[0-9]+|part))?")
+"""What :func:`copy_beside` adds to a file's name; whatever else is called much like it is somebody's own."""
 
 _KEPT = tuple(name for name in COLUMNS if name not in ("used", "version", "rev"))
 
@@ -142,24 +146,26 @@ def forget_in_copies(
 ) -> list[Uncleaned]:
     """Take records, (bank, id), out of the copies that :func:`migrate` left beside ``path``, to the last byte.
 
-    A copy that is no database of schema 1, as a process that was killed leaves it, is of no use and deleted. Those
-    that could not be cleaned are returned, with the reason.
+    A copy that is no database of schema 1, as a process that was killed leaves it, is of no use and deleted; no other
+    file is touched. Those that could not be cleaned are returned, with the reason.
     """
     left: list[Uncleaned] = []
     try:
-        copies = sorted(file for file in path.parent.iterdir() if file.name.startswith(f"{path.name}{COPY}"))
+        copies = sorted(file for file in path.parent.iterdir() if _is_copy(file.name, path.name))
     except OSError as error:
         return [Uncleaned(str(path.parent), f"{path.parent} ({error.strerror or error})")]
     ids = gone() if copies else []
     for copy in copies:
         try:
-            if not copy.exists() or copy.name.endswith(BESIDE):
-                continue  # of a copy that was dealt with, or will be
-            if not _clean(copy, ids, busy_seconds):
+            if copy.exists() and not _clean(copy, ids, busy_seconds):
                 delete_database(copy)
         except (sqlite3.Error, OSError) as error:
             left.append(Uncleaned(str(copy), f"{copy} ({error})"))
     return left
+
+
+def _is_copy(name: str, own: str) -> bool:
+    return name.startswith(own) and _NAMED.fullmatch(name, len(own)) is not None
 
 
 def _clean(copy: Path, gone: Sequence[tuple[str, str]], busy_seconds: float) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
@@ -236,6 +237,12 @@ def _write_vectors(sql: Connection, bank: str, steps: Sequence[_Step], stored: d
     kept = [row for row in vectors.values() if row is not None]
     if kept:
         sql.run_many(_VECTOR, kept)
+
+
+def set_keys_aside(sql: Connection, bank: str, ids: Iterable[str]) -> None:
+    """Give rows dedup keys that nobody has, so that theirs are free for others; each is to get its own afterwards."""
+    token = os.urandom(16).hex()  # a key that a row may have been given by hand is not met
+    sql.run_many(_REKEY, [(f"{token}:{id}", bank, id) for id in ids])
 
 
 def replace_row(sql: Connection, record: Record) -> None:

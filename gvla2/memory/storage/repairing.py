@@ -10,7 +10,7 @@ from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import FORGOTTEN, Record, damage_of, dump, numbered
 from gvla2.memory.storage.database import Connection
 from gvla2.memory.storage.events import Link
-from gvla2.memory.storage.putting import replace_row
+from gvla2.memory.storage.putting import replace_row, set_keys_aside
 from gvla2.memory.storage.rebuilding import rebuild
 
 if TYPE_CHECKING:
@@ -45,7 +45,8 @@ def repair(transaction: Transaction, sql: Connection, vectors: Collection[str]) 
     due = {record.id: record for record in (*rebuilt.records, *rebuilt.tombstones)}
     wrong = {problem.id for problem in problems if problem.where in ("record", "vector")} | set(vectors)
     foreign = sorted(wrong - due.keys())
-    # First, as what nobody created may hold the dedup key of what somebody did.
+    # First, as any of these rows may hold the dedup key of another, or of one that is missing.
+    set_keys_aside(sql, bank, sorted(wrong))
     forgotten = [id for id in foreign if transaction.forget(id, why=_WHY)]
     sql.run_many("DELETE FROM memory_vector WHERE bank = ? AND id = ?", [(bank, id) for id in sorted(wrong)])
     wrong |= _links(transaction, sql, rebuilt.links)

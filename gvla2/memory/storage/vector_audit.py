@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder
+from gvla2.memory.curation.growth import MAX_PHRASINGS
 from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
 from gvla2.memory.storage.audit import Problem
@@ -27,12 +28,13 @@ def foreign_vectors(view: View, bank: str, embedder: Embedder) -> list[Problem]:
     """The vectors that are another record's, as after a swap, or that have nothing to do with their text.
 
     Vectors of other models are passed over, and those of summaries and of records that several episodes confirmed:
-    they are means, which nobody can make again. Nor is a vector found that was moved a little.
+    they are means, which nobody can make again. A record of several phrasings may have the vector of any of them, or
+    of one that it had no room for. Nor is a vector found that was moved a little.
     """
     suspects: list[tuple[Record, Numbers]] = []
     problems = []
     for records, vectors, own in _compared(view, bank, embedder):
-        cosines = np.einsum("nd,nd->n", vectors, own)
+        cosines = np.maximum(np.einsum("nd,nd->n", vectors, own), _phrased(records, vectors, own, embedder))
         for place in np.flatnonzero(cosines < _OWN).tolist():
             record = records[place]
             if record.count > 1 or record.state == "summary" or not own[place].any():
@@ -44,6 +46,26 @@ def foreign_vectors(view: View, bank: str, embedder: Embedder) -> list[Problem]:
     if suspects:
         problems += _others(view, bank, embedder, suspects)
     return sorted(problems, key=lambda problem: problem.id)
+
+
+def _phrased(records: Sequence[Record], vectors: Numbers, own: Numbers, embedder: Embedder) -> Numbers:
+    """(N,) greatest cosine of each vector and that of one phrasing alone: a verified episode under another task
+    replaces what an uncertain one said, and the record keeps the tasks of both. 1 where phrasings are left out.
+    """
+    best = np.full(len(records), -1.0, np.float32)
+    asked: list[tuple[int, str]] = []
+    for place, record in enumerate(records):
+        lines = record.query.split("\n")
+        if len(lines) >= MAX_PHRASINGS:
+            best[place] = 1.0
+        elif len(lines) > 1 and record.count == 1 and own[place].any():
+            asked += [(place, text_of(line, record.content)) for line in lines]
+    for start in range(0, len(asked), _TOGETHER):
+        some = asked[start : start + _TOGETHER]
+        places = [place for place, _ in some]
+        made = _unit(np.asarray(embedder.embed([text for _, text in some]), np.float32))
+        np.maximum.at(best, places, np.einsum("nd,nd->n", vectors[places], made))
+    return best
 
 
 def _others(

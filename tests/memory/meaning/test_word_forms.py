@@ -76,6 +76,11 @@ def test_words_that_begin_alike_are_two(pairs: str, language: Language) -> None:
         assert not alike(second, first, language), pair
 
 
+def test_spanish_adjectives_agree_in_gender_and_number() -> None:
+    for form in ("ambigua", "ambiguos", "ambiguas"):
+        assert alike("ambiguo", form, "es")
+
+
 def test_english_verbs_have_one_stem() -> None:
     table = {
         "tape": "taping taped", "tap": "tapping tapped taps", "rotate": "rotating rotated", "handle": "handling",

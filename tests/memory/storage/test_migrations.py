@@ -128,6 +128,25 @@ def test_forgetting_reaches_the_copy(old: Path) -> None:
         assert b"what 2 says" in copy.read_bytes()
 
 
+def test_forgetting_leaves_the_users_files_alone(old: Path) -> None:
+    """Only what a migration itself leaves is its own, half copies among it."""
+    begin = "memory.db.before-schema-"
+    theirs = ["2.gz", "change-notes.txt", "2.1.bak", "2.old", "", "2-notes", "2.part.txt", "2 (copy)", "x.1"]
+    own = ["2.part", "2.7", "1"]
+    for name in (*theirs, *own):
+        old.with_name(begin + name).write_bytes(b"not a database")
+    other = old.with_name("other.db.before-schema-2")
+    other.write_bytes(b"of another memory")
+    with Store.open(f"sqlite:///{old}") as store:
+        with store.writing("b", actor="owner", now=NOW) as t:
+            assert t.forget("1")
+        store.compact()
+    assert all(old.with_name(begin + name).read_bytes() == b"not a database" for name in theirs)
+    assert other.exists()
+    assert not any(old.with_name(begin + name).exists() for name in own)
+    assert old.with_name(begin + "2").exists()
+
+
 def test_who_is_killed_while_copying_leaves_no_half_copy(old: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The copy gets its name when it is whole; what is left of one that is not is taken away the next time."""
     names: list[list[str]] = []

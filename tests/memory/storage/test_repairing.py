@@ -121,6 +121,53 @@ def test_changed_events_are_no_ground_to_build_on(tampered, statement: str):
 
 
 @pytest.mark.parametrize(
+    "statements",
+    [
+        (
+            "UPDATE memory SET dedup_key = 'aside' WHERE id = '1'",
+            "UPDATE memory SET dedup_key = 'key of 1' WHERE id = '2'",
+            "UPDATE memory SET dedup_key = 'key of 2' WHERE id = '1'",
+        ),
+        (
+            "UPDATE memory SET dedup_key = 'key of 3' || id WHERE id = '3'",
+            "UPDATE memory SET dedup_key = 'key of 3' WHERE id = '1'",
+        ),
+        (
+            "UPDATE memory SET dedup_key = 'key of 1' || id WHERE id = '1'",
+            "UPDATE memory SET dedup_key = 'key of 1' WHERE id = '3'",
+        ),
+        (
+            "DELETE FROM memory WHERE id = '1'",
+            "UPDATE memory SET dedup_key = 'key of 1' WHERE id = '2'",
+        ),
+        (  # what nobody created has a key, and the tombstone's of what nobody created
+            "UPDATE memory SET id = 'x' WHERE id = '1'",
+            "UPDATE memory SET dedup_key = 'forgotten:x' WHERE id = '2'",
+        ),
+        (  # a tombstone, too
+            "UPDATE memory SET dedup_key = 'aside' WHERE id = '1'",
+            "UPDATE memory SET dedup_key = 'key of 1' WHERE id = '4'",
+            "UPDATE memory SET dedup_key = 'forgotten:4' WHERE id = '1'",
+        ),
+    ],
+)
+def test_dedup_keys_that_were_moved(store: Store, record: Callable[..., Record], statements: tuple[str, ...]):
+    with store.writing("b", actor="test", now=1.8e9) as tx:
+        tx.put_many([Put(record(id), "add") for id in "1234"])
+        tx.forget("4")
+    before = store.rebuild("b")
+    with store._database.writing("b") as raw:
+        for statement in statements:
+            assert raw.run(statement)
+    assert store.verify("b")
+    with store.writing("b", actor="test", now=1.9e9) as tx:
+        assert tx.repair().records
+    assert store.verify("b") == []
+    assert {r.id: r.dedup_key for r in store.records("b")} == {id: f"key of {id}" for id in "123"}
+    assert [(r.id, r.content) for r in store.records("b")] == [(r.id, r.content) for r in before.records]
+
+
+@pytest.mark.parametrize(
     "statement",
     [
         "UPDATE memory SET content = 'Throw the cup.' WHERE id = '1'",
