@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 from gvla2.memory.contracts import RecordType
-from gvla2.memory.meaning.clauses import Clause, named
+from gvla2.memory.meaning.clauses import Clause, Order, named
 from gvla2.memory.meaning.prefixes import reverses
 from gvla2.memory.meaning.quantities import Quantity
 from gvla2.memory.meaning.statements import Statement, read
@@ -248,34 +248,37 @@ def _reversed_order(first: Statement, second: Statement) -> Conflict | None:
     """One says A before B, the other B before A. What is said of both A and B tells nothing of their order, and a
     thing may move with whatever is named first ("rebase the branch before merging it").
     """
-    language = common(first.language, second.language)
-    for ahead, behind in first.orders:
-        for earlier, later in second.orders:
-            _, left, right = split_alike(ahead | behind, earlier | later, language)
-            if left and right:
-                continue
-            a, b = _apart(ahead, behind, language)
-            c, d = _apart(earlier, later, language)
-            turned = _shared(a, d, language), _shared(b, c, language)
-            kept = _shared(a, c, language), _shared(b, d, language)
-            if all(turned) and (not all(kept) or sum(turned) > sum(kept)):
-                return Conflict("order", "one puts first what the other puts last")
+    for turned, kept in _crossed(first.orders, second.orders, common(first.language, second.language)):
+        if all(turned) and (not all(kept) or sum(turned) > sum(kept)):
+            return Conflict("order", "one puts first what the other puts last")
     return None
 
 
 def _reversed_choice(first: Statement, second: Statement) -> Conflict | None:
     """One takes A rather than B, the other B rather than A."""
-    language = common(first.language, second.language)
-    for taken, left_out in first.choices:
-        for other_taken, other_left_out in second.choices:
-            _, left, right = split_alike(taken | left_out, other_taken | other_left_out, language)
+    for turned, _ in _crossed(first.choices, second.choices, common(first.language, second.language)):
+        if all(turned):
+            return Conflict("opposite", "one takes what the other leaves out")
+    return None
+
+
+def _crossed(
+    first: Sequence[Order], second: Sequence[Order], language: Language
+) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """For two pairs (A, B) and (C, D) that speak of the same: how much A shares with D and B with C, and how much A
+    with C and B with D. What stands in both parts of a pair is left out.
+    """
+    for one, two in first:
+        for three, four in second:
+            _, left, right = split_alike(one | two, three | four, language)
             if left and right:
                 continue
-            a, b = _apart(taken, left_out, language)
-            c, d = _apart(other_taken, other_left_out, language)
-            if _shared(a, d, language) and _shared(b, c, language):
-                return Conflict("opposite", "one takes what the other leaves out")
-    return None
+            a, b = _apart(one, two, language)
+            c, d = _apart(three, four, language)
+            yield (
+                (_shared(a, d, language), _shared(b, c, language)),
+                (_shared(a, c, language), _shared(b, d, language)),
+            )
 
 
 def _apart(
