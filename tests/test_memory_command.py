@@ -1,13 +1,12 @@
 """`gvla2 memory`: what each verb answers to people and programs, and what it says when something is wrong."""
 
 import json
-import logging
 import os
 import pty
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,14 +28,10 @@ BAD = Verdict.from_criteria({"done": 0.0}, ["it slipped"], "test")
 
 
 @pytest.fixture(autouse=True)
-def _loggers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A folder without anything in it; logging is put back after the command."""
+def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder without anything in it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
-    root = logging.getLogger()
-    handlers, level = list(root.handlers), root.level
-    yield
-    root.handlers[:], root.level = handlers, level
 
 
 @pytest.fixture

@@ -1,12 +1,10 @@
 """What is typed after `gvla2 memory`: names as they are written, pipes, errors as JSON, and what may be overwritten."""
 
 import json
-import logging
 import os
 import sqlite3
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +23,10 @@ ROBOT = {"task_id": "t", "task_text": "lift", "outcome": "success", "memory_text
 
 
 @pytest.fixture(autouse=True)
-def _loggers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A folder without anything in it."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
-    root = logging.getLogger()
-    handlers, level = list(root.handlers), root.level
-    yield
-    root.handlers[:], root.level = handlers, level
 
 
 def said(capsys: pytest.CaptureFixture[str], *argv: str) -> tuple[int, str, str]:

@@ -1,9 +1,7 @@
 """`gvla2 reconstruct`: the real command from folders of views to geometry, numbers and a page."""
 
 import json
-import logging
 import os
-from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -68,15 +66,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _as_it_was(registry: Registry) -> Iterator[None]:
-    """Hydra knows the installed plugins, and logging is put back after a job."""
+def _registered(registry: Registry) -> None:
+    """Hydra knows the installed plugins."""
     register(registry, PRIMARY)
-    root = logging.getLogger()
-    handlers, level = list(root.handlers), root.level
-    yield
-    for handler in set(root.handlers) - set(handlers):
-        handler.close()
-    root.handlers[:], root.level = handlers, level
 
 
 def composed(*overrides: str) -> ReconstructConfig:
