@@ -163,11 +163,10 @@ class About:
 def about(text: str) -> About:
     """The subject of a text."""
     said = read(text)
-    items = frozenset(item for clause in said.clauses for item in clause.items)
     return About(
         frozenset(word for clause in said.clauses for word in clause.matter),
-        items,
-        starts_of(items),
+        said.items,
+        starts_of(said.items),
         frozenset(side for clause in said.clauses for side in clause.sides.items()),
         tuple(figure for clause in said.clauses for figure in clause.figures),
         frozenset(item for clause in said.clauses if clause.forbidden for item in clause.items),

@@ -32,11 +32,7 @@ from gvla2.memory.meaning.lexicon import (
 from gvla2.memory.meaning.phrases import join_phrases
 from gvla2.memory.meaning.quantities import Quantity, quantities
 from gvla2.memory.meaning.word_forms import Language, starts_of
-
-
-def _set(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
+from gvla2.memory.meaning.word_sets import word_set
 
 _INSTEAD = (
     r"\b(?:instead of|rather than|anstatt|statt|au lieu d|plutôt qu|en (?:lugar|vez) de|em vez de|invece di|anziché"
@@ -44,7 +40,9 @@ _INSTEAD = (
 )
 INSTEAD = re.compile(_INSTEAD)
 BEFORE_INSTEAD = re.compile(rf"(?={_INSTEAD})")
-REPLACING = _set("instead rather statt anstatt lieu plutôt lugar vez invece anziché zamiast вместо plaats")
+REPLACING = word_set(
+    "instead rather statt anstatt lieu plutôt lugar vez invece anziché zamiast вместо plaats"
+)
 """What any text has that says what is replaced."""
 ORDERED = "#order"
 _FAR_BOUND = re.compile(r"(?P<low>至少|最少|不少于|不低于)|至多|最多|不超过|不高于")
@@ -52,26 +50,26 @@ _UNTIL = frozenset(("until", "till", "bis", "hasta", "jusqu"))
 _UNLESS = frozenset(("unless", "außer", "sauf", "salvo", "除非"))
 _BEHIND = frozenset(("之前", "以前", "之后", "以后", "前", "后"))
 """Chinese puts these behind what comes before or after."""
-_STAYING = STAYING | _set("take takes taken put puts")
+_STAYING = STAYING | word_set("take takes taken put puts")
 _JOINTS = NEGATORS | _BEHIND | BEFORE | AFTER | _UNTIL | CONDITIONS | _UNLESS | {","}
 _APART = {"ein": 1, "an": 1, "aus": -1, "ab": -1}
 """What German puts at the end for switching on and off."""
 _STATES = {"on": "enabled", "off": "disabled"}
 _STATE_ENDS = CONDITIONS | BEFORE | AFTER | {",", "and", "or", "then"}
-_ONLY = _set("only erst seulement solo sólo")
+_ONLY = word_set("only erst seulement solo sólo")
 """Before "after" these change nothing: "only after it is dry"."""
-_BEING = _set("is are was were be been being")
+_BEING = word_set("is are was were be been being")
 _PREFIXES = ("un", "non", "mis", "dis", "de", "dé", "in", "im", "il", "ir", "ent", "不", "未", "非", "无")
-_PRONOUNS = _set("it them they es ihn ihm sie le la lo les los las l ça eso esto ello 它 它们 他")
-_INDEFINITE = _set("a an ein eine einen un una une")
-_USING = _set(
+_PRONOUNS = word_set("it them they es ihn ihm sie le la lo les los las l ça eso esto ello 它 它们 他")
+_INDEFINITE = word_set("a an ein eine einen un una une")
+_USING = word_set(
     "use take choose pick select with verwende nimm benutze mit utiliser utilise utilisez avec usa usar con"
 )
 _SOFT = SOFT | FUNCTION_WORDS | FIRST | {"erst", "only", "seulement", "solo", "sólo", "once", "才", "先"}
 
-MANNERS = _set("speed force tilt timing sequence lateness locality")
+MANNERS = word_set("speed force tilt timing sequence lateness locality")
 """Axes of how something is done."""
-_ENGLISH = _set("pour bin die van ton hat son pan fin par met dan mine sin con net mit dal col")
+_ENGLISH = word_set("pour bin die van ton hat son pan fin par met dan mine sin con net mit dal col")
 """English words that say nothing in some other language."""
 
 Order = tuple[frozenset[str], frozenset[str]]

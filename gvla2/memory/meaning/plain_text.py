@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from functools import lru_cache
 
 from gvla2.memory.meaning.designations import name_things
 from gvla2.memory.meaning.identifiers import marked
@@ -27,6 +28,7 @@ def unified(text: str) -> str:
     return unicodedata.normalize("NFKC", text)
 
 
+@lru_cache(maxsize=256)
 def plain_text(text: str) -> str:
     """The casefolded text as it is taken apart: unified, "10^5" as "1e5", with names as words of their own."""
     text = unified(text)

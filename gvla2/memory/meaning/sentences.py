@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from gvla2.memory.meaning.clauses import BEFORE_INSTEAD, REPLACING
 from gvla2.memory.meaning.concepts import HAN, concept_of
 from gvla2.memory.meaning.lexicon import CONCEPTS, POLES, THEN
-
-
-def _set(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
+from gvla2.memory.meaning.word_sets import word_set
 
 _TRAILING = (
     "afterwards", "afterward", "after that", "later", "last", "danach", "nachher", "anschließend", "hinterher",
@@ -101,19 +97,19 @@ class Signs:
     joins: bool
 
 
-_NEGATING = _set(
+_NEGATING = word_set(
     """not no need needn never don avoid without unless cannot nicht nie niemals kein keine keinen keinem keiner vergiss
     forbidden prohibited circumstances account verboten untersagt keinesfalls keinen interdit interdite interdits
     interdites aucun prohibido prohibida prohibidos prohibidas ningún
     vergessen zögere muss musst müssen brauchst braucht brauchen ohne ne n pas sans nunca jamás sin dud duda dudes
     dude"""
 )
-_ORDERING_WORDS = _set(
+_ORDERING_WORDS = word_set(
     f"""ahead advance soon once followed only finally lastly sobald erst schluss zuletzt schließlich gefolgt dès fois
     enfin finalement suivi suivie seulement cuanto vez tan finalmente último final sólo solo seguido seguida first
     zuerst zunächst primero abord afterwards afterward that {" ".join(THEN)} {" ".join(_TRAILING)}"""
 )
-_REASONS = _set(
+_REASONS = word_set(
     """so because since otherwise else order lest weil damit sonst andernfalls parce sinon afin pour porque para
     contrario ya therefore hence thus deshalb daher darum donc así eso"""
 )
@@ -134,7 +130,7 @@ def signs_of(plain: str) -> Signs:
     )
 
 
-_JOINING = _set("and und et y")
+_JOINING = word_set("and und et y")
 
 
 def in_order(plain: str) -> str:
@@ -206,7 +202,7 @@ _THEN = re.compile(
     )
     + r")\s*"
 )
-_ADVERBS = _set(
+_ADVERBS = word_set(
     "side height depth inside turning amount speed force level wetness filling order axis sequence timing truth case "
     "indent distance lateness locality visibility tilt size light thickness length"
 )

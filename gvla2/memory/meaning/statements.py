@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 from gvla2.memory.meaning.clauses import Clause, Order, clause_of
@@ -36,6 +36,11 @@ class Statement:
     choices: Sequence[Order]
     language: Language = ""
     soft: frozenset[str] = frozenset()
+
+    @cached_property
+    def items(self) -> frozenset[str]:
+        """The words, circumstances and sides of all clauses."""
+        return frozenset(item for clause in self.clauses for item in clause.items)
 
 
 @lru_cache(maxsize=8192)

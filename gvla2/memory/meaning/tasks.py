@@ -11,34 +11,31 @@ from gvla2.memory.meaning.lexicon import DETERMINERS, POLES
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.statements import read
 from gvla2.memory.meaning.word_forms import Language, common, split_alike
+from gvla2.memory.meaning.word_sets import word_set
 
 MOST_LINES = 8
 
 
-def _set(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
-
-_SCENE = _set(
+_SCENE = word_set(
     """on off at from near next beside behind between under above below over along across around against past through
     auf neben bei hinter zwischen unter über an am von vom aus entlang sur sous près derrière devant entre chez
     sobre bajo junto cerca detrás delante desde entre"""
 )
 """Behind these come where the thing is and what lies about it."""
-_BOUND = _set(
+_BOUND = word_set(
     """to into onto for in inside with without during while when if using as after before of
     zu zum zur nach in im ins für mit ohne während wenn als vor à au aux dans pour avec sans pendant quand
     a al en para con sin durante cuando"""
 )
 """Behind these come a goal or circumstances, which tell one task from another where nothing else does."""
 PREPOSITIONS = _SCENE | _BOUND
-_HANDLING = _set(
+_HANDLING = word_set(
     "put place go grasp get bring pick fetch carry hand mettre prendre poner tomar nehmen bringen holen"
 )
 """Acts that differ in little but the word: a thing is taken, and put somewhere."""
-_ACTS = _set("grasp turn place go check touch press wait cook run descend")
+_ACTS = word_set("grasp turn place go check touch press wait cook run descend")
 """Concepts that are acts wherever they stand; any other act is known by standing first."""
-_IDLE = _set("please task job thing things way again")
+_IDLE = word_set("please task job thing things way again")
 
 
 @dataclass(frozen=True)
@@ -129,9 +126,7 @@ def _opposed(one: Task, two: Task) -> bool:
 
 def _both_name(things: tuple[frozenset[str], ...], first: str, second: str, language: Language) -> bool:
     """Whether both lessons name what one of the tasks is about."""
-    contents = [
-        frozenset(word for clause in read(text).clauses for word in clause.items) for text in (first, second)
-    ]
+    contents = [read(text).items for text in (first, second)]
     for names in things:
         named = [set(split_alike(names, content, language)[0]) & names for content in contents]
         if named[0] & named[1]:

@@ -162,7 +162,14 @@ def split_alike(
     """What both have, what only the first has, and what only the second has, sorted; forms of a word are one."""
     both, left, right = set(first & second), first - second, second - first
     if left and right:
-        fitting = {(word, other) for word in left for other in right if alike(word, other, language)}
+        fitting = {
+            (word, other)
+            for word in left
+            for other in right
+            # Forms of one word begin alike, accents aside: to look is quicker than to ask.
+            if (word[0] == other[0] or not (word.isascii() and other.isascii()))
+            and alike(word, other, language)
+        }
         if fitting:
             both |= {word for word, _ in fitting}
             left = left - {word for word, _ in fitting}
