@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -187,7 +187,7 @@ def _without_figures(text: str, clause: Clause) -> str:
         # Chinese puts the verb between "at least" and the number.
         exact = clause.figures[0]
         low, high = (exact.low, math.inf) if bound["low"] else (-math.inf, exact.high)
-        clause.figures = [replace(exact, low=low, high=high)]
+        clause.figures = [exact._replace(low=low, high=high)]
         rest = _FAR_BOUND.sub(" ", rest)
     return rest
 

@@ -97,6 +97,8 @@ def contradiction(first: str, second: str) -> Conflict | None:
     needed = 1 if len(one.clauses) < 3 and len(two.clauses) < 3 else 2
     for a in one.clauses:
         for b in two.clauses:
+            if a.forbidden == b.forbidden and _each_its_own(a, b):
+                continue  # and so it is with most pairs
             found = _clauses(a, b, needed)
             if found is None or (found.kind == "opposite" and (reversals or _says_both(one, two, a, b))):
                 continue
@@ -127,9 +129,8 @@ def _clauses(first: Clause, second: Clause, needed: int) -> Conflict | None:
     if first.forbidden != second.forbidden:
         rule, act = (first, second) if first.forbidden else (second, first)
         return _forbidding(rule, act, needed)
-    if not first.starts <= second.starts and not second.starts <= first.starts:
-        # Each has something of its own, and so it is with most pairs.
-        return _reversed_word(first, second) if first.prefixed or second.prefixed else None
+    if not (first.starts <= second.starts or second.starts <= first.starts):
+        return _reversed_word(first, second)
     both, left, right = split_alike(first.matter, second.matter, common(first.language, second.language))
     agreed = _agreed(first, second)
     if max(len(left), len(right)) > MOST_DETAILS or not (both or agreed):
@@ -154,6 +155,12 @@ def _clauses(first: Clause, second: Clause, needed: int) -> Conflict | None:
     return Conflict("number", numbers or "")
 
 
+def _each_its_own(first: Clause, second: Clause) -> bool:
+    """Whether each has words that begin like none of the other's, nor can any be the reverse of one."""
+    mine, theirs = first.starts, second.starts
+    return not (mine <= theirs or theirs <= mine or first.prefixed or second.prefixed)
+
+
 def _reversed_word(first: Clause, second: Clause) -> Conflict | None:
     """Two clauses that are equal but for a word and its reverse, "encrypted" and "unencrypted"."""
     if len(first.matter) != len(second.matter) or first.sides != second.sides or first.forbidden:
@@ -170,6 +177,8 @@ def _agreed(first: Clause, second: Clause) -> int:
 
 def _turned(first: Clause, second: Clause) -> list[str]:
     """The axes on which two clauses take opposite sides; both sides in another sequence count as well."""
+    if not first.sides or not second.sides:
+        return []
     found = []
     for axis in sorted(first.sides.keys() & second.sides.keys()):
         one, two = first.poles[axis], second.poles[axis]
@@ -215,6 +224,8 @@ def _forbidding(rule: Clause, act: Clause, needed: int) -> Conflict | None:
 
 def _numbers(first: Clause, second: Clause) -> str | None:
     """The disagreement of two clauses' figures, taken in turn; None when they agree or cannot be compared."""
+    if not first.figures or not second.figures:
+        return None
     for dimension in sorted({figure.dimension for figure in first.figures}):
         one = [figure for figure in first.figures if figure.dimension == dimension]
         two = _comparable(second.figures, dimension)

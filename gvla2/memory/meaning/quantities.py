@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from gvla2.memory.meaning.bounds import bound_before, bound_behind
 from gvla2.memory.meaning.number_words import spelled_numbers
@@ -15,6 +15,9 @@ __all__ = ["UNITS", "Found", "Quantity", "quantities"]
 _DIGITS = r"\d(?:\d{0,2}(?:[ \u00a0]\d{3})+(?![\d.,])|\d*(?:[.,]\d+)*)(?:e[-+]?\d+(?!\w))?"
 _NUMBER = rf"[-−+]?{_DIGITS}"
 _FIGURE = re.compile(_DIGITS)
+_DIGIT = re.compile(r"\d")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?")
+_POINTED_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}")
 _TO = re.compile(
     r"\s*(?P<word>\bto\b|\bbis\b|à|\bhasta\b|\ba\b|–|—|-|~|到|至|and\b|und\b|et\b|y\b|和|±|\+/-)\s*"
 )
@@ -29,8 +32,7 @@ SAME_SIDE = 0.6
 """Two upper (or two lower) bounds disagree when they lie apart by more than this share of the larger one."""
 
 
-@dataclass(frozen=True)
-class Quantity:
+class Quantity(NamedTuple):
     """What a text says about a number: it lies in [low, high] of the base unit of ``dimension``.
 
     ``about`` marks a rough figure; ``dimension`` is "" for a bare number.
@@ -73,8 +75,7 @@ class Quantity:
         return False
 
 
-@dataclass(frozen=True)
-class Found:
+class Found(NamedTuple):
     """A quantity and where it stands in the text, ``start`` to ``end``."""
 
     quantity: Quantity
@@ -97,8 +98,7 @@ def quantities(text: str) -> list[Found]:
     return found
 
 
-@dataclass(frozen=True)
-class _Atom:
+class _Atom(NamedTuple):
     value: float
     start: int
     end: int
@@ -110,7 +110,8 @@ class _Atom:
 def _atoms(text: str) -> list[_Atom]:
     """The single numbers of a text, in digits and in words."""
     digits = []
-    for match in _FIGURE.finditer(text):
+    first = _DIGIT.search(text)  # quicker than to look for a whole figure from the start
+    for match in _FIGURE.finditer(text, first.start()) if first is not None else ():
         start = _start(text, match.start())
         value = _number(text[start : match.end()]) if start >= 0 else None
         if value is not None:
@@ -224,10 +225,12 @@ def _clock(text: str, hours: float, end: int) -> tuple[float, int] | None:
 
 def _number(text: str) -> float | None:
     """``1.5``, ``1,5``, ``1,000``, ``10 000``; None for what is no single number, such as ``3.11.2``."""
+    if text.isdecimal() and len(text) < 16:
+        return float(text)
     plain = text.replace("−", "-").replace(" ", "").replace("\u00a0", "")
-    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?", plain):
+    if _THOUSANDS.fullmatch(plain):
         plain = plain.replace(",", "")
-    elif re.fullmatch(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}", plain):
+    elif _POINTED_THOUSANDS.fullmatch(plain):
         plain = plain.replace(".", "").replace(",", ".")
     try:
         value = float(plain.replace(",", "."))

@@ -40,7 +40,7 @@ class Statement:
     @cached_property
     def items(self) -> frozenset[str]:
         """The words, circumstances and sides of all clauses."""
-        return frozenset(item for clause in self.clauses for item in clause.items)
+        return frozenset().union(*[clause.items for clause in self.clauses])
 
 
 @lru_cache(maxsize=8192)

@@ -10,7 +10,7 @@ from gvla2.memory.meaning.concepts import concept_of, words_in
 from gvla2.memory.meaning.lexicon import DETERMINERS, POLES
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.statements import read
-from gvla2.memory.meaning.word_forms import Language, common, split_alike
+from gvla2.memory.meaning.word_forms import Language, alike, common, may_be_alike, split_alike
 from gvla2.memory.meaning.word_sets import word_set
 
 MOST_LINES = 8
@@ -126,12 +126,18 @@ def _opposed(one: Task, two: Task) -> bool:
 
 def _both_name(things: tuple[frozenset[str], ...], first: str, second: str, language: Language) -> bool:
     """Whether both lessons name what one of the tasks is about."""
-    contents = [read(text).items for text in (first, second)]
+    one, two = read(first).items, read(second).items
     for names in things:
-        named = [set(split_alike(names, content, language)[0]) & names for content in contents]
-        if named[0] & named[1]:
+        if any(_stands(word, one, names, language) and _stands(word, two, names, language) for word in names):
             return True
     return False
+
+
+def _stands(word: str, content: frozenset[str], names: frozenset[str], language: Language) -> bool:
+    """Whether one of the names stands in a content, be it in another form."""
+    return word in content or any(
+        may_be_alike(word, other) and other not in names and alike(word, other, language) for other in content
+    )
 
 
 @lru_cache(maxsize=8192)

@@ -156,6 +156,11 @@ def starts_of(words: Set[str]) -> frozenset[str]:
     return frozenset([folded(word)[:3] for word in words])
 
 
+def may_be_alike(first: str, second: str) -> bool:
+    """Whether it is worth asking :func:`alike`: forms of one word begin with one letter, accents aside."""
+    return first[0] == second[0] or not (first.isascii() and second.isascii())
+
+
 def split_alike(
     first: Set[str], second: Set[str], language: Language = ""
 ) -> tuple[list[str], list[str], list[str]]:
@@ -166,9 +171,7 @@ def split_alike(
             (word, other)
             for word in left
             for other in right
-            # Forms of one word begin alike, accents aside: to look is quicker than to ask.
-            if (word[0] == other[0] or not (word.isascii() and other.isascii()))
-            and alike(word, other, language)
+            if may_be_alike(word, other) and alike(word, other, language)
         }
         if fitting:
             both |= {word for word, _ in fitting}
