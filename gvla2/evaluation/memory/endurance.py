@@ -26,12 +26,14 @@ from gvla2.memory.indexing.index import SERVED
 BUDGET = 10_000
 ADMITS = 1_000_000
 STEP = 1000
+LOOK = 10
+"""Steps between two looks at the bank: to count all it ever held takes longer with each step."""
 BYTES_EACH = 8_000
 """Of disk, for a record with its history and vector: a guess on the safe side."""
 
 
 def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
-    """Admit in batches of ``STEP`` at most; after each, look at how many are active and how large the process is."""
+    """Admit in batches of ``STEP`` at most; now and then, look at how many are active and how large the process is."""
     budget = max(50, BUDGET * size // ADMITS)
     free = shutil.disk_usage(setting.folder).free
     if free < BYTES_EACH * size:
@@ -69,7 +71,7 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     for path in setting.folder.glob("flood.db*"):
         path.unlink()
     note = f"{end['seconds']:.0f} s, {bytes_ / 1e9:.2f} GB on disk; the peer slows with each record"
-    memory = f"at most {first:.0f} MB in the first half, {second:.0f} MB in the second; {end['resident']:.0f} MB left"
+    memory = f"at most {first:.0f} MB in the first half, {second:.0f} MB in the second; {end['resident']:.0f} MB at the end"
     return {
         "flood_active": Figure(max(one["active"] for one in seen), note=note, goal=float(budget)),
         "flood_growth": Figure(growth, note=memory),
@@ -78,8 +80,10 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 
 def flood(url: str, count: int, budget: int, seed: int) -> None:
-    """Admit; print ``done``, ``active`` with summaries, ``resident`` MB, ``seconds`` and ``cpu`` after each step."""
-    spent = 0.0
+    """Admit; now and then print ``done``, ``active`` with summaries, ``resident`` (the most MB since the last time),
+    ``seconds`` and ``cpu``.
+    """
+    spent = peak = 0.0
     with KnowledgeBank.open(url, options=BankOptions(active_budget=budget), clock=lambda: NOW) as bank:
         step = min(STEP, max(1, count // 10))
         for start in range(0, count, step):
@@ -88,14 +92,18 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
             began = time.perf_counter()
             bank.admit_many(items)
             spent += time.perf_counter() - began
+            peak = max(peak, resident())
+            if (start // step) % LOOK and start + len(items) < count and count > LOOK * step:
+                continue
             seen = {
                 "done": start + len(items),
                 "active": sum(bank.stats()["states"].get(state, 0) for state in SERVED),
-                "resident": resident(),
+                "resident": peak,
                 "seconds": spent,
                 "cpu": time.process_time(),
             }
             print(json.dumps(seen), flush=True)
+            peak = 0.0
 
 
 def resident() -> float:

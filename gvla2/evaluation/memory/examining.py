@@ -14,7 +14,9 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
 
 YES = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="bench")
-EXAMINERS = {"first examiner": 1, "second examiner": 2}
+EXAMINERS = {"first examiner": 1, "second examiner": 2, "third examiner": 3, "fourth examiner": 4}
+_ALL_ROUND = ("first examiner", "second examiner")
+"""The others wrote pairs that contradict each other or only seem to."""
 _SAID: tuple[Kind, ...] = ("order", "honest")
 _ASKED: tuple[Kind, ...] = ("query", "irrelevant")
 _LIVE: tuple[LifecycleState, ...] = ("active", "summary")
@@ -48,13 +50,17 @@ def lessons(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
     found = {name: one[0] for name, one in theirs.items()}
     false = {name: one[1] for name, one in theirs.items()}
-    return {
+    figures = {
         "examined_found": Figure.beside(
             share("contradiction", lambda fate: fate.contradicted), found, n=len(fates["contradiction"])
         ),
         "examined_false": Figure.beside(
             share("other", lambda fate: fate.contradicted), false, n=len(fates["other"])
         ),
+    }
+    if on not in _ALL_ROUND:
+        return figures
+    return figures | {
         "examined_once": figure(
             "paraphrase", lambda fate: not fate.contradicted and (fate.merged or fate.told == 1)
         ),
@@ -146,12 +152,23 @@ def tests() -> list[Test]:
         Row("examined_told", "Examined: the right lesson is told", "%", "higher", None, 1),
         Row("examined_irrelevant", "Examined: irrelevant queries answered", "%", "lower", 0.0, 1),
     )
-    return [
+    pairs = [
+        Test(
+            "examination",
+            said if examiner in _ALL_ROUND else said[:2],
+            lessons,
+            160,
+            least=8,
+            on=examiner,
+            seconds=10.0,
+        )
+        for examiner in EXAMINERS
+    ]
+    return pairs + [
         Test(name, rows, measure, size, least=8, on=examiner, seconds=seconds)
         for name, rows, measure, size, seconds in (
-            ("examination", said, lessons, 140, 10.0),
             ("examined_orders", meant, orders, 80, 4.0),
             ("examined_queries", asked, queries, 120, 2.0),
         )
-        for examiner in EXAMINERS
+        for examiner in _ALL_ROUND
     ]

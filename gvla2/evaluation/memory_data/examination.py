@@ -1,9 +1,9 @@
-"""What two examiners asked who had seen none of the code: pairs of lessons, orders to machines, queries.
+"""What four examiners asked who had seen none of the code: pairs of lessons; two of them orders and queries, too.
 
 Each entry was written and labelled before it was tried, and none was changed afterwards. At first sight the bank
-found 80.0 % and 58.0 % of the contradictions (2.1 and 2.0 % false) and let in 3.3 and 11.7 % of the orders.
-Afterwards choices that are turned round ("A, not B") and bans in several words were looked into: what has been looked
-into says how well its causes were repaired, not how the next examination will end.
+found 80.0, 58.0, 45.8 and 54.2 % of the contradictions (2.1, 2.0, 0.7 and 3.8 % false) and let in 3.3 and 11.7 % of the
+orders. What it missed of the first three was looked into afterwards, and of the fourth what is worded alike: what has
+been looked into says how well its causes were repaired, not how the next examination will end.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Entry:
 
 
 def entries(kind: Kind, examiner: int) -> list[Entry]:
-    """The entries of a kind, in the order of the ``examiner``, 1 or 2."""
+    """The entries of a kind, in the order of the ``examiner``, 1 to 4; the last two wrote pairs only."""
     return [entry for entry in _all(examiner) if entry.kind == kind]
 
 

@@ -259,14 +259,14 @@ class Ledger:
 
     def _changes(self, last: dict[str, Record], made: Sequence[Link]) -> list[Change] | None:
         """The changes of records that are stored as in ``last`` and of those that the links made refer to."""
-        own: dict[str, list[Link]] = {}
+        own: dict[str, set[str]] = {}
         for link in made:
-            own.setdefault(link.source, []).append(link)
-            own.setdefault(link.target, []).append(link)
+            for one, other in ((link.source, link.target), (link.target, link.source)):
+                own.setdefault(one, set()).update([other] if link.kind == "conflict" else [])
         served = {record.id for record in last.values() if record.state in STATES}
         older = (served | (own.keys() - last.keys())) - self.transaction.created
-        stored = self.transaction.view.links_among(self.transaction.bank, older) if older else {}
-        links = own | {id: stored.get(id, []) for id in older}
+        stored = self.transaction.view.conflicts(self.transaction.bank, older) if older else {}
+        conflicts = {id: len(others) for id, others in own.items()} | {id: stored.get(id, 0) for id in older}
         changes = []
         for record in last.values():
             if record.state not in STATES:
@@ -277,13 +277,13 @@ class Ledger:
                 vector = self._kept_vector(record)
                 if vector is None:
                     return None
-            changes.append(Change(record, vector, self._model, tuple(links.get(record.id, ()))))
+            changes.append(Change(record, vector, self._model, conflicts.get(record.id, 0)))
         for id in sorted(own.keys() - last.keys()):
             for row in self._index.rows([id]):  # what the index does not hold is archived
                 record = self._index.record(row)
                 record = numbered(record, record.version, self.transaction.rev)
                 vector = self._index.vector(row)
-                changes.append(Change(record, vector, self._model, tuple(links[id])))
+                changes.append(Change(record, vector, self._model, conflicts[id]))
         # As the store lists them: then an index that read them there has its rows in the same order, to the last bit.
         return sorted(changes, key=lambda change: change.record.id)
 

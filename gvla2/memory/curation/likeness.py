@@ -10,14 +10,11 @@ from difflib import SequenceMatcher
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from gvla2.memory.meaning.clauses import is_soft
-from gvla2.memory.meaning.concepts import concept_of, words_in
 from gvla2.memory.meaning.conflicts import contradiction
 from gvla2.memory.meaning.idle_words import telling
-from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import Quantity
-from gvla2.memory.meaning.statements import MAX_READ, read
-from gvla2.memory.meaning.tasks import PREPOSITIONS
+from gvla2.memory.meaning.statements import read
+from gvla2.memory.meaning.swaps import swapped
 from gvla2.memory.meaning.word_forms import Language, common, split_alike, starts_of
 from gvla2.memory.meaning.words import topic_words
 from gvla2.memory.records import Record, load_object
@@ -25,8 +22,6 @@ from gvla2.memory.retrieval.scoring import signature_distance
 
 MAX_COMPARED = 1000
 """Characters of two texts that are aligned with one another."""
-_OF = frozenset(("of", "von", "de", "d", "du", "del"))
-"""Behind other small words these tell nothing more: "all of the bolts"."""
 COMPARABLE, HELD = 0.3, 0.6
 """Shares of words from which two texts may say the same or the opposite, see :class:`Likeness`."""
 
@@ -136,7 +131,7 @@ def same_subject(first: Record, second: Record) -> bool:
     _, left, right = split_alike(one.forbidden, two.forbidden, language)
     if left or right:
         return False
-    if not _figures_agree(one.figures, two.figures) or _swapped(first.content, second.content):
+    if not _figures_agree(one.figures, two.figures) or swapped(first.content, second.content):
         return False
     return contradiction(first.content, second.content) is None
 
@@ -174,45 +169,6 @@ def about(text: str) -> About:
         len(said.orders),
         said.language,
     )
-
-
-def _swapped(first: str, second: str) -> bool:
-    """Whether things of two texts changed places: "put the cup on the plate", "put the plate on the cup"."""
-    # "a" is an article in English and "to" in Spanish, and short texts show no language.
-    return any(_rotated(_places(first, article), _places(second, article)) for article in ("a", ""))
-
-
-def _rotated(one: Mapping[str, str], two: Mapping[str, str]) -> bool:
-    """Whether some of the words took one another's places, two or more in turn."""
-    moved = {word for word in one.keys() & two.keys() if one[word] != two[word]}
-    while moved:
-        left, entered = {one[word] for word in moved}, {two[word] for word in moved}
-        # Only who takes a place that another left, and leaves one that another takes, is part of a round.
-        turning = {word for word in moved if one[word] in entered and two[word] in left}
-        if turning == moved:
-            return True
-        moved = turning
-    return False
-
-
-@lru_cache(maxsize=8192)
-def _places(text: str, article: str) -> Mapping[str, str]:
-    """The preposition or other small word that each word stands behind, "" for none; ``article`` is passed over."""
-    found: dict[str, str] = {}
-    place, fresh = "", False
-    for word in words_in(plain_text(text[:MAX_READ])):
-        if word == ",":
-            place = ""
-        elif word == article or (fresh and word in _OF):
-            continue
-        elif word in PREPOSITIONS:
-            place, fresh = word, True
-        elif not is_soft(word):
-            found[concept_of(word)] = place
-            fresh = False
-        elif telling(frozenset((word,))):
-            place, fresh = word, True
-    return found
 
 
 def _figures_agree(first: tuple[Quantity, ...], second: tuple[Quantity, ...]) -> bool:

@@ -96,7 +96,7 @@ class Index:
             self._rows.drop(dropped)
             self._rows.put(
                 [
-                    Entry(change.record, fresh.get(i, change.vector), _conflicts(change))  # type: ignore[arg-type]
+                    Entry(change.record, fresh.get(i, change.vector), change.conflicts)  # type: ignore[arg-type]
                     for i, change in enumerate(kept)
                 ]
             )
@@ -246,15 +246,3 @@ class Index:
             return np.zeros((0, self._dimension), np.float32)
         made = self._embedder.embed([text_of(record.query, record.content) for record in records])
         return np.nan_to_num(np.asarray(made, np.float32))
-
-
-def _conflicts(change: Change) -> int:
-    """How many others contradict a record; a link counts once, whichever end names it."""
-    id = change.record.id
-    return len(
-        {
-            link.target if link.source == id else link.source
-            for link in change.links
-            if link.kind == "conflict"
-        }
-    )

@@ -60,7 +60,11 @@ _ONLY = word_set("only erst seulement solo sólo")
 """Before "after" these change nothing: "only after it is dry"."""
 _BEING = word_set("is are was were be been being")
 _PREFIXES = ("un", "non", "mis", "dis", "de", "dé", "in", "im", "il", "ir", "ent", "不", "未", "非", "无")
+_WHERE = word_set(
+    "in into on onto at to from ins im in auf am an zum zur dans sur en à aux del al sobre 在 到"
+)
 _PRONOUNS = word_set("it them they es ihn ihm sie le la lo les los las l ça eso esto ello 它 它们 他")
+_OWNERS = DETERMINERS | word_set("its their his her your our my")
 _INDEFINITE = word_set("a an ein eine einen un una une")
 _USING = word_set(
     "use take choose pick select with verwende nimm benutze mit utiliser utilise utilisez avec usa usar con"
@@ -83,6 +87,7 @@ class Clause:
     ``forbidden`` when the text says not to; ``open`` when it need not be done, or when it only tells why; ``bounded``
     when a prohibition left a bound ("never above 5"); ``pronoun`` when it speaks of what is named elsewhere ("lift it",
     "..., not with pip"). ``phase`` are the acts that tell when this one is done.
+    ``places`` are the sides that tell where something is or goes ("into the left tray"), a part of the context.
     ``soft`` are the words that say nothing about who does what: articles, prepositions, conditions.
     """
 
@@ -97,6 +102,7 @@ class Clause:
     pronoun: bool = False
     language: Language = ""
     phase: frozenset[str] = frozenset()
+    places: set[str] = field(default_factory=set)
     soft: set[str] = field(default_factory=set)
 
     @cached_property
@@ -128,9 +134,14 @@ class Clause:
             if axis not in MANNERS
         )
 
-    def does_more(self, other: Clause) -> bool:
-        """Whether the clause does something that the other neither does, nor undoes, nor names."""
-        return any(axis not in other.sides and not names <= other.context for axis, names in self.acts)
+    def does_more(self, other: Clause, undone: str = "") -> bool:
+        """Whether the clause does something that the other neither does, nor undoes (on the axis ``undone``, by another
+        word), nor names.
+        """
+        return any(
+            axis not in other.sides and axis != undone and not names <= other.context
+            for axis, names in self.acts
+        )
 
     @cached_property
     def items(self) -> frozenset[str]:
@@ -156,6 +167,8 @@ def clause_of(text: str, language: Language, replaces: bool = True) -> tuple[Cla
     """
     clause = Clause(forbidden=replaces and INSTEAD.search(text) is not None, language=language)
     words = join_phrases(words_in(_without_figures(text, clause)))
+    if clause.forbidden:
+        words = [word for word in words if word not in REPLACING]
     main, relation, rest = _sort(words, clause)
     order = None
     if relation:
@@ -207,6 +220,8 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                     within = in_condition = False
                 continue
             if word in NEGATORS:
+                if noun_only and side:
+                    within = False  # "vor dem Update nicht löschen"
                 clause.forbidden |= not in_condition and not within
                 continue
             if word in _BEHIND and _ends_a_time(words, index) and not relation:
@@ -234,7 +249,11 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                 clause.soft.add(word)
                 unless |= word in _UNLESS
                 continue
+        if noun_only and within and side and word in DETERMINERS:
+            within = False  # "vor dem Start den Tank leeren"
         concept = concept_of(word)
+        if word == "lower" and index and words[index - 1] in _OWNERS:
+            concept = "height-"
         if concept in POLES and not _is_noun(word, words, index, clause.language):
             if _particle(word, words, index):
                 clause.soft.add(word)
@@ -243,6 +262,12 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                 within = False  # German puts what is done behind "vor der Messung"
             if in_condition or within or _names_a_thing(word, words, index):
                 clause.context.add(concept)
+                if (
+                    not in_condition
+                    and not within
+                    and not _WHERE.isdisjoint(words[max(0, index - 3) : index])
+                ):
+                    clause.places.add(concept)
             else:
                 name, sign = POLES[concept]
                 clause.poles.setdefault(name, []).append(sign)

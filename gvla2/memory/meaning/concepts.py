@@ -7,6 +7,7 @@ from functools import lru_cache
 
 from gvla2.memory.meaning.inflections import pole_of
 from gvla2.memory.meaning.lexicon import CONCEPTS, NEGATORS, SEGMENTS
+from gvla2.memory.meaning.verb_forms import verb_of
 
 WORD = re.compile(r"[^\W_]+(?:['’_][^\W_]+)*|,")
 HAN = re.compile(r"[\u3400-\u9fff]+")
@@ -57,7 +58,10 @@ def concept_of(word: str) -> str:
     if word in CONCEPTS:
         return CONCEPTS[word]
     stem = stem_of(word)
-    return CONCEPTS.get(stem) or pole_of(word) or stem
+    known = CONCEPTS.get(stem) or pole_of(word)
+    if known is None and (verb := verb_of(word)):
+        return CONCEPTS.get(verb) or pole_of(verb) or verb
+    return known or stem
 
 
 def stem_of(word: str) -> str:

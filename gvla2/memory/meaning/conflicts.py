@@ -17,7 +17,8 @@ from gvla2.memory.meaning.clauses import Clause, Order, named
 from gvla2.memory.meaning.prefixes import reverses
 from gvla2.memory.meaning.quantities import Quantity
 from gvla2.memory.meaning.statements import Statement, read
-from gvla2.memory.meaning.tasks import other_tasks
+from gvla2.memory.meaning.swaps import swapped
+from gvla2.memory.meaning.tasks import other_tasks, same_task
 from gvla2.memory.meaning.word_forms import Language, common, split_alike, starts_of
 
 ConflictKind = Literal["number", "opposite", "forbidden", "order", "effect"]
@@ -31,6 +32,11 @@ EXACT = frozenset(
 """Bare numbers after these words agree only when they are equal."""
 _VAGUE = frozenset(("", "time", "times"))
 """Figures of these may be said of anything; a length or a force tells what is spoken of."""
+LIGHT = frozenset(("place", "go", "belong", "come", "sit", "lie", "stand", "look", "find", "happen"))
+"""Acts that say little where two lessons agree in all the rest: "put it left" and "it goes right"."""
+_KINDRED = {"vertical": "amount", "amount": "vertical"}
+"""Axes whose words are said of one another's things: "raise the limit", 降低机械臂."""
+_LIGHT_STARTS = starts_of(LIGHT)
 MOST_DETAILS = 5
 """A lesson with more words of its own than this speaks of a special case of the other."""
 
@@ -78,7 +84,7 @@ def conflict(first: Said, second: Said) -> Conflict | None:
     failed = [said.type == "failure_avoidance" for said in (first, second)]
     if all(failed) and _tells_of_failure(first.content) and _tells_of_failure(second.content):
         return None  # what failed at 5 cm may fail at 30 cm as well
-    found = contradiction(first.content, second.content)
+    found = contradiction(first.content, second.content, one_task=same_task(first.query, second.query))
     if found is None or (found.kind != "forbidden" and any(failed) and not all(failed)):
         return None
     return None if other_tasks(first.query, first.content, second.query, second.content) else found
@@ -89,22 +95,33 @@ def _tells_of_failure(content: str) -> bool:
     return _FAILURE.search(content.casefold()) is not None
 
 
-def contradiction(first: str, second: str) -> Conflict | None:
-    """How two texts contradict each other, in words of any of the lexicon's languages and numbers of any."""
+def contradiction(first: str, second: str, *, one_task: bool = False) -> Conflict | None:
+    """How two texts contradict each other, in words of any of the lexicon's languages and numbers of any.
+
+    In ``one_task`` a thing has one place: what goes into the left tray does not go into the right one.
+    """
     one, two = read(first), read(second)
     reversals = _reversed_order(one, two) if one.orders and two.orders else None
     # In a text of several sentences, "wait" alone may be said of anything.
     needed = 1 if len(one.clauses) < 3 and len(two.clauses) < 3 else 2
+    chosen = bool(one.choices and two.choices)
+    left_out: set[bool] = set()
     for a in one.clauses:
         for b in two.clauses:
             if a.forbidden == b.forbidden and _each_its_own(a, b):
                 continue  # and so it is with most pairs
-            found = _clauses(a, b, needed)
+            found = _clauses(a, b, needed, one_task)
+            if found is not None and found.kind == "forbidden" and chosen:
+                # A hammer for pliers and pliers for scissors agree: each has to leave out what the other takes.
+                left_out.add(a.forbidden)
+                found = found if len(left_out) == 2 else None
             if found is None or (found.kind == "opposite" and (reversals or _says_both(one, two, a, b))):
                 continue
             return found
-    if reversals is None and one.choices and two.choices:
+    if reversals is None and chosen:
         return _reversed_choice(one, two)
+    if reversals is None and one_task and one.items == two.items and swapped(first, second, one_way=True):
+        return Conflict("order", "things are in each other's place")
     return reversals
 
 
@@ -123,23 +140,31 @@ def _says_both(one: Statement, two: Statement, a: Clause, b: Clause) -> bool:
     return False
 
 
-def _clauses(first: Clause, second: Clause, needed: int) -> Conflict | None:
+def _clauses(first: Clause, second: Clause, needed: int, one_task: bool) -> Conflict | None:
     if first.open or second.open:
         return None
     if first.forbidden != second.forbidden:
         rule, act = (first, second) if first.forbidden else (second, first)
         return _forbidding(rule, act, needed)
-    if not (first.starts <= second.starts or second.starts <= first.starts):
-        return _reversed_word(first, second)
+    if (first.prefixed or second.prefixed) and (found := _reversed_word(first, second)) is not None:
+        return found
     both, left, right = split_alike(first.matter, second.matter, common(first.language, second.language))
+    left, right = [word for word in left if word not in LIGHT], [word for word in right if word not in LIGHT]
     agreed = _agreed(first, second)
     if max(len(left), len(right)) > MOST_DETAILS or not (both or agreed):
         return None
-    if (left or first.does_more(second)) and (right or second.does_more(first)):
-        return None  # each does something of its own: lifting is not the opposite of pushing
     if first.phase and second.phase and starts_of(first.phase).isdisjoint(starts_of(second.phase)):
         return None  # to close before lifting and to open before approaching are two moments
     turned = [] if first.forbidden else _turned(first, second)
+    if one_task and not first.forbidden:
+        elsewhere = [mark for mark in left if mark in first.places and _other_side(mark) in second.places]
+        turned += [mark[:-1] for mark in elsewhere]
+        left = [mark for mark in left if mark not in elsewhere]
+        right = [mark for mark in right if _other_side(mark) not in elsewhere]
+    less, more = ("", "") if turned or first.forbidden else _undone(first, second)
+    turned += [less] if less else []
+    if (left or first.does_more(second, less)) and (right or second.does_more(first, more)):
+        return None  # each does something of its own: lifting is not the opposite of pushing
     numbers = _numbers(first, second)
     if len(turned) + (numbers is not None) != 1:
         return None  # what differs in two respects is another case, not the opposite
@@ -147,7 +172,7 @@ def _clauses(first: Clause, second: Clause, needed: int) -> Conflict | None:
     if len(both) + agreed + (first.pronoun or second.pronoun) + measured < needed:
         return None
     if turned:
-        return Conflict("opposite", f"they differ in {turned[0]}: {_sides(first, second, turned[0])}")
+        return Conflict("opposite", f"they differ in {turned[0]}{_sides(first, second, turned[0])}")
     if first.forbidden:
         return None
     if first.bounded != second.bounded:
@@ -158,7 +183,9 @@ def _clauses(first: Clause, second: Clause, needed: int) -> Conflict | None:
 def _each_its_own(first: Clause, second: Clause) -> bool:
     """Whether each has words that begin like none of the other's, nor can any be the reverse of one."""
     mine, theirs = first.starts, second.starts
-    return not (mine <= theirs or theirs <= mine or first.prefixed or second.prefixed)
+    if mine <= theirs or theirs <= mine or first.prefixed or second.prefixed:
+        return False
+    return not (mine - _LIGHT_STARTS <= theirs or theirs - _LIGHT_STARTS <= mine)
 
 
 def _reversed_word(first: Clause, second: Clause) -> Conflict | None:
@@ -169,6 +196,10 @@ def _reversed_word(first: Clause, second: Clause) -> Conflict | None:
     if len(left) != 1 or len(right) != 1 or not reverses(left[0], right[0]) or _numbers(first, second):
         return None
     return Conflict("opposite", f"one is the reverse of the other: {left[0]} against {right[0]}")
+
+
+def _other_side(mark: str) -> str:
+    return mark[:-1] + {"+": "-", "-": "+"}.get(mark[-1], "")
 
 
 def _agreed(first: Clause, second: Clause) -> int:
@@ -194,8 +225,21 @@ def _turned(first: Clause, second: Clause) -> list[str]:
     return found
 
 
+def _undone(first: Clause, second: Clause) -> tuple[str, str]:
+    """The axes on which two clauses do and undo one thing in other words ("raise it", "reduce it"), "" for none."""
+    for axis in first.sides.keys() - second.sides.keys():
+        other = _KINDRED.get(axis, "")
+        if other in second.sides and other not in first.sides:
+            one, two = set(first.poles[axis]), set(second.poles[other])
+            if len(one) == len(two) == 1 and one != two:
+                return axis, other
+    return "", ""
+
+
 def _sides(first: Clause, second: Clause, axis: str) -> str:
-    return " against ".join("+" if clause.poles[axis][0] > 0 else "-" for clause in (first, second))
+    if axis not in first.poles or axis not in second.poles:
+        return ""
+    return ": " + " against ".join("+" if clause.poles[axis][0] > 0 else "-" for clause in (first, second))
 
 
 def _forbidding(rule: Clause, act: Clause, needed: int) -> Conflict | None:
@@ -211,7 +255,10 @@ def _forbidding(rule: Clause, act: Clause, needed: int) -> Conflict | None:
     language = common(rule.language, act.language)
     missing = split_alike(rule.matter, act.matter, language)[1]
     wanted, given = rule.sides, act.sides
-    if missing or any(given.get(axis) != signs for axis, signs in wanted.items()):
+    for axis, signs in wanted.items():
+        if given.get(axis) != signs and not act.context.issuperset(named(axis, sign) for sign in signs):
+            return None
+    if missing:
         return None
     if len(act.matter) - len(rule.matter) > MOST_DETAILS:
         return None
@@ -229,7 +276,9 @@ def _numbers(first: Clause, second: Clause) -> str | None:
     for dimension in sorted({figure.dimension for figure in first.figures}):
         one = [figure for figure in first.figures if figure.dimension == dimension]
         two = _comparable(second.figures, dimension)
-        if len(one) != len(two) or (not dimension and len(one) > 1):
+        if len(one) != len(two):
+            continue
+        if not dimension and len(one) > 1 and sum(a != b for a, b in zip(one, two, strict=True)) > 1:
             continue  # which of them are compared with which, nobody can tell
         exact = not dimension and bool((first.matter | first.labels | second.labels) & EXACT)
         tolerance = 0.0 if exact else TOLERANCE.get(dimension, OTHERWISE)
@@ -281,7 +330,7 @@ def _crossed(
     """
     for one, two in first:
         for three, four in second:
-            _, left, right = split_alike(one | two, three | four, language)
+            _, left, right = split_alike((one | two) - LIGHT, (three | four) - LIGHT, language)
             if left and right:
                 continue
             a, b = _apart(one, two, language)

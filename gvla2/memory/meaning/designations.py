@@ -23,7 +23,8 @@ _NAMED = (
     "|salle|pièce|étape|ligne|chapitre|quai|sala|habitación|paso|línea|página|capítulo|máquina|articulación"
 )
 _NO_BOUND = (
-    r"(?!\s*(?:[%°]|or\b|and (?:above|up|later|newer)|oder\b|ou\b|o\b|[至以或]|[a-z]+/|mm|cm|ms\b|kg|\+))"
+    r"(?!\s*(?:[%°]|or\b|and (?:above|up|later|newer)|oder\b|ou\b|o\b|[至以或]|[a-z]+/|mm|cm|ms\b|kg|\+"
+    r"|(?:sec|min|hour|day|week|times|stund|tage|heure|jour|hora|día|segundo|second)[a-z]*\b|[秒分小天次]))"
 )
 _NO_MEASURE = (
     r"(?![\w%.,:]*\d)(?!\s*-?\s?(?:[%°]|(?:mm|cm|m|s|ms|n|nm|g|b|[kmg]b|hz|px|or|x|times|min|mins)\b"

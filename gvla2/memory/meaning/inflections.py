@@ -10,7 +10,7 @@ from gvla2.memory.meaning.word_sets import word_set
 
 _OTHER = {"+": "-", "-": "+"}
 _WORDS_OF_THEIR_OWN = word_set(
-    "tire cache pare sale mince retire couple ate opt loose unit united union unique until"
+    "tire cache pare sale mince retire couple ate opt loose unit united union unique until hint wart"
 )
 """English words that are forms of others by chance."""
 _SPANISH = ("ados", "adas", "ando", "ado", "ada", "an", "en", "a", "e")
@@ -42,6 +42,8 @@ def _infinitives(word: str) -> Iterator[str]:
     elif word[-1] == "t" and len(word) > 4:
         yield word[:-1] + "en"
         yield word[:-2] + "en"
+    elif word[-1].isalpha():
+        yield word + "en"
     for ending in _FRENCH:
         if word.endswith(ending):
             yield word.removesuffix(ending) + "er"

@@ -73,13 +73,18 @@ SOFT = word_set(
     needed must should shall always please better best good works work worked working succeed succeeded succeeds
     success fails failed ensure carefully properly safely exactly about around roughly approximately just simply
     prefer preferably recommended ideally usually often sometimes generally really amount value figure setting way
-    side direction movement motion approx least most than per each every total own once again still there here well
-    fine enough okay toward towards upon via along across onto  deep deeply while during being been gets
+    side direction movement motion approx least most than per each every total own once again still there here well even
+    fine enough okay ought having worth plenty suffices toward towards upon via along across onto deep deeply while
+    during being been gets
     lasse lassen verwende verwenden benutze benutzen nutze nutzen immer stets bitte muss müssen soll sollte sollen
-    hat funktioniert vorher nachher dabei jeweils richtung seite etwas
-    utilisez utiliser utilise toujours doit faut il mettre mettez laisse laissez fait faire côté direction vers jusque
-    usa usar use utiliza utilizar siempre debe deben hay hacia lado deja dejar haz hacer 
-    把 将 向 往 从 朝 用 使用 的 了 着 请 应 应该 必须 总是 要 需要 对 在 给 让 到 和 与 则 就 边 侧 时 个
+    hat haben hatte habt darf dürfen werden wird worden beim beträgt betragen kommt gehört gilt lässt sich dass
+    funktioniert vorher nachher dabei jeweils richtung seite etwas
+    utilisez utiliser utilise toujours doit doivent faut il mettre mettez mets laisse laissez fait faire côté direction
+    vers jusque vaut valoir être reste rester suffit
+    usa usar use utiliza utilizar siempre debe deben hay hacia lado deja dejar haz hacer tener tiene tienen tenga
+    estar está están mantén mantener mantenga vale basta
+    把 将 向 往 从 朝 用 使用 的 了 着 请 应 应该 必须 总是 要 需要 对 在 给 让 到 和 与 则 就 边 侧 时 个 设为
+    设成 设置为 设定为 设定 调到 调为 才能 可以 有 是
     """
 )
 """Words that change nothing about what is done to what."""
@@ -110,7 +115,7 @@ NEGATORS = word_set(
 )
 """A clause with one of these forbids what it says; :data:`gvla2.memory.meaning.sentences.IDIOMS` do not."""
 
-TURNING = word_set("turn turns turned turning switch switched switching power powered leave left")
+TURNING = word_set("turn turns turned turning switch switched switching power powered leave")
 STAYING = word_set("keep keeps keeping stay stays remain remains")
 IDENTIFIERS = word_set(
     "step way line waypoint table example case lesson episode run seed code object item no number figure page chapter "

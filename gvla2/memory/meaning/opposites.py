@@ -13,9 +13,9 @@ side: left leftward leftwards links linke linken linker linkes linkem gauche izq
     direita direito справа вправо направо правый правую 向右 右臂
 height: above top up upper upward upwards over oben obere oberen oberer oberes oberhalb über aufwärts hinauf haut
     dessus arriba encima 上 上方 上面 overhead uppermost topmost highest ontop obenauf au-dessus sobre вверх наверх
-    сверху 上部 顶部 向上 往上 / below bottom down downward downwards under underneath beneath unten untere unteren
-    unterer unteres unterhalb unter abwärts hinunter bas dessous abajo debajo 下 下方 下面 lowest undermost
-    bottommost underside drunter darunter au-dessous вниз внизу снизу 下部 底部 向下 往下
+    сверху 上部 顶部 上层 向上 往上 cima bovenaan / below bottom down downward downwards under underneath beneath unten
+    untere unteren unterer unteres unterhalb unter abwärts hinunter bas dessous abajo debajo 下 下方 下面 lowest
+    undermost bottommost underside drunter darunter au-dessous вниз внизу снизу 下部 底部 下层 向下 往下 baixo onderaan
 depth: front forward forwards vorn vorne vorwärts devant delante adelante 前面 前方 前 foremost vorderseite вперёд
     вперед frontal 前进 向前 往前 / back backward backwards behind rear rearward hinten rückwärts derrière arrière
     detrás atrás 后面 后方 后 rearwards reverse reversed hinter rückseite trasero назад позади 后退 向后 往后 倒退
@@ -28,11 +28,11 @@ turning: clockwise uhrzeigersinn horaire horario 顺时针 cw rightwise rechtshe
 opening: open opens opened opening öffne öffnen öffnet geöffnet aufmachen offen ouvre ouvrez ouvrir ouvert ouverte
     abre abrir abra abierto abierta 打开 张开 开启 敞开 reopen öffnend geöffnete geöffneten geöffneter offene
     offenen offener ouverts ouvertes ouvrant abiertos abiertas abran abrid abrirlo abrirla abriendo apri aprire
-    aperto aperta aberto открой открыть откройте открыт 开 打開 開 张开着 拉开 敞开着 / close closes closed closing
-    shut shuts schliesse schliessen schliesst geschlossen zumachen ferme fermez fermer fermé fermée cierra cerrar
-    cierre cerrado cerrada 关闭 合上 闭合 关上 关好 reclose shutting schliessend geschlossene geschlossenen
-    geschlossener fermés fermées fermant cerrados cerradas cierren cerrarlo cerrarla cerrando chiudi chiudere chiuso
-    chiusa feche fechar fechado закрой закрыть закройте закрыт 关 閉 闭上 关紧 合拢 拉上
+    aperto aperta aberto открой открыть откройте открыт открытой открытым 开 打開 開 张开着 拉开 敞开着 / close closes
+    closed closing shut shuts schliesse schliessen schliesst geschlossen zumachen ferme fermez fermer fermé fermée
+    cierra cerrar cierre cerrado cerrada 关闭 合上 闭合 关上 关好 reclose shutting schliessend geschlossene
+    geschlossenen geschlossener fermés fermées fermant cerrados cerradas cierren cerrarlo cerrarla cerrando chiudi chiudere chiuso
+    chiusa feche fechar fechado закрой закрыть закройте закрыт закрытой закрытым 关 閉 闭上 关紧 合拢 拉上
 moving: push pushes pushed pushing shove drücke drücken schiebe schieben schiebt poussez pousser pousse empuja
     empujar empuje 推 drückt geschoben gedrückt poussé empujad empujen empujarlo empujando spingi spingere empurre
     empurrar толкай толкать 推动 推入 推开 / pull pulls pulled pulling drag tug ziehe ziehen zieht tirez tirer jala
@@ -354,9 +354,9 @@ extremes: minimise minimize minimieren minimiser minimizar 最小化 / maximise 
     最大化
 sharing: shared partagé compartido 共享 / exclusive exclusively exklusiv exclusif exclusivo 独占
 verbosity: verbose verbosely ausführlich verbeux detallado 详细 / terse concise knapp concis conciso 简略
-accelerating: accelerate accelerates accelerated accelerating beschleunigen beschleunige accélérer accélérez
+accelerating: accelerate accelerates accelerated accelerating beschleunigen beschleunige accélérer accélérez accélère
     acelerar acelera 加速 / decelerate decelerates decelerated decelerating slowed slowing verlangsamen verlangsame
-    ralentir ralentissez desacelerar frenar frena 减速
+    ralentir ralentissez ralentis ralentit desacelerar frenar frena 减速
 bending: straighten straightened unbend begradigen redresser enderezar endereza 弄直 / bend bends bending biegen
     biege gebogen courber 弯曲
 strength: strong strengthen 强 / weak weaken schwach débil 弱

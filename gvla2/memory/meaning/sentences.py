@@ -38,6 +38,7 @@ _DOUBLE = re.compile(
     r"|\b(?:nicht|nie|niemals|kein\w*)\b(?P<de>[^,;:]*)\bohne\b"
     r"|\b(?:ne\b|n')(?P<fr>[^,;:]*)\bsans\b|\b(?:no|nunca|jamás)\b(?P<es>[^,;:]*)\bsin\b"
     r"|(?:不要|别|切勿|不得|不能|不可)(?P<zh>[^,;:]*?)(?:没有|未经)"
+    r"|(?:没有|未经)(?P<zh2>[^,;:]*?)(?:不要|别|切勿|不得|不能|不可)"
 )
 """Two negations that make one assertion: "don't solder without flux" says to solder with it."""
 _BANNED = re.compile(
@@ -65,6 +66,26 @@ _REASON = re.compile(
     r"(?:\b|')|:\s+(?=(?:it|they|es|er|sie|il|elle|ils)\b)|,?因为|,?否则|,?以免|,?以便"
 )
 """What follows tells why, and is nothing to do."""
+_WHY = re.compile(
+    r",\s*(?:"
+    r"(?:it|this|that|they|which)(?:"
+    r" (?!must|should|shall|has to|have to|need|ought|(?:is|are) (?:to|not|never)|never)|'s )"
+    r"|(?:es|das|sie) (?!muss|müssen|soll|darf|dürfen|nie)"
+    r"|(?:ça|cela|il|elle|ils|elles|qui) (?!(?:ne |n')?(?:doi|faut|peu))|c'est "
+    r"|(?:eso|esto) (?!(?:no |nunca )?deb)"
+    r"|(?:otherwise|denn|pues|car) )[^\d,]*$"
+)
+"""What a sentence ends with that only tells why or how it went: ", it tore otherwise"."""
+_WHO_SAYS = re.compile(
+    r"^\s*(?:(?:i|we)(?: have|'ve|'d| had)?(?: also| finally| just)? "
+    r"(?:noted|noticed|learnt|learned|found|found out|saw|seen|realised|realized|discovered|remember|recommend|suggest"
+    r"|know|was told|were told)(?: that| to)?\b"
+    r"|(?:found out|turned out|it turned out|it turns out|note|remember|keep in mind|mind) that\b"
+    r"|(?:ich|wir) (?:habe|haben) (?:gelernt|gemerkt|festgestellt|gesehen), dass\b"
+    r"|(?:j'ai|nous avons) (?:noté|appris|vu|remarqué|constaté) qu(?:e\b|')"
+    r"|(?:he|hemos) (?:visto|aprendido|notado|comprobado) que\b)[,:]?"
+)
+"""What a sentence begins with that only tells who found it out."""
 _SO = re.compile(
     r",\s*(?:so|therefore|hence|thus|deshalb|daher|darum|donc|así que|por eso)\s+(?!that\b)|,所以"
 )
@@ -78,6 +99,7 @@ _ORDERING = (
     (re.compile(r"\berst dann\b|\b(?:und )?(?:zum schluss|zuletzt|schließlich|gefolgt von)\b"), "dann"),
     (re.compile(r"\bdès qu(?:e\b|')|\bune fois(?= (?:que|qu'|le|la|les|l'))"), "après"),
     (re.compile(r"\b(?:et )?(?:enfin|finalement|suivie? de|seulement (?:alors|ensuite))\b"), "puis"),
+    (re.compile(r"\bdespués\b(?! (?:de|del|que)\b)"), "luego"),
     (re.compile(r"\ben cuanto\b|\buna vez(?= (?:que|el|la|los|las|\w+[aeí]d[oa]s?)\b)|\btan pronto como\b"), "después"),
     (re.compile(r"\b(?:y )?(?:finalmente|por último|al final|sólo entonces|solo entonces|seguid[oa] de)\b"), "luego"),
     (re.compile(r"一旦"), "当"), (re.compile(r",?最后"), "然后"),
@@ -168,12 +190,15 @@ def _positive(found: re.Match[str]) -> str:
 def pieces_of(sentence: str, signs: Signs) -> list[tuple[str, bool]]:
     """The parts of a sentence, and whether each only tells why."""
     found: list[tuple[str, bool]] = []
-    rest = sentence
+    rest = sentence = _WHO_SAYS.sub("", sentence)
     if signs.reasons and (why := _REASON.search(sentence)) is not None:
         rest, reason = sentence[: why.start()], sentence[why.end() :]
         if not rest.strip():  # "Because the rim is high, lift it 10 cm."
             reason, _, rest = reason.partition(",")
         found = [(reason, True)]
+    if ", " in rest and (why := _WHY.search(rest)) is not None and rest[: why.start()].strip():
+        rest, reason = rest[: why.start()], rest[why.end() - len(why.group()) + 1 :]
+        found.append((reason, True))
     if signs.reasons:
         *reasons, rest = _SO.split(rest, 1)
         found += [(part, False) for part in reasons]

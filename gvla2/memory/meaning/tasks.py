@@ -71,6 +71,14 @@ def other_tasks(first_query: str, first: str, second_query: str, second: str) ->
     return all(_other(one, two, first, second) for one in mine for two in theirs)
 
 
+def same_task(first_query: str, second_query: str) -> bool:
+    """Whether two lessons have an instruction in common."""
+    if first_query == second_query:
+        return bool(first_query.strip())
+    one, two = (set(query.casefold().split("\n")) for query in (first_query, second_query))
+    return any(line.strip() for line in one & two)
+
+
 @lru_cache(maxsize=4096)
 def _tasks(query: str) -> tuple[Task, ...]:
     lines = [line for line in query.split("\n") if line.strip()]
@@ -100,6 +108,7 @@ def _other(one: Task, two: Task, first: str, second: str) -> bool:
     named, mine, theirs = split_alike(one.all, two.all, language)
     if not (mine or one.sides - two.sides) or not (theirs or two.sides - one.sides):
         return False  # the one only says more than the other
+    named = [word for word in named if word not in one.act and word not in two.act]
     if named:
         return not _both_name((frozenset(named),), first, second, language)
     return not _both_name((one.all, two.all), first, second, language)

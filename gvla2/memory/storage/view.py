@@ -19,11 +19,16 @@ from gvla2.memory.storage.events import EVENT_COLUMNS, Event, Link
 _RECORD = ", ".join(f"m.{name}" for name in COLUMNS)
 _EVENT = ", ".join(EVENT_COLUMNS)
 _LINK = "SELECT source, kind, target, at FROM memory_link"
+_CONFLICTS = (
+    "SELECT id, COUNT(*) FROM (SELECT source AS id, target AS other FROM memory_link "
+    "WHERE bank = ? AND kind = 'conflict' {} UNION SELECT target, source FROM memory_link "
+    "WHERE bank || '' = ? AND kind = 'conflict' {}) AS named GROUP BY id"
+)
 _STATE = COLUMNS.index("state")
 CHUNK = 500
 """How many ids one query names."""
 MANY = 20 * CHUNK
-"""From so many ids on, all of a bank's links are read at once."""
+"""From so many ids on, those of a whole bank are counted at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,14 +36,14 @@ class Change:
     """A record as it is now, which a transaction after ``since`` changed (or a link of it).
 
     ``vector`` is (D,) float32 made by ``model``, read-only; None where there is none, or a damaged one: the index
-    embeds the record then. ``links`` are all that name the record on either end. Where ``forgotten``, the record
-    has an id, a version and a rev, and nothing else: drop it.
+    embeds the record then. ``conflicts`` is how many others contradict the record. Where ``forgotten``, the record has
+    an id, a version and a rev, and nothing else: drop it.
     """
 
     record: Record
     vector: NDArray[np.float32] | None
     model: str
-    links: tuple[Link, ...] = ()
+    conflicts: int = 0
 
     @property
     def forgotten(self) -> bool:
@@ -122,36 +127,30 @@ class View:
                 vector = vector_of(dimension, stored)
                 found.append((record, vector, model if vector is not None else ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
-        linked = self.links_among(bank, [entry[0].id for entry in found])
-        return [
-            Change(record, vector, model, tuple(linked.get(record.id, ()))) for record, vector, model in found
-        ]
+        against = self.conflicts(bank, [entry[0].id for entry in found])
+        return [Change(record, vector, model, against.get(record.id, 0)) for record, vector, model in found]
 
-    def links_among(self, bank: str, ids: Collection[str]) -> dict[str, list[Link]]:
-        """The links that name any of these records, by the id of either end; in the order of :meth:`links`."""
-        wanted, links = sorted(set(ids)), dict[str, list[Link]]()
-        for link in self._links_at(bank, wanted) if len(wanted) <= MANY else self.links(bank):
-            for end in {link.source, link.target}:
-                links.setdefault(end, []).append(link)
-        return links
+    def conflicts(self, bank: str, ids: Collection[str]) -> dict[str, int]:
+        """How many others contradict each of these records, whichever end a link names; those with none left out.
 
-    def _links_at(self, bank: str, ids: Sequence[str]) -> list[Link]:
-        """The links that name any of these records, each once."""
-        found: set[Row] = set()
-        for start in range(0, len(ids), CHUNK):
-            some = ids[start : start + CHUNK]
-            # SQLite would look through all links of the bank by its primary key if it could use it for the target.
-            query = (
-                f"{_LINK} WHERE bank = ? AND source IN ({_marks(some)}) UNION "
-                f"{_LINK} WHERE bank || '' = ? AND target IN ({_marks(some)})"
-            )
-            found.update(self._sql.rows(query, (bank, *some, bank, *some)))
-        return _in_order(found)
+        They are counted where they are stored: a much contradicted record has thousands.
+        """
+        if len(ids) > MANY:
+            return dict(self._sql.rows(_CONFLICTS.format("", ""), (bank, bank)))
+        found: dict[str, int] = {}
+        wanted = sorted(set(ids))
+        for start in range(0, len(wanted), CHUNK):
+            some = wanted[start : start + CHUNK]
+            query = _CONFLICTS.format(f"AND source IN ({_marks(some)})", f"AND target IN ({_marks(some)})")
+            found |= dict(self._sql.rows(query, (bank, *some, bank, *some)))
+        return found
 
     def links(self, bank: str, id: str | None = None) -> list[Link]:
         """The links of the bank, or those that name one record on either end; by source, kind and target."""
         if id is not None:
-            return self._links_at(bank, [id])
+            # SQLite would look through all links of the bank by its primary key if it could use it for the target.
+            query = f"{_LINK} WHERE bank = ? AND source = ? UNION {_LINK} WHERE bank || '' = ? AND target = ?"
+            return _in_order(self._sql.rows(query, (bank, id, bank, id)))
         return _in_order(self._sql.rows(f"{_LINK} WHERE bank = ?", (bank,)))
 
     def events(self, bank: str, since: int = 0, limit: int | None = None) -> list[Event]:
