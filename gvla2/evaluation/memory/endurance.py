@@ -71,7 +71,7 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     for path in setting.folder.glob("flood.db*"):
         path.unlink()
     note = f"{end['seconds']:.0f} s, {bytes_ / 1e9:.2f} GB on disk; the peer slows with each record"
-    memory = f"at most {first:.0f} MB in the first half, {second:.0f} MB in the second; {end['resident']:.0f} MB at the end"
+    memory = f"at most {first:.0f} MB in the first half, {second:.0f} MB in the second"
     return {
         "flood_active": Figure(max(one["active"] for one in seen), note=note, goal=float(budget)),
         "flood_growth": Figure(growth, note=memory),

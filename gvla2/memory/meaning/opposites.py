@@ -31,8 +31,9 @@ opening: open opens opened opening öffne öffnen öffnet geöffnet aufmachen of
     aperto aperta aberto открой открыть откройте открыт открытой открытым 开 打開 開 张开着 拉开 敞开着 / close closes
     closed closing shut shuts schliesse schliessen schliesst geschlossen zumachen ferme fermez fermer fermé fermée
     cierra cerrar cierre cerrado cerrada 关闭 合上 闭合 关上 关好 reclose shutting schliessend geschlossene
-    geschlossenen geschlossener fermés fermées fermant cerrados cerradas cierren cerrarlo cerrarla cerrando chiudi chiudere chiuso
-    chiusa feche fechar fechado закрой закрыть закройте закрыт закрытой закрытым 关 閉 闭上 关紧 合拢 拉上
+    geschlossenen geschlossener fermés fermées fermant cerrados cerradas cierren cerrarlo cerrarla cerrando chiudi
+    chiudere chiuso chiusa feche fechar fechado закрой закрыть закройте закрыт закрытой закрытым 关 閉 闭上 关紧 合拢
+    拉上
 moving: push pushes pushed pushing shove drücke drücken schiebe schieben schiebt poussez pousser pousse empuja
     empujar empuje 推 drückt geschoben gedrückt poussé empujad empujen empujarlo empujando spingi spingere empurre
     empurrar толкай толкать 推动 推入 推开 / pull pulls pulled pulling drag tug ziehe ziehen zieht tirez tirer jala
