@@ -146,6 +146,56 @@ def test_one_sentence_of_a_long_lesson_is_found(first: str, second: str, expecte
     assert contradict(LONG.format(first), OTHER.format(second)) is expected
 
 
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("The towels go in the left basket.", "The towels go in the right basket."),
+        ("Das Salz kommt in das linke Fach.", "Das Salz kommt in das rechte Fach."),
+        ("杯子要放在上层篮子里。", "杯子要放在下层篮子里。"),
+    ],
+)
+def test_a_thing_has_one_place_in_one_task(first: str, second: str) -> None:
+    assert contradiction(first, second, one_task=True) is not None
+    # ... and two drawers are two things
+    assert contradiction("Open the left drawer.", "Open the right drawer.", one_task=True) is None
+    said = [Said("procedural_hint", text, "", None, "tidy up") for text in (first, second)]
+    assert conflict(*said) is not None
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("Don't switch on the lamp near the scanner, it causes glare.", "Switch on the lamp near the scanner."),
+        ("I learnt that the hopper needs 4 kg of grain.", "Fill the hopper with 9 kg of grain."),
+        ("We found that the vise has to be closed slowly.", "The vise has to be closed quickly."),
+        ("The server allows 60 requests a minute before error 429.",
+         "The server allows 10 requests a minute before error 429."),
+        ("Use rsync rather than scp to copy the logs.", "Copy the logs with scp instead of rsync."),
+        ("Usa el cepillo en lugar de la esponja.", "Usa la esponja en vez del cepillo."),
+        ("Put the oil in before the salt.", "The salt goes in before the oil."),
+        ("Grip the tray by its upper edge.", "Grip the tray by its lower edge."),
+        ("Raise the limit of the queue.", "Reduce the limit of the queue."),
+        ("Give Postgres 3 seconds to start.", "Give Postgres 45 seconds to start."),
+        ("没有许可不能进入机房。", "没有许可可以进入机房。"),
+    ],
+)  # fmt: skip
+def test_what_is_said_around_it_does_not_hide_it(first: str, second: str) -> None:
+    assert contradict(first, second)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("Take a hammer instead of pliers.", "Take pliers instead of scissors."),
+        ("The belt accelerates for 2 s.", "The belt pauses for 10 s at each station."),
+        ("没有通过测试的版本不能部署。", "只有通过测试的版本才能部署。"),
+        ("Raise the lid.", "Reduce the heat."),
+    ],
+)
+def test_what_only_sounds_like_it_does_not(first: str, second: str) -> None:
+    assert not contradict(first, second)
+
+
 def test_a_bound_that_forbids_stands_against_a_hint() -> None:
     rule = Said("failure_avoidance", "Never lift the cup higher than 30 cm.")
     found = conflict(Said("procedural_hint", "Lift the cup 90 cm."), rule)
