@@ -142,7 +142,7 @@ DETERMINERS = word_set(
 NOUNS = word_set(
     "start end stop lock load cover lift push pull pin dock charge block tie clamp clip seal plug wrap fold show split "
     "register release grip drain spread stretch link commit catch pinch freeze hold drop heat cool switch pack "
-    "contract buckle stack display select upgrade upload download wind roll"
+    "contract buckle stack display select upgrade upload download wind roll import export"
 )
 """English acts that are things as well ("at the start"): acts only behind :data:`BEFORE_VERBS`."""
 

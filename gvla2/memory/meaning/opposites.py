@@ -39,7 +39,8 @@ moving: push pushes pushed pushing shove drücke drücken schiebe schieben schie
     empurrar толкай толкать 推动 推入 推开 / pull pulls pulled pulling drag tug ziehe ziehen zieht tirez tirer jala
     jalar tirar 拉 拽 haul yank gezogen herausziehen tiré tirant tira tiran jale hala tirarlo tirando puxe puxar
     tirare тяни тянуть 拉动 拉出 往外拉
-power: enable enabled enables enabling activate activated active einschalten anschalten eingeschaltet aktivieren
+power: energise energised energize energized
+    enable enabled enables enabling activate activated active einschalten anschalten eingeschaltet aktivieren
     aktiviere aktiviert allumez allumer allume activer activez enciende encender activa activar 启用 开灯 激活
     打开电源 reenable switched-on einzuschalten angeschaltet aktivierte aktiv allumé allumée allumés activé activée
     actif encendido encendida encendidos activado activada activo 开着 通电 开机 已启用 启动电源 / disable disabled
@@ -281,8 +282,8 @@ width: wide wider widely widest broad breit breiten breiter larges ancho ancha a
     narrower narrowly schmal schmale schmalen schmaler eng enge étroit étroite estrecho estrecha angosto 窄
 depthwise: deep deeper profond profonde profondément profundo profunda 深 deeply / shallow shallower flach flache
     peuprofond superficiel poco-profundo superficial 浅 shallowly
-stiffness: stiff rigid stiffly steif starr rigide raide rígido rígida tieso 刚性 僵硬 / flexible pliable nachgiebig
-    biegsam souple dócil 柔顺 柔性
+stiffness: stiff rigid stiffly steif starr rigide raide rígido rígida tieso 刚性 僵硬 / flexible compliant pliable
+    nachgiebig biegsam souple dócil 柔顺 柔性
 steadiness: steady stable steadily stabil estable 稳定 平稳 / shaky unstable wobbly jerky instabil wackelig instable
     inestable 不稳 晃动 jerkily unsteady
 strictness: strict strictly streng strikt strictement estricto estricta estrictamente 严格 / lenient relaxed
@@ -361,5 +362,11 @@ accelerating: accelerate accelerates accelerated accelerating beschleunigen besc
 bending: straighten straightened unbend begradigen redresser enderezar endereza 弄直 / bend bends bending biegen
     biege gebogen courber 弯曲
 strength: strong strengthen 强 / weak weaken schwach débil 弱
+eagerness: eager eagerly / lazy lazily
+ground: foreground vordergrund / background hintergrund 后台
+daytime: day daytime tagsüber 白天 / night nighttime nachts 夜间 夜里
+lengthwise: lengthwise lengthways längs / crosswise crossways widthwise quer
+trading: import imported importieren importer importar 导入 / export exported exportieren exporter exportar 导出
+curving: convex konvex convexe convexo / concave konkav cóncavo
 relation: absolute absolut absolu absoluto 绝对 / relative relativ relatif relativo 相对
 """

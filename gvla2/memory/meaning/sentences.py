@@ -69,16 +69,17 @@ _REASON = re.compile(
 _WHY = re.compile(
     r",\s*(?:"
     r"(?:it|this|that|they|which)(?:"
-    r" (?!must|should|shall|has to|have to|need|ought|(?:is|are) (?:to|not|never)|never)|'s )"
-    r"|(?:es|das|sie) (?!muss|müssen|soll|darf|dürfen|nie)"
-    r"|(?:ça|cela|il|elle|ils|elles|qui) (?!(?:ne |n')?(?:doi|faut|peu))|c'est "
-    r"|(?:eso|esto) (?!(?:no |nunca )?deb)"
+    r" (?!must|should|shall|has to|have to|need|ought|(?:is|are) (?:to|not|never)|never|go(?:es)? |belong|stay|remain"
+    r"|take|come|get)|'s )"
+    r"|(?:es|das|sie) (?!muss|müssen|soll|darf|dürfen|nie|kommt|kommen|gehör|bleib)"
+    r"|(?:ça|cela|il|elle|ils|elles|qui) (?!(?:ne |n')?(?:doi|faut|peu|va |vont |reste))|c'est "
+    r"|(?:eso|esto) (?!(?:no |nunca )?(?:deb|va ))"
     r"|(?:otherwise|denn|pues|car) )[^\d,]*$"
 )
 """What a sentence ends with that only tells why or how it went: ", it tore otherwise"."""
 _WHO_SAYS = re.compile(
     r"^\s*(?:(?:i|we)(?: have|'ve|'d| had)?(?: also| finally| just)? "
-    r"(?:noted|noticed|learnt|learned|found|found out|saw|seen|realised|realized|discovered|remember|recommend|suggest"
+    r"(?:noted|noticed|learnt|learned|found out|found|saw|seen|realised|realized|discovered|remember|recommend|suggest"
     r"|know|was told|were told)(?: that| to)?\b"
     r"|(?:found out|turned out|it turned out|it turns out|note|remember|keep in mind|mind) that\b"
     r"|(?:ich|wir) (?:habe|haben) (?:gelernt|gemerkt|festgestellt|gesehen), dass\b"
