@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,13 +169,14 @@ def clusters(
     )
     enough = np.flatnonzero(counts + 1 >= options.summary_size).tolist()
     taken: set[str] = set()
+    harmony = Harmony()
     found = []
     for place in sorted(enough, key=lambda i: rank[usable[i].id]):
         if usable[place].id in taken:
             continue
         others = [usable[i] for i in near[place, : counts[place]].tolist() if usable[i].id not in taken]
         group = sorted([usable[place], *others], key=lambda r: rank[r.id])[: 2 * SUMMARY_LINES]
-        if summable(group, options):
+        if summable(group, options, harmony):
             found.append(group)
             taken |= {r.id for r in group}
     return found
@@ -187,16 +189,40 @@ def alike(first: Record, second: Record, options: BankOptions) -> bool:
     return jaccard(words_of(first.content), words_of(second.content)) >= options.summary_match
 
 
-def summable(group: Sequence[Record], options: BankOptions) -> bool:
+class Harmony:
+    """Whether groups are free of contradictions. Groups of one pass overlap: what was found out of a pair is kept."""
+
+    def __init__(self) -> None:
+        self._against: dict[tuple[str, str], bool] = {}
+        self._met: set[str] = set()
+
+    def holds(self, group: Sequence[Record]) -> bool:
+        """Whether no two records of the group contradict each other."""
+        pairs = [(a, b) if a.id < b.id else (b, a) for a, b in combinations(group, 2)]
+        if any(self._against.get((a.id, b.id)) for a, b in pairs):
+            return False
+        # To read a text takes longer than to compare two: those that were read before come first.
+        for a, b in sorted(
+            pairs, key=lambda pair: (pair[0].id not in self._met) + (pair[1].id not in self._met)
+        ):
+            if (a.id, b.id) not in self._against:
+                self._met |= {a.id, b.id}
+                self._against[a.id, b.id] = conflict_of(a, b) is not None
+                if self._against[a.id, b.id]:
+                    return False
+        return True
+
+
+def summable(group: Sequence[Record], options: BankOptions, harmony: Harmony | None = None) -> bool:
     """Whether a group is large enough and what a summary can tell of it comes from two tasks or more, without a
-    contradiction in it.
+    contradiction in it; ``harmony`` is kept over a pass.
     """
     if len(group) < options.summary_size:
         return False
     _, held = _told(group)
     if len(held) < 2 or len(tasks_of(held)) < 2:
         return False
-    return not any(conflict_of(a, b) for i, a in enumerate(group) for b in group[i + 1 :])
+    return (harmony or Harmony()).holds(group)
 
 
 def tasks_of(group: Sequence[Record]) -> list[str]:
