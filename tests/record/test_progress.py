@@ -36,7 +36,11 @@ def test_plain_lines_without_a_terminal(episode: Callable[..., EpisodeRecord]) -
     assert "\x1b" not in "".join(lines)
 
 
-def test_a_terminal_gets_colours_and_the_same_words(episode: Callable[..., EpisodeRecord]) -> None:
+def test_a_terminal_gets_colours_and_the_same_words(
+    episode: Callable[..., EpisodeRecord], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
     text = printed(episode(), terminal=True)
     assert "\x1b[" in text
     assert "red cube" in text

@@ -14,24 +14,28 @@ from gvla2.memory.meaning.function_words import FUNCTION_WORDS
 from gvla2.memory.meaning.lexicon import (
     AFTER,
     BEFORE,
-    BEFORE_VERBS,
-    CONCEPTS,
     CONDITIONS,
     DETERMINERS,
-    FIRST,
     IDENTIFIERS,
     NEGATORS,
-    NOUNS,
-    PARTICLE_VERBS,
-    PLACES,
     POLES,
-    SOFT,
     STAYING,
     TURNING,
 )
 from gvla2.memory.meaning.phrases import join_phrases
 from gvla2.memory.meaning.quantities import Quantity, quantities
 from gvla2.memory.meaning.word_forms import Language, starts_of
+from gvla2.memory.meaning.word_roles import (
+    ends_a_time,
+    is_noun,
+    is_ordinal,
+    is_particle,
+    is_soft,
+    is_state,
+    is_temporal,
+    names_a_thing,
+    until_an_act,
+)
 from gvla2.memory.meaning.word_sets import word_set
 
 _INSTEAD = (
@@ -55,26 +59,17 @@ _JOINTS = NEGATORS | _BEHIND | BEFORE | AFTER | _UNTIL | CONDITIONS | _UNLESS | 
 _APART = {"ein": 1, "an": 1, "aus": -1, "ab": -1}
 """What German puts at the end for switching on and off."""
 _STATES = {"on": "enabled", "off": "disabled"}
-_STATE_ENDS = CONDITIONS | BEFORE | AFTER | {",", "and", "or", "then"}
 _ONLY = word_set("only erst seulement solo sólo")
 """Before "after" these change nothing: "only after it is dry"."""
-_BEING = word_set("is are was were be been being")
 _PREFIXES = ("un", "non", "mis", "dis", "de", "dé", "in", "im", "il", "ir", "ent", "不", "未", "非", "无")
 _WHERE = word_set(
     "in into on onto at to from ins im in auf am an zum zur dans sur en à aux del al sobre 在 到"
 )
 _PRONOUNS = word_set("it them they es ihn ihm sie le la lo les los las l ça eso esto ello 它 它们 他")
 _OWNERS = DETERMINERS | word_set("its their his her your our my")
-_INDEFINITE = word_set("a an ein eine einen un una une")
-_USING = word_set(
-    "use take choose pick select with verwende nimm benutze mit utiliser utilise utilisez avec usa usar con"
-)
-_SOFT = SOFT | FUNCTION_WORDS | FIRST | {"erst", "only", "seulement", "solo", "sólo", "once", "才", "先"}
 
 MANNERS = word_set("speed force tilt timing sequence lateness locality")
 """Axes of how something is done."""
-_ENGLISH = word_set("pour bin die van ton hat son pan fin par met dan mine sin con net mit dal col")
-"""English words that say nothing in some other language."""
 
 Order = tuple[frozenset[str], frozenset[str]]
 """What comes before, and what after."""
@@ -212,7 +207,7 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
     relation = ""
     within = in_condition = unless = noun_only = False
     for index, word in enumerate(words):
-        if word in _STATES and _is_state(words, index):
+        if word in _STATES and is_state(words, index):
             word = _STATES[word]
         if word in _JOINTS:
             if word == ",":
@@ -224,7 +219,7 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                     within = False  # "vor dem Update nicht löschen"
                 clause.forbidden |= not in_condition and not within
                 continue
-            if word in _BEHIND and _ends_a_time(words, index) and not relation:
+            if word in _BEHIND and ends_a_time(words, index) and not relation:
                 # All that came up to now were the circumstances.
                 side, main = main, set()
                 clause.context |= clause.words
@@ -235,13 +230,13 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
                 relation = "before" if "前" in word else "after"
                 continue
             if word in BEFORE or word in AFTER:
-                if index + 1 < len(words) and not relation and _temporal(word, words, index):
+                if index + 1 < len(words) and not relation and is_temporal(word, words, index):
                     relation, within = "before" if word in BEFORE else "after", True
                     noun_only = word in ("vor", "nach")
                 else:
                     clause.soft.add(word)
                 continue
-            if word in _UNTIL and not relation and clause.forbidden and _until(words, index):
+            if word in _UNTIL and not relation and clause.forbidden and until_an_act(words, index):
                 relation, within = "before", True
                 continue
             if word in CONDITIONS or word in _UNLESS:
@@ -254,13 +249,13 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
         concept = concept_of(word)
         if word == "lower" and index and words[index - 1] in _OWNERS:
             concept = "height-"
-        if concept in POLES and not _is_noun(word, words, index, clause.language):
-            if _particle(word, words, index):
+        if concept in POLES and not is_noun(word, words, index, clause.language):
+            if is_particle(word, words, index):
                 clause.soft.add(word)
                 continue
             if within and side and noun_only:
                 within = False  # German puts what is done behind "vor der Messung"
-            if in_condition or within or _names_a_thing(word, words, index):
+            if in_condition or within or names_a_thing(word, words, index):
                 clause.context.add(concept)
                 if (
                     not in_condition
@@ -271,7 +266,7 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
             else:
                 name, sign = POLES[concept]
                 clause.poles.setdefault(name, []).append(sign)
-        elif is_soft(word, clause.language) and not _is_ordinal(word, words, index):
+        elif is_soft(word, clause.language) and not is_ordinal(word, words, index):
             clause.pronoun |= word in _PRONOUNS
             if not (word in _ONLY and index + 1 < len(words) and words[index + 1] in AFTER):
                 clause.soft.add(word)
@@ -289,100 +284,6 @@ def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
         clause.forbidden = False
         relation = "after" if relation else ""
     return _Sorted(main, relation if side else "", side)
-
-
-def _ends_a_time(words: Sequence[str], index: int) -> bool:
-    """Whether a Chinese "before" or "after" closes what comes before or after: an act follows."""
-    if not 0 < index < len(words) - 1:
-        return False
-    if len(words[index]) > 1:
-        return True
-    return words[index - 1] not in ("向", "往", "从", "朝", ",") and words[index + 1] not in (
-        "边",
-        "面",
-        "侧",
-    )
-
-
-def _until(words: Sequence[str], index: int) -> bool:
-    following = words[index + 1] if index + 1 < len(words) else ""
-    if words[index] == "hasta":
-        return following == "que"
-    return bool(following) and following not in ("zu", "zum", "zur")
-
-
-def is_soft(word: str, language: Language = "") -> bool:
-    """Whether a word says nothing about who does what."""
-    if language in ("en", "") and word in _ENGLISH:
-        return False
-    return word in _SOFT or (len(word) == 1 and word.isascii())
-
-
-def _is_ordinal(word: str, words: Sequence[str], index: int) -> bool:
-    """Whether "first" tells which thing is meant ("the first layer") rather than when."""
-    return word == "first" and 0 < index < len(words) - 1 and words[index - 1] in DETERMINERS
-
-
-def _is_noun(word: str, words: Sequence[str], index: int, language: Language) -> bool:
-    """Whether an English act stands as a thing: "at the start", "the clamp"."""
-    if not index or language not in ("en", "") or not (word in NOUNS or word.removesuffix("s") in NOUNS):
-        return False
-    before = words[index - 1]
-    if before in DETERMINERS or index + 1 == len(words):
-        return before not in BEFORE_VERBS
-    return before not in BEFORE_VERBS and not before.endswith("ly") and words[index + 1] not in DETERMINERS
-
-
-def _particle(word: str, words: Sequence[str], index: int) -> bool:
-    """Whether a word is none of direction or act: "up" in "pick up", "close" in "close to"."""
-    if word in ("up", "down", "over", "back", "under"):
-        if index and words[index - 1] in DETERMINERS:
-            return False
-        return any(
-            w in PARTICLE_VERBS or stem_of(w) in PARTICLE_VERBS for w in words[max(0, index - 3) : index]
-        )
-    return (
-        word in ("close", "more", "less", "mehr", "más", "moins", "menos")
-        and index + 1 < len(words)
-        and (words[index + 1] in ("to", "than", "als", "que", "de"))
-    )
-
-
-def _temporal(word: str, words: Sequence[str], index: int) -> bool:
-    """German "vor" and "nach", French "avant": of time before an act or a thing, of place before a side."""
-    following = words[index + 1] if index + 1 < len(words) else ""
-    return not (
-        word in ("nach", "vor")
-        and POLES.get(CONCEPTS.get(following, ""), ("",))[0] in ("side", "height", "depth")
-    )
-
-
-def _names_a_thing(word: str, words: Sequence[str], index: int) -> bool:
-    """Whether an opposing word tells which thing is meant ("the left drawer") rather than which way."""
-    before = words[index - 1] if index else ""
-    after = words[index + 1] if index + 1 < len(words) else ""
-    if after in PLACES or before in PLACES:
-        return False
-    if before in _INDEFINITE and index > 1 and (words[0] in _USING or words[index - 2] in _USING):
-        return False  # "use a wet sponge" tells what to choose
-    if word in ("izquierdo", "derecho"):
-        return True
-    if word in ("gauche", "droite", "izquierda", "derecha"):
-        return before not in ("la", "à", "a", "vers", "hacia")
-    if word in ("左", "右", "上", "下", "前", "后"):
-        return before not in ("向", "往", "从", "朝") and after not in ("边", "侧")
-    is_last = not after or after in FUNCTION_WORDS or is_soft(after) or after in NEGATORS
-    return before in DETERMINERS and not is_last
-
-
-def _is_state(words: Sequence[str], index: int) -> bool:
-    """Whether "on" or "off" tells of a state, "while it is off", "with the motor on", and of no place."""
-    if index + 1 < len(words) and words[index + 1] not in _STATE_ENDS:
-        return False
-    before = words[index - 1] if index else ""
-    if before in _BEING:
-        return True
-    return "with" in words[max(0, index - 4) : index - 1] and before not in FUNCTION_WORDS
 
 
 def _switches(words: Sequence[str], clause: Clause) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import lru_cache
 
-from gvla2.memory.meaning.clauses import is_soft
 from gvla2.memory.meaning.concepts import concept_of, words_in
 from gvla2.memory.meaning.idle_words import telling
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.statements import MAX_READ
 from gvla2.memory.meaning.tasks import PREPOSITIONS
+from gvla2.memory.meaning.word_roles import is_soft
 from gvla2.memory.meaning.word_sets import word_set
 
 _OF = frozenset(("of", "von", "de", "d", "du", "del"))

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-from gvla2.memory.meaning.clauses import Clause, is_soft, named
+from gvla2.memory.meaning.clauses import Clause, named
 from gvla2.memory.meaning.concepts import concept_of, words_in
 from gvla2.memory.meaning.lexicon import DETERMINERS, POLES
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.statements import read
 from gvla2.memory.meaning.word_forms import Language, alike, common, may_be_alike, split_alike
+from gvla2.memory.meaning.word_roles import is_soft
 from gvla2.memory.meaning.word_sets import word_set
 
 MOST_LINES = 8
