@@ -26,14 +26,13 @@ from gvla2.memory.curation import replay
 from gvla2.memory.curation.admission import Streak, admit, believed, tempered
 from gvla2.memory.curation.governance import alike, summable
 from gvla2.memory.curation.governing import Governed, Governing
-from gvla2.memory.curation.growth import MAX_QUERY
 from gvla2.memory.curation.learning import SECONDS_PER_DAY, Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.curation.streaks import Streaks
 from gvla2.memory.indexing.index import SERVED, Index
 from gvla2.memory.meaning.words import text_of
-from gvla2.memory.records import clean, dedup_key, dump
+from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
 from gvla2.memory.storage.store import Change, Store, StoredEpisode
 
 MAX_CONTENT = 2000

@@ -17,6 +17,8 @@ from gvla2.memory.meaning.plain_text import unified
 
 FORGOTTEN = "forgotten"
 """The state of a tombstone: the record was forgotten, its id and the number of its changes are all that is left."""
+MAX_QUERY, MAX_PHRASINGS = 1000, 8
+"""Characters of one instruction that a record keeps, and how many instructions."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,6 +86,7 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
     spent = peak = 0.0
     with KnowledgeBank.open(url, options=BankOptions(active_budget=budget), clock=lambda: NOW) as bank:
         step = min(STEP, max(1, count // 10))
+        look = LOOK if count > LOOK * step else 1
         for start in range(0, count, step):
             fresh = lessons(min(step, count - start), seed + 1 + start, now=NOW)
             items = [admission(record, start + i) for i, record in enumerate(fresh)]
@@ -93,7 +94,7 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
             bank.admit_many(items)
             spent += time.perf_counter() - began
             peak = max(peak, resident())
-            if (start // step) % LOOK and start + len(items) < count and count > LOOK * step:
+            if start // step % look and start + step < count:
                 continue
             seen = {
                 "done": start + len(items),

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Verdict
 from gvla2.memory.curation.admission import Streak, repeats
 from gvla2.memory.curation.merging import merge_effects, merge_quality, merge_signatures
-from gvla2.memory.records import Record, clean, dump, finite, record_id
+from gvla2.memory.records import MAX_PHRASINGS, MAX_QUERY, Record, clean, dump, finite, record_id
 
-MAX_QUERY = 1000
-MAX_PHRASINGS = 8
 MAX_SOURCES = 32
 SUMMED_UP = "summed up in "
 """How the note of an archived record begins whose words a summary tells."""

@@ -262,7 +262,9 @@ class Ledger:
         own: dict[str, set[str]] = {}
         for link in made:
             for one, other in ((link.source, link.target), (link.target, link.source)):
-                own.setdefault(one, set()).update([other] if link.kind == "conflict" else [])
+                against = own.setdefault(one, set())
+                if link.kind == "conflict":
+                    against.add(other)
         served = {record.id for record in last.values() if record.state in STATES}
         older = (served | (own.keys() - last.keys())) - self.transaction.created
         stored = self.transaction.view.conflicts(self.transaction.bank, older) if older else {}

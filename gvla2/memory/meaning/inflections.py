@@ -35,7 +35,7 @@ def pole_of(word: str) -> str | None:
 
 
 def _infinitives(word: str) -> Iterator[str]:
-    """The verbs that a word may be a form of: German "-en", French "-er", Spanish "-ar"."""
+    """The verbs that a word may be a form of: German "-en" ("ziehe", "zieht", "zieh"), French "-er", Spanish "-ar"."""
     if word[-1] == "e":
         yield word + "n"
         yield word + "r"

@@ -198,7 +198,7 @@ def pieces_of(sentence: str, signs: Signs) -> list[tuple[str, bool]]:
             reason, _, rest = reason.partition(",")
         found = [(reason, True)]
     if ", " in rest and (why := _WHY.search(rest)) is not None and rest[: why.start()].strip():
-        rest, reason = rest[: why.start()], rest[why.end() - len(why.group()) + 1 :]
+        rest, reason = rest[: why.start()], rest[why.start() + 1 :]
         found.append((reason, True))
     if signs.reasons:
         *reasons, rest = _SO.split(rest, 1)

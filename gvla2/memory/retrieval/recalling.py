@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
-from gvla2.memory.curation.growth import MAX_QUERY
 from gvla2.memory.indexing.candidates import RowCandidates
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.records import Record, clean, finite
+from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.rendering import render, visible
 
 

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.curation.growth import MAX_PHRASINGS
 from gvla2.memory.meaning.words import text_of
-from gvla2.memory.records import Record
+from gvla2.memory.records import MAX_PHRASINGS, Record
 from gvla2.memory.storage.audit import Problem
 from gvla2.memory.storage.view import View, vector_of
 
