@@ -27,12 +27,14 @@ class MemoryTask:
     """What memory is asked about. ``query`` is the instruction, in any language.
 
     ``signature`` describes the scene's geometry by named numbers (metres, counts), empty for software agents;
-    ``skill`` narrows it where it is known ("" otherwise).
+    ``skill`` narrows it where it is known ("" otherwise). ``things`` are what could be handled, a label and a shape
+    each ("red cup cylinder"): programs whose roles they can fill are preferred.
     """
 
     query: str
     signature: Mapping[str, float] = field(default_factory=dict)
     skill: str = ""
+    things: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,12 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Lesson:
-    """Candidate knowledge drawn from an episode, before admission."""
+    """Candidate knowledge drawn from an episode, before admission.
+
+    ``effect`` is what it means for a planner, as JSON by ``kind``: a bound, prior, order or ban of a parameter, or a
+    ``program``: ``{"kind": "program", "skill": "pick", "language": "calls", "roles": {"theme": "cup cylinder"},
+    "steps": [...]}``, what succeeded, with roles for names and shares for sizes.
+    """
 
     type: RecordType
     content: str
