@@ -114,7 +114,7 @@ class Plan:
     scales: Mapping[str, Scale] = field(default_factory=dict)
     calls: tuple[SkillCall, ...] = ()
     remaining: tuple[SkillCall, ...] = ()
-    options: SkillOptions = SkillOptions()
+    options: SkillOptions = field(default_factory=SkillOptions)
     program: Program | None = None
 
 

@@ -48,6 +48,7 @@ class Program:
         """What :meth:`to_json` wrote; raises :class:`PlanningError` for anything else."""
         steps, roles = data.get("steps"), data.get("roles", {})
         sound = isinstance(steps, list | tuple) and isinstance(roles, Mapping) and len(steps) <= 40
+        # Forty steps are more than any plan of the loop can hold.
         if data.get("kind") != "program" or data.get("language") not in ("calls", "waypoints") or not sound:
             raise PlanningError(f"Not a program: {dict(data)!r:.200}.")
         return cls(
