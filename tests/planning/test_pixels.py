@@ -12,7 +12,7 @@ from gvla2.geometry.views import Views
 from gvla2.planning.pixels import Pixel, depth_at, object_at, path_in_air, pixel_at, sight, view_of
 from gvla2.testing import inputs
 
-TOP = {b.label: b.world_from_block[:3, 3] + [0, 0, 0.5 * b.side] for b in (inputs.RED, inputs.BLUE)}
+TOP = {b.label: b.world_from_block[:3] @ [0, 0, 0.5 * b.side, 1] for b in (inputs.RED, inputs.BLUE)}
 
 
 @pytest.fixture(scope="module")
@@ -23,6 +23,10 @@ def observation():
 @pytest.fixture(scope="module")
 def scene():
     return inputs.scene()
+
+
+def raised(point, dz, dx=0.0):
+    return np.asarray(point) + np.array([dx, 0.0, dz])
 
 
 def pixel_of(view, point):
@@ -121,12 +125,12 @@ def test_a_part_is_meant_rather_than_its_whole(scene):
     knob = replace(cube, id="knob", label="knob", parent="red_cube", extents=0.3 * cube.extents)
     both = replace(scene, objects=(*scene.objects, replace(knob, points=cube.points)))
     assert object_at(cube.centre, both) == "knob"
-    assert object_at(cube.centre + [0, 0, 0.2], both) == ""
+    assert object_at(raised(cube.centre, 0.2), both) == ""
 
 
 def front(target, distance=0.9, size=200):
     """A camera before the table that looks along -y: paths along x run across its picture."""
-    position = np.asarray(target) + [0.0, distance, 0.5]
+    position = np.asarray(target) + np.array([0.0, distance, 0.5])
     return Camera.from_fov(0.8, look_along(position, target - position), size, size, "front")
 
 
@@ -154,9 +158,10 @@ def test_a_path_towards_the_camera_keeps_between_its_ends_heights(scene):
 def test_after_the_last_event_up_in_the_picture_is_up(scene):
     a = np.array([0.3, 0.0, inputs.TABLE + 0.05])
     camera = front(a)
-    pixels = [Pixel("front", *camera.project(p)[0]) for p in (a, a + [0, 0, 0.1], a + [0.05, 0, 0.2])]
+    way = np.array([a, raised(a, 0.1), raised(a, 0.2, dx=0.05)])
+    pixels = [Pixel("front", *uv) for uv in camera.project(way)[0]]
     found = path_in_air(camera, pixels, {0: a}, scene, a)
-    np.testing.assert_allclose(found[1:], [a + [0, 0, 0.1], a + [0.05, 0, 0.2]], atol=1e-9)
+    np.testing.assert_allclose(found, way, atol=1e-9)
 
 
 def test_what_leaves_the_workspace_has_no_place(scene):

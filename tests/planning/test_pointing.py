@@ -7,7 +7,10 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.planning.pointing import LONGEST, MOST, Stroke, check_scale, read_path, read_points
 
-PATH = "<ans>[(0.25, 0.32), (0.3, 0.5), <action>Close Gripper</action>, (0.7, 0.2), <action>Open Gripper</action>]</ans>"
+PATH = (
+    "<ans>[(0.25, 0.32), (0.3, 0.5), <action>Close Gripper</action>, (0.7, 0.2), "
+    "<action>Open Gripper</action>]</ans>"
+)
 
 
 def test_a_path_carries_the_hands_state_and_where_it_changes():
