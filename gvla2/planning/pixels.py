@@ -129,6 +129,18 @@ def object_at(point: FloatArray, scene: Scene, within: float = TOUCHING) -> str:
     return min(same, key=lambda o: (not o.parent, float(np.prod(o.extents)))).id
 
 
+def object_near(pixel: Pixel, view: View, scene: Scene, within: float) -> str:
+    """The id of the object whose seen points come nearest to a pixel in the picture, ``within`` pixels; "" for none."""
+    best, found = within, ""
+    for thing in scene.objects:
+        uv, _ = view.camera.project(thing.points if len(thing.points) else thing.centre[None])
+        gaps = np.hypot(uv[:, 0] - pixel.u, uv[:, 1] - pixel.v)
+        gap = float(np.min(gaps[np.isfinite(gaps)], initial=np.inf))
+        if gap <= best:
+            best, found = gap, thing.id
+    return found
+
+
 def _gap(point: FloatArray, thing: SceneObject) -> float:
     """Distance from a point (3,) to an object's oriented box, metres, 0 inside."""
     local = np.abs(transform_points(invert_rigid(thing.world_from_object), point))
