@@ -29,6 +29,7 @@ from gvla2.errors import (
     SimulationError,
 )
 from gvla2.evidence import RobotEvidence
+from gvla2.language.endpoint import LanguageModel
 from gvla2.lessons import memory_episode, memory_task, transcript
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
 from gvla2.planning.asking import ask
@@ -50,7 +51,10 @@ VOID = "simulation"
 
 @dataclass(frozen=True)
 class Parts:
-    """The components of one run, built; ``choices`` are their names by Hydra group."""
+    """The components of one run, built; ``choices`` are their names by Hydra group.
+
+    ``language`` is the model that some of them ask, None where none does.
+    """
 
     robot: RobotBackend
     task: Task | None
@@ -60,6 +64,7 @@ class Parts:
     planner: Planner
     verifier: Verifier
     choices: Mapping[str, str]
+    language: LanguageModel | None = None
 
 
 @dataclass(frozen=True)
@@ -107,6 +112,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
         seed=request.seed,
         choices=parts.choices,
     )
+    counted = _counting(parts.language)
     attempt: _Stages = (
         ("observe", lambda r: _observe(r, parts, request, listener)),
         ("perceive", lambda r: _perceive(r, parts)),
@@ -117,6 +123,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
         ("execute", lambda r: _execute(r, parts, request, listener)),
         ("verify", lambda r: _verify(r, parts)),
     )
+    attempt = counted(attempt)
     record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *attempt), record, listener)
     for _ in range(request.replan):
         if not worth_another(record):
@@ -128,10 +135,24 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
             record = record if broken else came_to_nothing(record)
             break
     closing: _Stages = (("learn", lambda r: _learn(r, parts)), ("judge", lambda r: _judge(r, parts)))
-    return _go_through(closing, record, listener)
+    return _go_through(counted(closing), record, listener)
 
 
 _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
+
+
+def _counting(language: LanguageModel | None) -> Callable[[_Stages], _Stages]:
+    """Stages that note in their record what the model has cost from now on."""
+    if language is None:
+        return lambda stages: stages
+    ledger, before = language.ledger, language.ledger.totals()
+
+    def counting(
+        function: Callable[[EpisodeRecord], EpisodeRecord],
+    ) -> Callable[[EpisodeRecord], EpisodeRecord]:
+        return lambda record: replace(function(record), language=ledger.totals(before))
+
+    return lambda stages: tuple((stage, counting(function)) for stage, function in stages)
 
 
 def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:

@@ -64,10 +64,11 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("inducer", "gvla2_inducers", "gvla2.memory.contracts:Inducer"),
             Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
             Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
+            Kind("language", "gvla2_language_models", "gvla2.language.endpoint:LanguageModel"),
         )
     }
 )
-"""All kinds by name, in the order of an episode."""
+"""All kinds by name, in the order of an episode; last the model that others may ask."""
 
 HOOKS: Mapping[str, Kind] = MappingProxyType({kind.hook: kind for kind in KINDS.values()})
 """The kinds by hook; the one hook without a kind is :data:`SEARCH_PATH_HOOK`."""

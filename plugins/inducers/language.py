@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from gvla2.errors import Gvla2Error
-from gvla2.language import Endpoint, EndpointOptions
+from gvla2.language import LanguageModel, Request
 from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
 from gvla2.memory.curation.induction import MAX_CONTENT, RulesInducer
 from gvla2.memory.retrieval.rendering import neutralised
@@ -40,10 +39,8 @@ class LanguageInducer:
     Where the model cannot be reached, or its answer is no list of lessons, the rules decide.
     """
 
-    def __init__(self, config: LanguageConfig) -> None:
-        names = {field.name for field in fields(EndpointOptions)} & {field.name for field in fields(config)}
-        self._endpoint = Endpoint(EndpointOptions(**{name: getattr(config, name) for name in names}))
-        self._config, self._rules = config, RulesInducer()
+    def __init__(self, config: LanguageConfig, language: LanguageModel) -> None:
+        self._config, self._language, self._rules = config, language, RulesInducer()
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
         """The lessons of the episode in the light of the verdict."""
@@ -54,9 +51,8 @@ class LanguageInducer:
             {"role": "user", "content": self._account(episode, verdict)},
         ]
         try:
-            said = read_lessons(
-                self._endpoint.complete(messages, purpose="extra").text, verdict, self._config.most
-            )
+            answer = self._language.complete(Request(messages), purpose="induce")
+            said = read_lessons(answer.text, verdict, self._config.most)
         except Gvla2Error:
             said = None
         if said is None:
