@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from skimage.measure import approximate_polygon
@@ -11,9 +12,9 @@ from skimage.measure import approximate_polygon
 from gvla2.errors import PlanningError
 from gvla2.geometry.views import View
 from gvla2.planning.contracts import PlanRequest
-from gvla2.planning.lifting import PathPoint
 from gvla2.planning.pixels import Pixel, Sighting, object_near, path_in_air, pixel_at, sight
 from gvla2.planning.pointing import Stroke
+from gvla2.skills.lifting import PathPoint
 
 MOST = 10
 """Points that are kept of a path; what lies between them in the picture is nearly straight."""
@@ -65,7 +66,7 @@ def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
     tolerance = 0.01
     while True:
         kept = []
-        for begin, end in zip(cuts[:-1], cuts[1:], strict=True):
+        for begin, end in pairwise(cuts):
             stretch = np.array([[s.u, s.v] for s in strokes[begin : end + 1]])
             bends = {tuple(p) for p in approximate_polygon(stretch, tolerance)[1:-1]}
             inner = [s for s in strokes[begin + 1 : end] if (s.u, s.v) in bends]

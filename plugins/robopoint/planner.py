@@ -87,7 +87,11 @@ class _Asking:
             return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
         theme = self._thing(task.theme)
         if isinstance(theme, Abstention) or not task.goal:
-            return theme if isinstance(theme, Abstention) else SkillCall(task.skill, theme, relation=task.relation)
+            return (
+                theme
+                if isinstance(theme, Abstention)
+                else SkillCall(task.skill, theme, relation=task.relation)
+            )
         return self._aimed(task, theme)
 
     def _aimed(self, task: Task, theme: str) -> SkillCall | Abstention:
@@ -101,7 +105,9 @@ class _Asking:
         seen = self._point(f"Find some spots within the vacant space {where}.")
         open_ = [s.point for s in seen if abs(s.point[2] - self._request.scene.table_height) < LEVEL]
         if len(open_) < self._config.agreement * len(seen):
-            return Abstention("no_goal", f"Where the model pointed for a place {where}, the table is not free.")
+            return Abstention(
+                "no_goal", f"Where the model pointed for a place {where}, the table is not free."
+            )
         x, y = (float(v) for v in np.median(open_, axis=0)[:2])
         return SkillCall(task.skill, theme, xy=(x, y))
 
@@ -110,10 +116,14 @@ class _Asking:
         seen = self._point(f"Locate several points on the {words.removeprefix('the ')}.")
         votes = Counter(s.object for s in seen if s.object).most_common(2)
         if not votes:
-            return Abstention("nothing_matches", f"Where the model pointed for '{words}', no object was perceived.")
+            return Abstention(
+                "nothing_matches", f"Where the model pointed for '{words}', no object was perceived."
+            )
         (best, count), rest = votes[0], votes[1:]
         if count < self._config.agreement * len(seen) or any(other == count for _, other in rest):
-            return Abstention("ambiguous", f"The model's points for '{words}' lie on several things, or beside them.")
+            return Abstention(
+                "ambiguous", f"The model's points for '{words}' lie on several things, or beside them."
+            )
         return best
 
     def _point(self, words: str) -> list[Sighting]:

@@ -48,7 +48,9 @@ def read_simply(instruction: str) -> Task | None:
         return None
     if found := _PLACING.fullmatch(words):
         # "the cup on the tray on the box" has two ways to be read.
-        if len(re.findall(rf"\b(?:{'|'.join(_WHERE)})\b", found["goal"] + " " + found["theme"], re.IGNORECASE)):
+        if len(
+            re.findall(rf"\b(?:{'|'.join(_WHERE)})\b", found["goal"] + " " + found["theme"], re.IGNORECASE)
+        ):
             return None
         return Task("place", found["theme"], found["goal"], _WHERE[found["where"].lower()])
     if found := _PICKING.fullmatch(words):
@@ -62,9 +64,9 @@ def question(instruction: str, skills: Mapping[str, Skill]) -> str:
     return (
         f"A robot can do this:\n{lines}\n\nThe instruction is: {' '.join(instruction.split())[:500]}\n\nWhich skill "
         "does it ask for, with what thing, and, where it says so, in which relation to what goal? Name things in the "
-        "instruction's words. Where it asks for none of these skills, or for several, the skill is \"none\". Answer "
+        'instruction\'s words. Where it asks for none of these skills, or for several, the skill is "none". Answer '
         'with JSON alone: {"skill": "...", "theme": "...", "goal": "...", "relation": "..."}; "relation" is one of '
-        f"{', '.join(r for r in RELATIONS if r)} or empty, \"goal\" may be empty."
+        f'{", ".join(r for r in RELATIONS if r)} or empty, "goal" may be empty.'
     )
 
 
@@ -91,7 +93,9 @@ def read_answer(text: str, skills: Mapping[str, Skill]) -> Task:
     if not (isinstance(theme, str) and isinstance(goal, str)) or max(len(theme), len(goal)) > 80:
         raise ValueError("'theme' and 'goal' are short texts.")
     if relation not in RELATIONS:
-        raise ValueError(f"There is no relation {relation!r:.40}; there are {', '.join(r for r in RELATIONS if r)}.")
+        raise ValueError(
+            f"There is no relation {relation!r:.40}; there are {', '.join(r for r in RELATIONS if r)}."
+        )
     if skill != "none" and not theme.strip():
         raise ValueError("'theme' is empty; name the thing.")
     return Task(skill, theme.strip(), goal.strip(), relation)

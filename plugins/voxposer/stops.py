@@ -13,7 +13,7 @@ from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.pixels import object_at
 from gvla2.planning.scene import Box
 from gvla2.planning.voxel_route import VoxelGrid
-from gvla2_plugins.voxposer.maps import Field, Program, Stage
+from gvla2_plugins.voxposer.maps import Field, Program
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
@@ -26,64 +26,67 @@ FINER = 4
 
 @dataclass(frozen=True)
 class Stop:
-    """``xyz`` (3,) metres, ``gripper`` in [0, 1] after arriving, ``turn`` in radians about the vertical, None for any."""
+    """``place`` in world metres, ``gripper`` in [0, 1] after arriving, ``turn`` about the vertical, radians, or None.
 
-    stage: str
-    xyz: FloatArray
+    ``speed`` is a share of the usual one.
+    """
+
+    place: tuple[float, float, float]
     gripper: float
     turn: float | None
     speed: float
 
 
-def stops(program: Program, request: PlanRequest, ids: Mapping[str, str], config: VoxPoserConfig) -> list[Stop]:
-    """The way of the hand; raises :class:`ValueError` for maps that mean nothing."""
+def stops(
+    program: Program, request: PlanRequest, ids: Mapping[str, str], config: VoxPoserConfig
+) -> list[Stop]:
+    """The way of the hand, open at first; raises :class:`ValueError` for maps that mean nothing."""
     scene, arm = request.scene, request.arm
     low = np.maximum(scene.workspace.low, arm.workspace.low)
     low[2] = max(low[2], scene.table_height)
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
-    grid, field = VoxelGrid.over(box, config.voxel), Field(scene, ids, program)
-    centres, found = grid.centres(), list[Stop]()
+    grid = VoxelGrid.over(box, config.voxel)
+    centres = grid.centres()
+    everywhere = Field(scene, ids, program, centres)
+    found: list[Stop] = []
     at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
     for stage in program.stages:
-        maps = {name: field.at(map_, centres) for name, map_ in stage.maps.items()}
+        maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        goal = np.clip(_peak(field, stage, grid, maps["affordance"], avoided), box.low, box.high)
+        goal = _best(maps["affordance"], centres, avoided)
+        for step in (grid.size, grid.size / FINER):
+            offsets = step * np.arange(-FINER, FINER + 1) / FINER
+            around = goal + np.stack(np.meshgrid(offsets, offsets, offsets), axis=-1)
+            goal = _best(Field(scene, ids, program, around).values(stage["affordance"]), around)
+        goal = np.clip(goal, box.low, box.high)
         ends = {held, object_at(at, scene), object_at(goal, scene)}
         clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=config.margin)
         costs = 1.0 + config.obstacles * np.exp(-clear / config.margin) + config.avoidance * avoided
-        for point in grid.route(costs, at, goal)[1:]:
-            here = tuple(grid.indices(point))
-            given = {name: float(values[here]) for name, values in maps.items()}
-            wanted = float(np.clip(given.get("gripper", gripper), 0.0, 1.0))
-            # A number for the hand is meant for the end of the move, a map of several for where it says so.
-            if point is not goal and np.ptp(maps.get("gripper", np.zeros(1))) == 0.0:
-                wanted = gripper if not np.array_equal(point, goal) else wanted
-            turn = np.radians(given["rotation"]) if "rotation" in given else None
+        # A number for the hand is meant for the end of the move, a map with several of them for where it says so.
+        varied = np.ptp(maps.get("gripper", np.zeros(1))) > 0.0
+        way = grid.route(costs, at, goal)
+        for number, point in enumerate(way[1:], 2):
+            given = {name: float(map_[tuple(grid.indices(point))]) for name, map_ in maps.items()}
+            hand = given.get("gripper", gripper) if varied or number == len(way) else gripper
+            turn = float(np.radians(given["rotation"])) if "rotation" in given else None
             speed = float(np.clip(given.get("speed", 1.0), SLOWEST, FASTEST))
-            found.append(Stop(stage.name, point, wanted, turn, speed))
-        at, before, gripper = goal, gripper, found[-1].gripper
-        held = object_at(goal, scene) if gripper < before else held if gripper <= before else ""
+            x, y, z = (float(v) for v in point)
+            found.append(Stop((x, y, z), float(np.clip(hand, 0.0, 1.0)), turn, speed))
+        if found[-1].gripper >= 0.5:
+            held = ""
+        elif gripper >= 0.5:
+            held = object_at(goal, scene)
+        at, gripper = goal, found[-1].gripper
     return found
 
 
-def _peak(field: Field, stage: Stage, grid: VoxelGrid, values: FloatArray, avoided: FloatArray) -> FloatArray:
-    """(3,) where the affordance is highest: of several such places the least avoided, and of these the middle one."""
-    best = np.argwhere(values >= values.max() - 1e-9 * max(1.0, float(np.ptp(values))))
-    if len(best) == values.size:
-        raise ValueError(f"The affordance of '{stage.name}' is the same everywhere; say where to go.")
-    passed = avoided[tuple(best.T)]
-    best = best[passed <= passed.min() + 1e-9]
-    point = _middle(grid.low + grid.size * (best + 0.5))
-    size = grid.size
-    for _ in range(2):
-        steps = size * np.arange(-FINER, FINER + 1) / FINER
-        size /= FINER
-        around = point + np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-        near = field.at(stage.maps["affordance"], around)
-        point = _middle(around[near >= near.max() - 1e-9 * max(1.0, float(np.ptp(near)))])
-    return point
-
-
-def _middle(points: FloatArray) -> FloatArray:
-    """(3,) of points (N, 3) the one nearest to their mean."""
-    return np.asarray(points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))])
+def _best(values: FloatArray, points: FloatArray, avoided: FloatArray | None = None) -> FloatArray:
+    """(3,) the point of the highest value: of several the least avoided, and of these the one in their middle."""
+    spread = float(np.ptp(values))
+    if avoided is not None and spread == 0.0:
+        raise ValueError("An affordance is the same everywhere; say where to go.")
+    top = values >= values.max() - 1e-9 * max(1.0, spread)
+    best = points[top]
+    if avoided is not None:
+        best = best[avoided[top] <= avoided[top].min() + 1e-9]
+    return np.asarray(best[np.argmin(np.linalg.norm(best - best.mean(axis=0), axis=1))])

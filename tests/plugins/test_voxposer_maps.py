@@ -17,7 +17,7 @@ CUBE = SCENE["red_cube"]
 
 def value(expression, points=CENTRES, lines=""):
     program = read_program(f"{lines}\nmove('m', affordance={expression})")
-    return Field(SCENE, IDS, program).at(program.stages[0].maps["affordance"], points)
+    return Field(SCENE, IDS, program, points).values(program.stages[0]["affordance"])
 
 
 def point(*mm):
@@ -67,8 +67,10 @@ def test_variables_are_worked_out_once():
 
 
 def test_prose_around_a_program_and_its_names():
-    program = read_program("Sure:\n```python\nmove('go  up', affordance=z)\nmove(affordance=z)\n```\nDone.")
-    assert [s.name for s in program.stages] == ["go up", "move 2"]
+    program = read_program(
+        "Sure:\n```python\nmove('go up', affordance=z)\nmove(affordance=z, speed=2)\n```\nDone."
+    )
+    assert [set(maps) for maps in program.stages] == [{"affordance"}, {"affordance", "speed"}]
 
 
 @pytest.mark.parametrize(
@@ -81,8 +83,8 @@ def test_prose_around_a_program_and_its_names():
         ("for i in x: pass", "neither move"),
         ("x = 3\nmove('a', affordance=x)", "'x' has a meaning already"),
         ("a = 1\na = 2\nmove('a', affordance=a)", "'a' has a meaning already"),
-        ("move('a')", "needs an affordance"),
-        ("move('a', affordance=z, force=3)", "it has no force"),
+        ("move('a')", "a move has a name, an affordance"),
+        ("move('a', affordance=z, force=3)", "and of affordance, avoidance, rotation, gripper, speed"),
         ("move('a', affordance=z)\n" * (MOST_STAGES + 1), f"write 1 to {MOST_STAGES}"),
         ("move('a', affordance=" + "-" * 900 + "z)", "too long"),
         ("(" * 3000, "cannot be read"),
@@ -98,14 +100,14 @@ def test_what_is_no_program(text, said):
 @pytest.mark.parametrize(
     ("expression", "said"),
     [
-        ("at(green_ball)", "no object 'green_ball'; there are red_cube, blue_cube"),
+        ("at(green_ball)", "no thing 'green_ball'; there are red_cube, blue_cube"),
         ("at()", "cannot be asked for with 0 arguments"),
         ("at(red_cube, 1, 2)", "cannot be asked for with 3 arguments"),
         ("above(red_cube, x)", "cannot be asked for with 2 arguments"),
         ("min(1, 2, z)", "cannot be asked for with 3 arguments"),
         ("red_cube.__class__", "no '__class__'; they have x, y, z"),
         ("red_cube.points", "no 'points'"),
-        ("().__class__", "no object"),
+        ("().__class__", "no thing"),
         ("open('/etc/passwd')", r"no open\(\)"),
         ("__import__('os')", r"no __import__\(\)"),
         ("[z for z in range(9)]", "not of this language"),
