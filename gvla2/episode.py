@@ -40,6 +40,8 @@ from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 ABANDONED: tuple[str, ...] = ("error", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
@@ -50,7 +52,7 @@ VOID = "simulation"
 
 @dataclass(frozen=True)
 class Parts:
-    """The components of one run, built; ``choices`` are their names by Hydra group."""
+    """The components of one run, built; ``choices`` are their names by group, ``skills`` what planners may call."""
 
     robot: RobotBackend
     task: Task | None
@@ -60,6 +62,7 @@ class Parts:
     planner: Planner
     verifier: Verifier
     choices: Mapping[str, str]
+    skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     )
     record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *attempt), record, listener)
     for _ in range(request.replan):
-        if not worth_another(record):
+        if not worth_another(record, parts.skills):
             break
         again = tuple(entry for entry in attempt if entry[0] != "recall")  # its answer stays
         record = _go_through(again, next_attempt(record), listener)
@@ -268,8 +271,9 @@ def _plan_request(record: EpisodeRecord, parts: Parts, rejections: tuple[str, ..
         start=record.observation.world_from_tcp,
         joints=record.observation.joints,
         observation=record.observation,
-        advice=advice_for(record),
+        advice=advice_for(record, parts.skills),
         rejections=rejections,
+        skills=parts.skills,
     )
 
 
@@ -355,7 +359,7 @@ def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
         if number <= len(record.attempts):
             attempt = replace(attempt, episode_id=f"{record.episode_id}#{number}")
         try:
-            told.append(parts.memory.learn(memory_episode(attempt, verdict), verdict))
+            told.append(parts.memory.learn(memory_episode(attempt, verdict, parts.skills), verdict))
         except MemoryStoreError as error:
             told.append(Learned(degraded=str(error)))
     learned = pooled(told)
