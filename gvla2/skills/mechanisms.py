@@ -56,11 +56,11 @@ class Hinge:
 
     def out(self, angle: float) -> FloatArray:
         """(3,) unit, along the lid from the hinge when it is open by ``angle``."""
-        return np.cos(angle) * self.level + np.sin(angle) * UP
+        return np.asarray(np.cos(angle) * self.level + np.sin(angle) * UP)
 
     def normal(self, angle: float) -> FloatArray:
         """(3,) unit, the way the free edge goes while the lid opens."""
-        return np.cos(angle) * UP - np.sin(angle) * self.level
+        return np.asarray(np.cos(angle) * UP - np.sin(angle) * self.level)
 
     def edge(self, angle: float, inside: float = 0.0) -> FloatArray:
         """(3,) middle of the free edge, or a point ``inside`` metres nearer to the hinge."""

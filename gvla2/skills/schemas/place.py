@@ -103,7 +103,7 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
     aside = float(np.abs(spot[:2] - goal.centre[:2]).max())
     spread = 0.5 * hand.max_width * grasp.opening + hand.finger_thickness + 0.01
     tips = goal.top + 0.004 + hand.tip_beyond_tcp - hangs if aside + spread > 0.5 * goal.opening else floor
-    return min(goal.top, max(floor, palm, tips))
+    return float(min(goal.top, max(floor, palm, tips)))
 
 
 def support_along(world_from_object: FloatArray, extents: FloatArray, way: FloatArray) -> float:
