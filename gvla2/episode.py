@@ -41,6 +41,8 @@ from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 ABANDONED: tuple[str, ...] = ("error", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
@@ -51,7 +53,7 @@ VOID = "simulation"
 
 @dataclass(frozen=True)
 class Parts:
-    """The components of one run, built; ``choices`` are their names by Hydra group.
+    """The components of one run, built; ``choices`` are their names by Hydra group, ``skills`` what planners may call.
 
     ``language`` is the model that some of them ask, None where none does.
     """
@@ -65,6 +67,7 @@ class Parts:
     verifier: Verifier
     choices: Mapping[str, str]
     language: LanguageModel | None = None
+    skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     attempt = counted(attempt)
     record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *attempt), record, listener)
     for _ in range(request.replan):
-        if not worth_another(record):
+        if not worth_another(record, parts.skills):
             break
         again = tuple(entry for entry in attempt if entry[0] != "recall")  # its answer stays
         record = _go_through(again, next_attempt(record), listener)
@@ -289,8 +292,9 @@ def _plan_request(record: EpisodeRecord, parts: Parts, rejections: tuple[str, ..
         start=record.observation.world_from_tcp,
         joints=record.observation.joints,
         observation=record.observation,
-        advice=advice_for(record),
+        advice=advice_for(record, parts.skills),
         rejections=rejections,
+        skills=parts.skills,
     )
 
 
@@ -376,7 +380,7 @@ def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
         if number <= len(record.attempts):
             attempt = replace(attempt, episode_id=f"{record.episode_id}#{number}")
         try:
-            told.append(parts.memory.learn(memory_episode(attempt, verdict), verdict))
+            told.append(parts.memory.learn(memory_episode(attempt, verdict, parts.skills), verdict))
         except MemoryStoreError as error:
             told.append(Learned(degraded=str(error)))
     learned = pooled(told)

@@ -260,6 +260,7 @@ def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
             geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
             choices={**choices, "task": unit.task},
             language=built.get("language"),
+            skills=registry.skills,
         )
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
 

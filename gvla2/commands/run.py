@@ -130,6 +130,7 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
         geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
         choices={kind: getattr(config, kind).name for kind in chosen},
         language=built.get("language"),
+        skills=registry.skills,
     )
 
 
