@@ -53,8 +53,7 @@ VOID = "simulation"
 
 @dataclass(frozen=True)
 class Parts:
-    """The components of one run, built; ``choices`` are their names by Hydra group, ``skills`` what planners may
-    call.
+    """The components of one run, built; ``choices`` are their names by Hydra group, ``skills`` what planners may call.
 
     ``language`` is the model that some of them ask, None where none does.
     """
