@@ -52,10 +52,14 @@ def read_simply(instruction: str) -> Task | None:
             re.findall(rf"\b(?:{'|'.join(_WHERE)})\b", found["goal"] + " " + found["theme"], re.IGNORECASE)
         ):
             return None
-        return Task("place", found["theme"], found["goal"], _WHERE[found["where"].lower()])
+        return Task("place", _bare(found["theme"]), _bare(found["goal"]), _WHERE[found["where"].lower()])
     if found := _PICKING.fullmatch(words):
-        return Task("pick", found["theme"])
+        return Task("pick", _bare(found["theme"]))
     return None
+
+
+def _bare(words: str) -> str:
+    return re.sub(r"^(?:the|an?)\s+", "", words.strip(), flags=re.IGNORECASE)
 
 
 def question(instruction: str, skills: Mapping[str, Skill]) -> str:
@@ -98,4 +102,4 @@ def read_answer(text: str, skills: Mapping[str, Skill]) -> Task:
         )
     if skill != "none" and not theme.strip():
         raise ValueError("'theme' is empty; name the thing.")
-    return Task(skill, theme.strip(), goal.strip(), relation)
+    return Task(skill, _bare(theme), _bare(goal), relation)
