@@ -13,7 +13,7 @@ from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Guard
 from gvla2.skills.holds import ROUND
-from gvla2.skills.proposals import Job, Proposal, pointing
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.schemas.pick import Grasp, grasps, take
 from gvla2.skills.wholes import parts_of
 
@@ -39,11 +39,11 @@ def propose_insert(job: Job) -> list[Proposal] | Abstention:
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
-    turns = _turns(job.theme, job.goal)
+    turns = aligning_turns(job.theme, job.goal)
     return [_insert(job, grasp, job.goal, turn) for grasp in found if grasp.family == "top" for turn in turns]
 
 
-def _turns(theme: SceneObject, post: SceneObject) -> list[float]:
+def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
     """Turns about up, radians, by which the hole's sides come parallel to the post's; the smallest first."""
     if post.shape in ROUND or theme.shape in ROUND:
         return list(FREE_TURNS)
@@ -65,16 +65,24 @@ def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
     above = np.array([*over[:2], height])
     path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
     path.go("transit", above)
-    touching = own | {post.id, *(p.id for p in parts_of(post, job.scene))}
-    down = np.array([*over[:2], max(post.top - theta["insert_depth"] + hangs, job.lowest_tcp())])
-    path.line("align", _at(over, post.top + 0.01 + hangs), allowed=touching)
-    path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)
-    path.line("release", down, gripper=grasp.opening, allowed=touching, slow=True)
-    path.carries = ""
-    path.line("retreat", _at(over, height), allowed=touching)
+    lower_over(job, path, grasp, above)
     how = f"{grasp.description}; over the {post.label}, turned {np.degrees(turn):.0f}°"
     preference = grasp.preference - 0.05 * abs(turn) / np.pi
     return Proposal(how, grasp.approaches, preference, path.trajectory())
+
+
+def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:
+    """From above (3,) the goal, a post, with the theme's hole over it: line up, lower, let go, back up."""
+    theme, post = job.theme, job.goal
+    assert post is not None
+    hangs = grasp.centre[2] - theme.bottom
+    touching = job.own() | {post.id, *(p.id for p in parts_of(post, job.scene))}
+    down = np.array([*above[:2], max(post.top - job.theta["insert_depth"] + hangs, job.lowest_tcp())])
+    path.line("align", _at(above, post.top + 0.01 + hangs), allowed=touching)
+    path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)
+    path.line("release", down, gripper=grasp.opening, allowed=touching, slow=True)
+    path.carries = ""
+    path.line("retreat", above, allowed=touching)
 
 
 def _at(xy: FloatArray, z: float) -> FloatArray:
