@@ -28,13 +28,15 @@ def drawn(strokes: Sequence[Stroke], view: View, request: PlanRequest, travel: f
     Where the hand opens or closes, depth tells the place; a hand that is closed all the way presses or pushes, and
     depth tells where it touches. All else is way through the air, ``travel`` metres above the table at least.
     """
-    touching = all(s.gripper < 0.5 for s in strokes)
-    if not touching and not any(s.event for s in strokes):
+    if strokes[0].gripper >= 0.5 and not any(s.event for s in strokes):
         raise ValueError("The hand neither opens nor closes on this path; add the actions where it does.")
     if len(strokes) < 2:
         raise ValueError("A path has two points at least.")
     kept = thinned(strokes)
     pixels = [pixel_at(view, s.u, s.v) for s in kept]
+    # A hand that closes at once, on a thing, takes it; closed beside it, it pushes.
+    grasps = strokes[0].event and _thing(pixels[0], view, request) != ""
+    touching = all(s.gripper < 0.5 for s in strokes) and not grasps
     seen: dict[int, Sighting] = {}
     for index, (stroke, pixel) in enumerate(zip(kept, pixels, strict=True)):
         if stroke.event or touching:
@@ -75,6 +77,13 @@ def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
         if len(kept) <= MOST:
             return kept
         tolerance *= 1.5
+
+
+def _thing(pixel: Pixel, view: View, request: PlanRequest) -> str:
+    try:
+        return _met(pixel, view, request).object
+    except PlanningError:
+        return ""
 
 
 def _met(pixel: Pixel, view: View, request: PlanRequest) -> Sighting:
