@@ -32,7 +32,7 @@ _BETWEEN = " \t\r\n,"
 class Stroke:
     """One point of a drawn path: ``u``, ``v`` in shares of the picture, and the hand's ``gripper`` from there on.
 
-    ``event`` tells that the hand opens (1) or closes (0) here.
+    ``event`` tells that the hand opens (1) or closes (0) here, having been otherwise before.
     """
 
     u: float
@@ -58,8 +58,8 @@ def read_path(text: str, scale: float = 1.0) -> tuple[Stroke, ...]:
             u, v = _place(numbers, scale)
             strokes.append(Stroke(u, v, gripper))
         else:
-            gripper = 1.0 if "open" in token["action"].lower() else 0.0
-            if strokes:
+            before, gripper = gripper, 1.0 if "open" in token["action"].lower() else 0.0
+            if strokes and gripper != before:
                 last = strokes.pop()
                 strokes.append(Stroke(last.u, last.v, gripper, event=True))
         if len(strokes) > MOST:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 from gvla2.errors import PlanningError
@@ -58,7 +59,7 @@ def ask_for_path(
 
     def parse(text: str) -> Plan:
         try:
-            plan = lift(read(text), request)
+            plan = lift(_one_hold(read(text)), request)
         except PlanningError as error:
             raise ValueError(str(error)) from None
         if plan.abstention is not None:
@@ -72,3 +73,13 @@ def ask_for_path(
         why = refused[-1] if refused else Abstention("other", str(error))
         return Plan(None, abstention=why, transcript=error.transcript)
     return replace(found.answer, transcript=(*found.transcript, *found.answer.transcript))
+
+
+def _one_hold(points: Sequence[PathPoint]) -> Sequence[PathPoint]:
+    """The path, which takes hold of one thing: what came after it was put down would be left out in silence."""
+    closings = sum(b.closed and not a.closed for a, b in pairwise(points)) + (
+        bool(points) and points[0].closed
+    )
+    if closings > 1:
+        raise ValueError(f"The hand closes {closings} times on this path; handle one thing, the first.")
+    return points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 import numpy as np
 from skimage.measure import approximate_polygon
@@ -28,15 +28,17 @@ def drawn(strokes: Sequence[Stroke], view: View, request: PlanRequest, travel: f
     Where the hand opens or closes, depth tells the place; a hand that is closed all the way presses or pushes, and
     depth tells where it touches. All else is way through the air, ``travel`` metres above the table at least.
     """
-    if strokes[0].gripper >= 0.5 and not any(s.event for s in strokes):
-        raise ValueError("The hand neither opens nor closes on this path; add the actions where it does.")
-    if len(strokes) < 2:
-        raise ValueError("A path has two points at least.")
+    closes = next((k for k, s in enumerate(strokes) if s.gripper < 0.5), None)
+    if closes is None or len(strokes) < 2:
+        raise ValueError("The hand closes nowhere on this path; give two points at least, and the actions.")
+    if sum(s.event and s.gripper < 0.5 for s in strokes) > 1:
+        raise ValueError("The hand closes more than once on this path; handle one thing, the first.")
+    touching = not _takes(strokes[closes], view, request)
+    if touching:
+        # Closed in the open it is to push or press: the way there is as good as any.
+        strokes = list(takewhile(lambda s: s.gripper < 0.5, strokes[closes:]))
     kept = thinned(strokes)
     pixels = [pixel_at(view, s.u, s.v) for s in kept]
-    # A hand that closes at once, on a thing, takes it; closed beside it, it pushes.
-    grasps = strokes[0].event and _thing(pixels[0], view, request) != ""
-    touching = all(s.gripper < 0.5 for s in strokes) and not grasps
     seen: dict[int, Sighting] = {}
     for index, (stroke, pixel) in enumerate(zip(kept, pixels, strict=True)):
         if stroke.event or touching:
@@ -63,8 +65,6 @@ def drawn(strokes: Sequence[Stroke], view: View, request: PlanRequest, travel: f
 def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
     """The path with all its events and as many of its bends as may be kept, the sharpest first."""
     cuts = sorted({0, len(strokes) - 1, *(i for i, s in enumerate(strokes) if s.event)})
-    if len(cuts) > MOST:
-        raise ValueError(f"The hand opens and closes {len(cuts)} times; {MOST} points can be carried out.")
     tolerance = 0.01
     while True:
         kept = []
@@ -79,11 +79,12 @@ def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
         tolerance *= 1.5
 
 
-def _thing(pixel: Pixel, view: View, request: PlanRequest) -> str:
+def _takes(stroke: Stroke, view: View, request: PlanRequest) -> bool:
+    """Whether the hand closes on something there; where nothing can be told, it is meant to."""
     try:
-        return _met(pixel, view, request).object
+        return stroke.event and _met(pixel_at(view, stroke.u, stroke.v), view, request).object != ""
     except PlanningError:
-        return ""
+        return True
 
 
 def _met(pixel: Pixel, view: View, request: PlanRequest) -> Sighting:

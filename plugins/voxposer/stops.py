@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 SLOWEST, FASTEST = 0.1, 2.0
 """Bounds of the speed map, shares of the usual speed."""
+AT_HAND = 0.04
+"""A hand that closes no farther from a thing takes hold of it, metres."""
 FINER = 4
 """A peak is looked for again on a grid so much finer, twice."""
 
@@ -59,7 +62,9 @@ def stops(
             around = goal + np.stack(np.meshgrid(offsets, offsets, offsets), axis=-1)
             goal = _best(Field(scene, ids, program, around).values(stage["affordance"]), around)
         goal = np.clip(goal, box.low, box.high)
-        ends = {held, object_at(at, scene), object_at(goal, scene)}
+        # Not in the way: what the move begins or ends at, what is held, and what a closed, empty hand goes straight to.
+        line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
+        ends = {held, *(object_at(point, scene) for point in line)}
         clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=config.margin)
         costs = 1.0 + config.obstacles * np.exp(-clear / config.margin) + config.avoidance * avoided
         # A number for the hand is meant for the end of the move, a map with several of them for where it says so.
@@ -77,6 +82,10 @@ def stops(
         elif gripper >= 0.5:
             held = object_at(goal, scene)
         at, gripper = goal, found[-1].gripper
+    closes = next((k for k, stop in enumerate(found) if stop.gripper < 0.5), 0)
+    if found[closes].gripper < 0.5 and not object_at(np.array(found[closes].place), scene, within=AT_HAND):
+        # Closed in the open it is to push or press: the way there is as good as any.
+        return list(takewhile(lambda stop: stop.gripper < 0.5, found[closes:]))
     return found
 
 

@@ -26,6 +26,11 @@ def test_an_action_before_the_first_point_is_the_hands_state_from_the_start():
     assert path == (Stroke(0.1, 0.2, 0.0), Stroke(0.3, 0.4, 0.0))
 
 
+def test_opening_what_is_open_is_no_event():
+    path = read_path("<ans>[(0.1, 0.2), <action>Open Gripper</action>, (0.3, 0.4)]</ans>")
+    assert path == (Stroke(0.1, 0.2), Stroke(0.3, 0.4))
+
+
 @pytest.mark.parametrize(
     "text",
     [

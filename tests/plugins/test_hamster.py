@@ -142,15 +142,16 @@ def test_what_is_wrong_goes_back_to_the_model(request_, eyes):
     ("text", "said_"),
     [
         ("I would go to the cube.", "no list of points"),
-        ("<ans>[(0.5, 0.5)]</ans>", "neither opens nor closes"),
-        ("<ans>[(0.5, 0.5), <action>Close Gripper</action>]</ans>", "two points"),
-        ("<ans>[(0.2, 0.2), (0.5, 0.5)]</ans>", "neither opens nor closes"),
+        ("<ans>[(0.5, 0.5)]</ans>", "closes nowhere"),
+        ("<ans>[(0.5, 0.5), <action>Close Gripper</action>]</ans>", "two points at least"),
+        ("<ans>[(0.2, 0.2), (0.5, 0.5)]</ans>", "closes nowhere"),
         ("<ans>[(0.2, nan), (0.5, 0.5)]</ans>", "outside the picture"),
         ("<ans>[(0.2, 0.2), <action>Close Gripper</action>, (1.5, 0.5)]</ans>", "outside the picture"),
         (f"<ans>[{'(0.2, 0.2), ' * 10_000}]</ans>", "give the list alone"),
         (f"<ans>[{'(0.2, 0.2), ' * 300}]</ans>", "more than 200 points"),
+        ("<ans>[" + "(0.2, 0.2), <action>Open Gripper</action>, " * 50 + "]</ans>", "closes nowhere"),
         ("<ans>[" + "(0.2, 0.2), <action>Close Gripper</action>, (0.3, 0.2), <action>Open Gripper</action>, " * 9
-         + "]</ans>", "opens and closes"),
+         + "]</ans>", "closes more than once"),
         ("<ans>[(0.45, 0.6), <action>Close Gripper</action>, (0.45, 0.5)]</ans>", "touches nothing"),
     ],
 )  # fmt: skip
