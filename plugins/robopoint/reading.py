@@ -32,7 +32,10 @@ _PLACING = re.compile(
     r"(?P<goal>.+)",
     re.IGNORECASE,
 )
-_PICKING = re.compile(r"(?:pick\s+up|lift(?:\s+up)?|grasp|grab)\s+(?P<theme>.+)", re.IGNORECASE)
+_PICKING = re.compile(
+    r"(?:pick\s+up|lift(?:\s+up)?|grasp|grab)\s+(?P<theme>.+?)(?:\s+(?:off|from)\s+the\s+table)?",
+    re.IGNORECASE,
+)
 _TWISTED = re.compile(
     r"\b(?:and|then|or|but|not|n't|no|never|without|except|if|until|all|every|each|both|"
     r"\d+|cm|mm|that|which|it|them)\b|[,;:.!?]\s*\S",

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SLOWEST, FASTEST = 0.1, 2.0
 """Bounds of the speed map, shares of the usual speed."""
-AT_HAND = 0.04
+AT_HAND = 0.02
 """A hand that closes no farther from a thing takes hold of it, metres."""
 FINER = 4
 """A peak is looked for again on a grid so much finer, twice."""

@@ -11,6 +11,7 @@ from gvla2_plugins.robopoint.reading import Task, form, question, read_answer, r
     ("words", "task"),
     [
         ("pick up the red cube", Task("pick", "red cube")),
+        ("lift the green box off the table", Task("pick", "green box")),
         ("Lift the blue cup.", Task("pick", "blue cup")),
         ("put the pear on the plate", Task("place", "pear", "plate", "on")),
         ("Place the lid of the jar onto the mat!", Task("place", "lid of the jar", "mat", "on")),
