@@ -340,10 +340,33 @@ REMAINDER: frozenset[str] = frozenset("others other rest everything else".split(
 """Words of a clause that says what is to be left as it is."""
 
 NEGATIONS: tuple[str, ...] = (
-    "without", "do not", "don't", "dont", "never", "not", "rather than", "instead of", "avoid", "leaving", "ignoring",
-    "keeping", "except", "other than", "apart from", "rather not",
+    "without", "do not", "don't", "dont", "never", "not", "but not", "and not", "rather than", "instead of", "avoid",
+    "leaving", "ignoring", "keeping", "except", "except for", "excepting", "excluding", "other than", "apart from",
+    "aside from", "besides", "but for", "save for", "rather not", "neither", "nor", "no",
 )  # fmt: skip
 """From one of these to the end of its clause, what is said is what not to do."""
+
+AMONG: frozenset[str] = frozenset("all any every each everything anything everyone whichever".split())
+"""Before "but" they make it an exception: "any cube but the red one"."""
+
+MISHAPS: tuple[str, ...] = (
+    "toppl",
+    "knock",
+    "tip",
+    "drop",
+    "spill",
+    "break",
+    "damag",
+    "touch",
+    "hit",
+    "bump",
+    "disturb",
+    "crush",
+    "scratch",
+    "collid",
+    "upset",
+)
+"""How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
 
 IRREGULAR: dict[str, str] = {
     "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",
