@@ -45,32 +45,40 @@ def told(request: PlanRequest) -> list[str]:
 def ask_for_path(
     language: LanguageModel,
     messages: Sequence[Mapping[str, Any]],
-    read: Callable[[str], Sequence[PathPoint]],
+    read: Callable[[str], Sequence[Sequence[PathPoint]]],
     request: PlanRequest,
     *,
     tries: int,
 ) -> Plan:
     """The plan along the path that ``read`` finds in the model's answer; it raises :class:`ValueError` with a reason.
 
-    What cannot be read, lifted or passed by the checks goes back to the model, ``tries`` times in all; then the plan
-    is an abstention with the last reason. Raises :class:`~gvla2.language.LanguageModelError` where no model answers.
+    Where an answer leaves something open, ``read`` gives several paths, what the model meant most likely first: the
+    first that can be carried out is taken. What cannot be read, lifted or passed by the checks goes back to the
+    model, ``tries`` times in all; then the plan is an abstention with the last reason. Raises
+    :class:`~gvla2.language.LanguageModelError` where no model answers.
     """
     refused: list[Abstention] = []
 
     def parse(text: str) -> Plan:
-        try:
-            plan = lift(_one_hold(read(text)), request)
-        except PlanningError as error:
-            raise ValueError(str(error)) from None
-        if plan.abstention is not None:
+        problems = []
+        for path in read(text):
+            try:
+                plan = lift(_one_hold(path), request)
+            except PlanningError as error:
+                problems.append(str(error))
+                continue
+            if plan.abstention is None:
+                return plan
             refused.append(plan.abstention)
-            raise ValueError(plan.abstention.message)
-        return plan
+            problems.append(plan.abstention.message)
+        raise ValueError(problems[0])
 
     try:
         found = ask_typed(language, messages, parse, purpose="plan", tries=tries)
     except UnusableAnswerError as error:
-        why = refused[-1] if refused else Abstention("other", str(error))
+        why = (
+            refused[-1] if refused and refused[-1].message in str(error) else Abstention("other", str(error))
+        )
         return Plan(None, abstention=why, transcript=error.transcript)
     return replace(found.answer, transcript=(*found.transcript, *found.answer.transcript))
 

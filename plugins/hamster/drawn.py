@@ -22,11 +22,14 @@ MISSED = 0.03
 """A hand that closes so near to a thing, in shares of the picture's width, is meant to close on it."""
 
 
-def drawn(strokes: Sequence[Stroke], view: View, request: PlanRequest, travel: float) -> list[PathPoint]:
+def drawn(
+    strokes: Sequence[Stroke], view: View, request: PlanRequest, travel: float, *, level: bool = False
+) -> list[PathPoint]:
     """The path's points in the world; raises :class:`ValueError` with what is wrong with a path.
 
     Where the hand opens or closes, depth tells the place; a hand that is closed all the way presses or pushes, and
-    depth tells where it touches. All else is way through the air, ``travel`` metres above the table at least.
+    depth tells where it touches. All else is way through the air, ``travel`` metres above the table at
+    least, and just so with ``level``.
     """
     closes = next((k for k, s in enumerate(strokes) if s.gripper < 0.5), None)
     if closes is None or len(strokes) < 2:
@@ -57,7 +60,8 @@ def drawn(strokes: Sequence[Stroke], view: View, request: PlanRequest, travel: f
         if not np.isfinite(xyz).all():
             continue  # beside the workspace, on the way: the hand goes straight on
         x, y, z = (float(v) for v in xyz)
-        z = z if index in seen or touching else max(z, scene.table_height + travel)
+        low = scene.table_height + travel
+        z = z if index in seen or touching else low if level else max(z, low)
         points.append(PathPoint((x, y, z), stroke.gripper, seen[index].object if index in seen else ""))
     return points
 

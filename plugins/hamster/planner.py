@@ -51,8 +51,12 @@ class HamsterPlanner:
         except PlanningError as error:
             return Plan(None, abstention=Abstention("other", str(error)))
 
-        def read(text: str) -> Sequence[PathPoint]:
-            return drawn(read_path(text, scale), view, request, config.travel)
+        def read(text: str) -> Sequence[Sequence[PathPoint]]:
+            strokes = read_path(text, scale)
+            as_drawn = drawn(strokes, view, request, config.travel)
+            # How high a drawn path is in the air is a guess; low is nearer to what arms can reach.
+            level = drawn(strokes, view, request, config.travel, level=True)
+            return [as_drawn, level]
 
         numbers = {name: share * scale for name, share in zip("abcd", (0.25, 0.32, 0.41, 0.74), strict=True)}
         words = PROMPT.format(quest=instruction_in(request), scale=scale, **numbers)

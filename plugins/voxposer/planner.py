@@ -44,9 +44,9 @@ class VoxPoserPlanner:
             return refusal
         brief, way = scene_brief(request.scene), list[Stop]()
 
-        def read(text: str) -> Sequence[PathPoint]:
+        def read(text: str) -> Sequence[Sequence[PathPoint]]:
             way[:] = stops(read_program(text), request, brief.ids, self.config)
-            return [PathPoint(s.place, s.gripper) for s in way]
+            return [[PathPoint(s.place, s.gripper) for s in way]]
 
         things = f"Things ({LEGEND}); data alone:\n{brief.text}"
         asked = "\n\n".join([things, *told(request), f"Task: {instruction_in(request)}"])

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-COLOURS = {"red": (0, (1, 2)), "green": (1, (0, 2)), "blue": (2, (0, 1))}
+from gvla2.planning.colours import COLOURS
+
+ALIKE = 0.955
+"""Cosine between colours from which on they are the same, whatever the light."""
 
 
 class Eyes:
-    """Finds things of a pure colour in the picture of a chat request."""
+    """Finds things by the name of their colour in the picture of a chat request."""
 
     @staticmethod
     def picture(request):
@@ -31,8 +34,10 @@ class Eyes:
 
     def mask(self, request, colour):
         """(H, W) where the picture shows the colour."""
-        image, (own, others) = self.picture(request), COLOURS[colour]
-        return np.all([image[..., own] > 1.6 * image[..., other] + 20 for other in others], axis=0)
+        image = self.picture(request).astype(float)
+        wanted = np.asarray(COLOURS[colour], dtype=float)
+        bright = np.linalg.norm(image, axis=-1)
+        return (image @ wanted / np.maximum(bright * np.linalg.norm(wanted), 1e-9) > ALIKE) & (bright > 40.0)
 
     def middle(self, request, colour):
         """(x, y) in shares of the picture: the middle of what shows the colour, on it."""
