@@ -7,9 +7,12 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, UnusableAnswerError, ask_typed
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.programs import Program, waypoints_program
 from gvla2.skills.lifting import PathPoint, lift
 
 LONGEST_WORDS = 600
@@ -68,7 +71,7 @@ def ask_for_path(
                 problems.append(str(error))
                 continue
             if plan.abstention is None:
-                return plan
+                return replace(plan, program=_program(path, plan, request))
             refused.append(plan.abstention)
             problems.append(plan.abstention.message)
         raise ValueError(problems[0])
@@ -81,6 +84,18 @@ def ask_for_path(
         )
         return Plan(None, abstention=why, transcript=error.transcript)
     return replace(found.answer, transcript=(*found.transcript, *found.answer.transcript))
+
+
+def _program(path: Sequence[PathPoint], plan: Plan, request: PlanRequest) -> Program:
+    """The path as memory keeps it: each point by the thing, theme or goal, that it is nearest to, seen from above."""
+    things = [request.scene[i] for role, i in plan.roles.items() if role in ("theme", "goal")]
+    steps = []
+    for point in path:
+        near = min(things, key=lambda o: float(np.linalg.norm((point.array - o.centre)[:2])))
+        dx, dy, up = (round(1e3 * float(v)) for v in point.array - [*near.centre[:2], near.top])
+        steps.append((near.id, dx, dy, up, round(point.gripper, 2)))
+    about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
+    return waypoints_program(steps, request.scene, **about)
 
 
 def _one_hold(points: Sequence[PathPoint]) -> Sequence[PathPoint]:
