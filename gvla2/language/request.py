@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,27 +53,15 @@ class Request:
             given["response_format"] = {"type": "json_schema", "json_schema": form}
         return {name: value for name, value in given.items() if value is not None}
 
-    def concessions(self, without: frozenset[str], *, grammars: bool) -> Iterator[frozenset[str]]:
-        """What to leave out, more and more, when a server refused the request ``without`` that much."""
-        asked = {
+    def wishes(self, *, grammars: bool) -> list[str]:
+        """What of it a server may not take, likeliest first; "alternatives" is more than a few a token."""
+        wished = {
             "schema": self.schema is not None and not (grammars and self.grammar),
-            "alternatives": self.logprobs and "logprobs" not in without,
+            "alternatives": self.logprobs,
             "logprobs": self.logprobs,
             "system_role": any(m.get("role") == "system" for m in self.messages),
         }
-        names = [name for name, wanted in asked.items() if wanted and name not in without]
-        yield from (without | {name} for name in names)
-        if len(names) > 1:
-            yield without | set(names)
-
-    def unmet(self, without: frozenset[str], *, grammars: bool) -> tuple[str, ...]:
-        """The wishes that such a request does not express."""
-        left_out = without & {
-            "schema" if self.schema is not None and not (grammars and self.grammar) else "",
-            "logprobs" if self.logprobs else "",
-            "system_role" if any(m.get("role") == "system" for m in self.messages) else "",
-        }
-        return tuple(sorted(left_out | ({"grammar"} if self.grammar and not grammars else set())))
+        return [name for name, there in wished.items() if there]
 
 
 def picture(png: bytes) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from gvla2.language.endpoint import LanguageModel
 from gvla2.language.failures import (
     LanguageModelError,
     MalformedAnswerError,
+    ModelUnavailableError,
     UnusableAnswerError,
 )
 from gvla2.language.request import Message, Request
@@ -64,8 +65,8 @@ def ask_typed(
     ``temperature``, the others warm) the one that most agree on is taken, as ``same`` tells them apart, and the
     first of those where votes are even. An answer that was cut off is rejected, whatever it says.
 
-    Raises :class:`UnusableAnswerError` after ``tries``, and at once every other :class:`LanguageModelError` but a
-    damaged response; all with ``transcript``.
+    Raises :class:`UnusableAnswerError` after ``tries``, the last of which may have been damaged or broken off, and any
+    other :class:`LanguageModelError` at once; all with ``transcript``.
     """
     if tries < 1 or samples < 1:
         raise ValueError(f"tries is {tries} and samples {samples}; both must be at least 1.")
@@ -86,7 +87,7 @@ def ask_typed(
             return Answered(taken[winner].parsed[0], tuple(transcript), kinds.count(kinds[winner]), samples)
         why = answers[0].why
         lost = [tried.failure for tried in answers if tried.failure is not None]
-        if len(lost) == samples and not isinstance(lost[0], MalformedAnswerError):
+        if len(lost) == samples and not all(map(_may_pass, lost)):
             raise _with(transcript, lost[0])
         added = next((tried.correction() for tried in answers if tried.said.strip()), ())
         question = replace(question, messages=(*question.messages, *added))
@@ -135,6 +136,13 @@ class _Tried(Generic[T]):
         said = self.said if len(self.said) <= LONGEST_SHOWN else f"{self.said[:LONGEST_SHOWN]} ..."
         words = f"That answer cannot be used. {self.why}\nAnswer the question again, in the form that was asked for."
         return {"role": "assistant", "content": said}, {"role": "user", "content": words}
+
+
+def _may_pass(failure: LanguageModelError) -> bool:
+    """Whether the next try may fare better: the response was damaged, or broke off."""
+    if isinstance(failure, ModelUnavailableError):
+        return failure.transient and not failure.status
+    return isinstance(failure, MalformedAnswerError)
 
 
 def _with(transcript: Sequence[Mapping[str, Any]], failure: LanguageModelError) -> LanguageModelError:
