@@ -23,7 +23,7 @@ class Request:
     ``logprobs`` asks for the answer's token probabilities. ``schema`` (JSON Schema) or ``grammar`` (llama.cpp's GBNF)
     holds the answer to a form; where the server heeds grammars, a grammar goes before a schema. The same ``seed`` gives
     the same answer where the server supports it; different seeds are different questions to the cache.
-    ``temperature`` and ``max_tokens`` None take the endpoint's.
+    ``temperature`` and ``max_tokens`` None take the endpoint's; where those are null, neither is sent.
     """
 
     messages: Sequence[Message]
@@ -39,10 +39,11 @@ class Request:
         system = "system_role" not in without
         given: dict[str, Any] = {
             "messages": [sendable(m) for m in (self.messages if system else without_system(self.messages))],
-            "temperature": options.temperature if self.temperature is None else self.temperature,
-            "max_tokens": options.max_tokens if self.max_tokens is None else self.max_tokens,
             "seed": self.seed,
         }
+        for name in ("temperature", "max_tokens"):
+            own, default = getattr(self, name), getattr(options, name)
+            given[name] = own if own is not None and default is not None else default
         if self.logprobs and "logprobs" not in without:
             given["logprobs"] = True
             given["top_logprobs"] = FEW_LOGPROBS if "alternatives" in without else TOP_LOGPROBS

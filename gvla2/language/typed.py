@@ -161,25 +161,30 @@ def _shown(content: Any) -> Any:
 def json_in(text: str) -> Any:
     """The longest JSON object or array of an answer, which may stand in a code fence or between other words.
 
-    Raises :class:`ValueError` with a sentence for the model when there is none, or when it holds NaN or Infinity.
+    Raises :class:`ValueError` with a sentence for the model when there is none, or when one is broken or holds NaN or
+    Infinity: a sound part of a broken whole is not what was meant.
     """
     decoder = json.JSONDecoder(parse_constant=_no_number)
     best: tuple[int, Any] = (0, None)
-    at, trouble = 0, "there is no object or array in it"
+    at = 0
     for _ in range(_STARTS):
         opening = _OPENING.search(text, at)
         if opening is None:
             break
         try:
-            value, end = decoder.raw_decode(text, opening.start())
-        except (ValueError, RecursionError) as error:
-            trouble, at = str(error) or "it is nested too deeply", opening.end()
+            value, at = decoder.raw_decode(text, opening.start())
+        except json.JSONDecodeError as error:
+            if text[opening.end() : error.pos].strip():
+                raise ValueError(f"Its JSON is broken: {error}.") from None
+            at = opening.end()  # a bracket of the prose
             continue
-        best, at = max(best, (end - opening.start(), value), key=lambda each: each[0]), end
+        except RecursionError:
+            raise ValueError("Its JSON is nested too deeply.") from None
+        best = max(best, (at - opening.start(), value), key=lambda each: each[0])
     if not best[0]:
-        raise ValueError(f"It holds no valid JSON: {trouble}.")
+        raise ValueError("It holds no JSON object or array.")
     return best[1]
 
 
 def _no_number(name: str) -> None:
-    raise ValueError(f"{name} is not a number")
+    raise ValueError(f"Its JSON holds {name}, which is not a number.")

@@ -146,6 +146,13 @@ def test_mistakes_of_the_parser_are_not_taken_for_the_model_s():
         asked(model, tries=0)
 
 
+def test_a_model_that_refuses_temperatures_is_not_warmed():
+    with LocalModel(replying(said("seven"), said("7"))) as model:
+        asked(model, options={"temperature": None, "max_tokens": None}, max_tokens=9)
+    assert not any({"temperature", "max_tokens"} & set(request) for request in model.requests)
+    assert [request["seed"] for request in model.requests] == [0, 1]
+
+
 def test_images_are_named_in_the_transcript_not_kept():
     shown = [{"role": "user", "content": [{"type": "text", "text": "Where?"}, picture(b"png" * 999)]}]
     with LocalModel(replying(said("7"))) as model:
@@ -167,10 +174,11 @@ def test_json_is_found_among_words(text: str, value: object):
 
 @pytest.mark.parametrize(
     ("text", "why"),
-    [("none", "no object"), ("", "no object"), ("[1, 2", "no valid JSON"), ("{'a': 1}", "no valid JSON"),
-     ("[NaN]", "NaN is not a number"), ("[-Infinity]", "-Infinity"),
-     ("[" * 100_000, "no valid JSON"), ("{" * 100_000, "no valid JSON")],
-    ids=range(8),
+    [("none", "no JSON object"), ("", "no JSON object"), ("[1, 2", "is broken"), ("{'a': 1}", "no JSON object"),
+     ("[NaN]", "NaN, which is not a number"), ("[-Infinity]", "-Infinity"),
+     ("[" * 100_000, "too deeply"), ("{" * 100_000, "no JSON object"), ("[[1, 2], [NaN, 3]]", "NaN"),
+     ('[{"a": 1}, {"b": 2},]', "is broken"), ('[{"a": 1}, {"b"', "is broken")],
+    ids=range(11),
 )  # fmt: skip
 def test_what_is_no_json_is_told(text: str, why: str):
     with pytest.raises(ValueError, match=why):

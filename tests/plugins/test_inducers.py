@@ -98,5 +98,5 @@ def test_reading_answers() -> None:
     assert (constraint.type, tool.type) == ("failure_avoidance", "tool_usage")
     assert len(read_lessons(LESSONS, FAIL, 1)) == 1
     for wrong in ("none", "[" * 100_000, '{"type": "tool_usage", "content": "x"}'):
-        with pytest.raises(ValueError, match="It "):
+        with pytest.raises(ValueError, match="It"):
             read_lessons(wrong, SUCCESS, 4)
