@@ -3,6 +3,7 @@
 The server's process is real; what it serves is a small HTTP server in place of a model.
 """
 
+import gc
 import json
 import os
 import signal
@@ -16,7 +17,7 @@ from typing import Any
 import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
-from gvla2.language import Endpoint, ModelUnavailableError, Request
+from gvla2.language import Endpoint, ModelUnavailableError, Request, ask_typed
 from gvla2.testing.component import check_component
 from gvla2_plugins import llama_cpp
 from gvla2_plugins.llama_cpp import LlamaCppConfig, server
@@ -33,8 +34,13 @@ class Standing:
         print("loading", options["files"][0][0])
         time.sleep({loading})
         if {dies}: os._exit(3)
-        self.model = LocalModel(lambda request: said(str(os.getpid()))).__enter__()
+        self.model = LocalModel(self.answer).__enter__()
         self.listening_address = self.model.url.removesuffix("/v1")
+
+    def answer(self, request):
+        if "die" in request["messages"][-1]["content"] and request["seed"] == 0:
+            os._exit(9)
+        return said(str(os.getpid()))
 
 serving._serve = Standing
 sys.stdout.reconfigure(line_buffering=True)
@@ -85,6 +91,7 @@ def gone(process: int, seconds: float = 5.0) -> bool:
 @pytest.fixture(autouse=True)
 def _no_server_is_left(tmp_path: Path) -> Iterator[None]:
     yield
+    gc.collect()  # a failure's traceback holds who asked, in a circle
     for told in tmp_path.glob("state/*/server.json"):
         pid = json.loads(told.read_text()).get("pid")
         assert pid is None or gone(pid), "a server outlived its users"
@@ -134,6 +141,14 @@ def test_a_server_that_was_killed_is_started_again(weights: Path):
     os.kill(process, signal.SIGKILL)
     assert gone(process)
     assert who(endpoint) != process
+
+
+def test_one_that_dies_in_mid_answer_is_started_again_by_the_next_try(weights: Path):
+    endpoint = language(weights)
+    first = who(endpoint)
+    found = ask_typed(endpoint, [{"role": "user", "content": "die"}], int, purpose="plan", tries=2)
+    assert found.answer != first
+    assert "broke off" in found.transcript[0]["rejected"]
 
 
 def test_a_server_that_dies_while_loading_is_told_with_its_log(weights: Path, monkeypatch):
