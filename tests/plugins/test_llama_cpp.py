@@ -66,7 +66,8 @@ def stand_in(
 
 
 def language(weights: Path, **options: Any) -> Endpoint:
-    config = LlamaCppConfig(model=str(weights), folder=str(weights.parent / "state"), retries=0, **options)
+    where = {"model": str(weights), "folder": str(weights.parent / "state")}
+    config = LlamaCppConfig(**{"retries": 0, **where, **options})
     return Endpoint(config, LlamaServer(config))
 
 
@@ -144,7 +145,7 @@ def test_a_server_that_was_killed_is_started_again(weights: Path):
 
 
 def test_one_that_dies_in_mid_answer_is_started_again_by_the_next_try(weights: Path):
-    endpoint = language(weights)
+    endpoint = language(weights, retries=1)
     first = who(endpoint)
     found = ask_typed(endpoint, [{"role": "user", "content": "die"}], int, purpose="plan", tries=2)
     assert found.answer != first
