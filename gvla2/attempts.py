@@ -31,7 +31,8 @@ def worth_another(record: EpisodeRecord) -> bool:
     if record.report is None or not record.report.waypoints or record.after is None:
         return False
     stopped = record.report.abort
-    relative = record.plan.skill in ("push", "place") and "goal" not in record.plan.roles
+    plans = [part.plan for part in record.whole if part.plan is not None]
+    relative = any(plan.skill in ("push", "place") and "goal" not in plan.roles for plan in plans)
     return not relative and (stopped is None or stopped.abort not in NO_MORE)
 
 
@@ -52,6 +53,7 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
         verdict=None,
         failure=None,
         timings={},
+        parts=(),
     )
 
 

@@ -69,6 +69,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 )
 """All kinds by name, in the order of an episode."""
 
+SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
+"""Hydra groups that choose once more among the components of a kind, or ``none`` of them: the slot and its kind."""
+
 HOOKS: Mapping[str, Kind] = MappingProxyType({kind.hook: kind for kind in KINDS.values()})
 """The kinds by hook; the one hook without a kind is :data:`SEARCH_PATH_HOOK`."""
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gvla2.memory.contracts import Memory, MemoryTask
     from gvla2.record.contents import EpisodeRecord, Stage
 
-LOOP = ("robot", "task", "perceiver", "planner", "verifier")
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer")
 HELPED = ("camera", *MEMORY)
@@ -54,7 +54,9 @@ class EpisodeUnit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone."""
+    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone, one an
+    attempt and part.
+    """
 
     layout: int
     succeeded: Mapping[str, bool]
@@ -62,7 +64,7 @@ class Outcome:
     failure: str
     message: str
     notes: Mapping[str, Any]
-    experience: Experience | None = None
+    experience: tuple[Experience, ...] = ()
 
 
 def chosen_parts(
@@ -117,7 +119,7 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
         with _memory(unit, registry) as memory:
             parts = replace(_parts_of(unit, registry), memory=memory)
             if unit.arm == "exploration":
-                parts = replace(parts, planner=_exploring(unit.config, registry, layout))
+                parts = replace(parts, planner=_exploring(unit, registry, layout))
             outcomes.append(_run(unit, parts, layout))
         if outcomes[-1].failure == "error":
             _forget_parts()
@@ -134,6 +136,8 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
         source=f"{unit.task}-{unit.arm}-{layout}",
         replan=unit.config.replan,
+        planner_timeout=unit.config.planner_timeout,
+        max_parts=unit.config.max_parts,
     )
     listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
     started = time.perf_counter()
@@ -146,7 +150,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     judged = record.judgement
     succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
     failure = failure_class(record)
-    explored = Experience.of(record) if unit.arm == "exploration" else None
+    explored = Experience.of(record) if unit.arm == "exploration" else ()
     return Outcome(
         layout,
         succeeded,
@@ -163,6 +167,8 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     return {
         "instruction": record.instruction,
         "skill": plan.skill if plan else "",
+        "skills": [part.plan.skill if part.plan else "" for part in record.whole],
+        "fallback": plan.fallback if plan else "",
         "verdict": record.verdict.outcome if record.verdict else "",
         "quality": record.verdict.quality if record.verdict else None,
         "recalled": [item.id for item in recalled.items] if recalled else [],
@@ -170,6 +176,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
         "degraded": recalled.degraded if recalled else "",
         "parameters": dict(plan.parameters) if plan else {},
         "timings": dict(record.timings),
+        "parts": [dict(part.timings) for part in record.parts],
     }
 
 
@@ -200,13 +207,12 @@ class _Watcher:
             self._recorder.finish(self.latest)
 
 
-def _exploring(config: BenchConfig, registry: Registry, layout: int) -> Any:
+def _exploring(unit: EpisodeUnit, registry: Registry, layout: int) -> Any:
     """The planner with its theta varied, another way in each episode; as it is, where it has no such option."""
-    given = {field.name for field in fields(config.planner)}
-    planner = config.planner
-    if {"explore", "explore_seed"} <= given:
-        planner = replace(planner, explore=config.exploration, explore_seed=layout)  # type: ignore[call-arg]
-    return registry.build({"planner": planner}, "planner")
+    planner = unit.config.planner
+    if {"explore", "explore_seed"} <= {field.name for field in fields(planner)}:
+        planner = replace(planner, explore=unit.config.exploration, explore_seed=layout)  # type: ignore[call-arg]
+    return registry.build({**chosen_parts(unit.config, registry, unit.task), "planner": planner}, "planner")
 
 
 @contextmanager
