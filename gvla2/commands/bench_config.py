@@ -78,8 +78,8 @@ class BenchConfig:
     (a relative spread), and is frozen before the test. ``replan`` further attempts are allowed
     in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one.
     With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
-    language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the objects' size; ``videos`` failed episodes of
-    each task and arm are run once more with the camera on.
+    language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
+    objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
 
     Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
     ``seeds``; ``tasks`` are all by default, ``scale`` and ``depth_noise`` as above.
