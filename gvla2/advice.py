@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from gvla2.diagnosis import diagnose
@@ -10,15 +11,17 @@ from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice
 from gvla2.planning.effects import Effect
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 
-def advice_for(record: EpisodeRecord) -> Advice:
+def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
     """Memory's text and effects, then those of the failed attempts, whose effects bind as memory's do."""
     context = record.recalled or MemoryContext()
     effects = [Effect.from_json(item.effect, source=item.id) for item in context.items if item.effect]
     lines = [context.text] if context.text else []
     for number, attempt in enumerate(record.attempts, 1):
-        source, signals = f"attempt {number}", diagnose(attempt)
+        source, signals = f"attempt {number}", diagnose(attempt, skills)
         effects += [replace(signal.effect, source=source) for signal in signals if signal.effect is not None]
         reasons = [signal.words for signal in signals]
         if not reasons and attempt.verdict is not None:

@@ -16,7 +16,8 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import DISABLE_VARIABLE, Offering, Plugin, Problem, describe, discover, unannounced
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
-from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SLOTS, kind_of
+from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SKILL_HOOK, SLOTS, kind_of
+from gvla2.skills.skill import Skill, fault_of
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 REINSTALL = "reinstall it with `pip install -e .`"
@@ -40,11 +41,22 @@ class Registry:
         plugins: Iterable[Plugin] = (),
         problems: Iterable[Problem] = (),
         search_paths: Iterable[str] = (),
+        skills: Iterable[tuple[Skill, Plugin]] = (),
     ) -> None:
         self._offers = {kind: dict(offers.get(kind, {})) for kind in KINDS}
         self.plugins = tuple(plugins)
         self.problems = tuple(problems)
         self.search_paths = tuple(search_paths)
+        self._skills = tuple(skills)
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        """Every skill that is offered, by name, in the order in which plugins were found."""
+        return {skill.name: skill for skill, _ in self._skills}
+
+    def skill_plugin(self, name: str) -> Plugin:
+        """Who offers the skill; raises :class:`KeyError` for one that nobody does."""
+        return {skill.name: plugin for skill, plugin in self._skills}[name]
 
     def offers(self, kind: str) -> dict[str, Offer]:
         """Components with their plugins, by name, sorted."""
@@ -69,7 +81,7 @@ class Registry:
         ``name`` is the one that was asked for. "" when there is nothing to say.
         """
         hook = kind_of(kind).hook
-        known = {*HOOKS, SEARCH_PATH_HOOK, DISABLE_VARIABLE} - {hook}
+        known = {*HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK, DISABLE_VARIABLE} - {hook}
         broken = sorted({p.plugin for p in self.problems if p.hook not in known})
         notes = []
         if broken:
@@ -202,12 +214,22 @@ def assemble(
     found = list(problems)
     offers: dict[str, dict[str, Offer]] = {kind: {} for kind in KINDS}
     paths: list[str] = []
+    skills: dict[str, tuple[Skill, Plugin]] = {}
     for offering in offerings:
         for item in offering.items:
             if offering.hook == SEARCH_PATH_HOOK:
                 fault = _fault_of_path(item)
                 if not fault:
                     paths.append(str(item))
+            elif offering.hook == SKILL_HOOK:
+                fault = fault_of(item)
+                if not fault:
+                    assert isinstance(item, Skill)
+                    if item.name in skills:
+                        owner = skills[item.name][1].name
+                        fault = f"'{item.name}' is already offered by plugin '{owner}', which wins. Rename this one."
+                    else:
+                        skills[item.name] = item, offering.plugin
             else:
                 taken = offers[HOOKS[offering.hook].name]
                 fault = _fault_of_component(item, HOOKS[offering.hook].name, taken)
@@ -216,7 +238,7 @@ def assemble(
                     taken[item.name] = Offer(item, offering.plugin)
             if fault:
                 found.append(Problem(offering.plugin.name, offering.hook, fault))
-    return Registry(offers, plugins, found, paths)
+    return Registry(offers, plugins, found, paths, skills.values())
 
 
 def _node(root: object, kind: str) -> Any:

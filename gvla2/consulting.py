@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from gvla2.advice import advice_for
 from gvla2.checking import check_plan
@@ -19,9 +18,7 @@ from gvla2.planning.asking import ask
 from gvla2.planning.contracts import Plan, Planner, PlanRequest
 from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure
-
-if TYPE_CHECKING:
-    from gvla2.skills.skill import Skill
+from gvla2.skills.skill import Skill
 
 GIVES_WAY = ("other", "unknown_skill", "unreachable")
 """Kinds of abstention after which another planner may know better; the other kinds are answers to the instruction."""
@@ -181,7 +178,7 @@ class Consultation:
             start=record.observation.world_from_tcp,
             joints=record.observation.joints,
             observation=record.observation,
-            advice=advice_for(record),
+            advice=advice_for(record, self.skills),
             rejections=rejections,
             skills=self.skills,
             rejected=rejected,

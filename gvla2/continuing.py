@@ -7,7 +7,7 @@ scene, and plans on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,11 +21,10 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.skills.carry_out import carry_out
 
 AT_HOME = 0.05
 """Radians by which no joint is off where the arm counts as out of the cameras' way."""
-
-CarryOut = Callable[[Sequence[SkillCall], PlanRequest, SkillOptions], Plan]
 
 
 @dataclass(frozen=True)
@@ -34,12 +33,11 @@ class Continuation:
 
     calls: tuple[SkillCall, ...]
     options: SkillOptions
-    carry_out: CarryOut
 
     def plan(self, request: PlanRequest) -> Plan:
         """The next plan. Raises :class:`PlanningError` for one that leaves as much to do as there was before it."""
-        plan = self.carry_out(self.calls, request, self.options)
-        if isinstance(plan, Plan) and plan.trajectory is not None and len(plan.remaining) >= len(self.calls):
+        plan = carry_out(self.calls, request, self.options)
+        if plan.trajectory is not None and len(plan.remaining) >= len(self.calls):
             raise PlanningError(f"A plan for {_listed(self.calls)} carries out none of it.")
         return plan
 
@@ -83,7 +81,7 @@ def next_part(record: EpisodeRecord) -> EpisodeRecord:
     )
 
 
-def rest_of_program(record: EpisodeRecord, carry_out: CarryOut) -> Continuation:
+def rest_of_program(record: EpisodeRecord) -> Continuation:
     """What the part before left to do, with its ids as the record's scene has them.
 
     Raises :class:`PerceptionError` where an object of it was not seen again.
@@ -96,7 +94,6 @@ def rest_of_program(record: EpisodeRecord, carry_out: CarryOut) -> Continuation:
     return Continuation(
         tuple(_translated(call, now, before.scene) for call in before.plan.remaining),
         before.plan.options,
-        carry_out,
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from gvla2.advice import with_sound_effects
 from gvla2.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
 from gvla2.consulting import Asked, Consultation
 from gvla2.continuing import (
-    CarryOut,
     clear_the_view,
     goes_on,
     next_part,
@@ -49,10 +48,9 @@ from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 from gvla2.telling import told_of
-
-if TYPE_CHECKING:
-    from gvla2.skills.skill import Skill
 
 ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
@@ -77,8 +75,7 @@ class Parts:
     verifier: Verifier
     choices: Mapping[str, str]
     fallback: Planner | None = None
-    skills: Mapping[str, Skill] = field(default_factory=dict)
-    carry_out: CarryOut | None = None
+    skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
 
 
 @dataclass(frozen=True)
@@ -142,7 +139,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
     record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *once), record, listener)
     record = _to_the_end(record, again, request.max_parts, listener)
     for _ in range(request.replan):
-        if not worth_another(record):
+        if not worth_another(record, parts.skills):
             break
         record = _go_through(again, next_attempt(record), listener)
         if record.report is None:
@@ -293,8 +290,7 @@ def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) 
     name, other = parts.choices.get("planner", ""), parts.choices.get("fallback", "fallback")
     first, fallback = Asked(name, parts.planner), None
     if record.parts:
-        assert parts.carry_out is not None
-        first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record, parts.carry_out))
+        first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record))
     elif parts.fallback is not None:
         fallback = Asked(other, parts.fallback)
     return Consultation(first, fallback, request.planner_timeout, parts.robot.arm, parts.skills)
@@ -357,7 +353,7 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     """Tell memory of every attempt and every part, each in the light of its own verdict."""
     answers = []
-    for episode, verdict in told_of(record):
+    for episode, verdict in told_of(record, parts.skills):
         try:
             answers.append(parts.memory.learn(episode, verdict))
         except MemoryStoreError as error:

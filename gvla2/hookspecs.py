@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gvla2.robot.backend import RobotBackend
     from gvla2.robot.camera import Camera
     from gvla2.robot.task import Task
+    from gvla2.skills.skill import Skill
 
 
 @hookspec
@@ -100,6 +101,12 @@ def gvla2_inducers() -> Iterable[Component[Inducer]]:
 @hookspec
 def gvla2_planners() -> Iterable[Component[Planner]]:
     """Return planners: instruction, scene and advice to waypoints (Hydra group ``planner``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_skills() -> Iterable[Skill]:
+    """Return skills that every planner may call: all that are offered, by name (no Hydra group)."""
     raise AssertionError("specification only")
 
 

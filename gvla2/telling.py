@@ -11,6 +11,8 @@ from gvla2.continuing import with_whole_program
 from gvla2.lessons import memory_episode
 from gvla2.memory.contracts import MemoryEpisode, Verdict
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 CONVERSATION_LIMIT = 6000
 """Characters of a planner's conversation with a language model that memory keeps of an episode."""
@@ -18,7 +20,9 @@ CONVERSATION_LIMIT = 6000
 _SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
 
 
-def told_of(record: EpisodeRecord) -> Iterator[tuple[MemoryEpisode, Verdict]]:
+def told_of(
+    record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD
+) -> Iterator[tuple[MemoryEpisode, Verdict]]:
     """The stories of a finished episode, first to last; what nobody judged is not told.
 
     The last part of the last attempt goes by the episode's id, others by theirs and a number: ``#2`` the second
@@ -33,13 +37,13 @@ def told_of(record: EpisodeRecord) -> Iterator[tuple[MemoryEpisode, Verdict]]:
             name = f"#{number}.{place}" if len(parts) > 1 else f"#{number}"
             last = number == len(attempts) and place == len(parts)
             source = record.episode_id if last else f"{record.episode_id}{name}"
-            yield _story(replace(part, episode_id=source), place, len(parts)), part.verdict
+            yield _story(replace(part, episode_id=source), place, len(parts), skills), part.verdict
 
 
-def _story(part: EpisodeRecord, place: int, of: int) -> MemoryEpisode:
+def _story(part: EpisodeRecord, place: int, of: int, skills: Mapping[str, Skill]) -> MemoryEpisode:
     assert part.plan is not None
     assert part.verdict is not None
-    told = memory_episode(part, part.verdict)
+    told = memory_episode(part, part.verdict, skills)
     lines = []
     if of > 1 or part.plan.remaining:
         left = f" Still to come: {', '.join(map(str, part.plan.remaining))}." if part.plan.remaining else ""

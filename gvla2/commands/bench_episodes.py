@@ -253,6 +253,7 @@ def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
             **{kind: built[kind] for kind in (*LOOP, "memory")},
             geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
             choices={**choices, "task": unit.task},
+            skills=registry.skills,
         )
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
 

@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 DATA = "simulated"
 MEASURING_CODE = (
     "gvla2.advice", "gvla2.attempts", "gvla2.checking", "gvla2.consulting", "gvla2.continuing", "gvla2.correspondence",
-    "gvla2.diagnosis", "gvla2.diagnosis_mechanisms", "gvla2.episode", "gvla2.evaluation.robot", "gvla2.geometry",
-    "gvla2.lessons", "gvla2.memory", "gvla2.planning", "gvla2.refine", "gvla2.robot", "gvla2.telling",
+    "gvla2.diagnosis", "gvla2.episode", "gvla2.evaluation.robot", "gvla2.geometry", "gvla2.lessons", "gvla2.memory",
+    "gvla2.planning", "gvla2.refine", "gvla2.robot", "gvla2.skills", "gvla2.telling",
 )  # fmt: skip
 """Code whose change makes stored rows out of date, besides the plugins that were chosen."""
 TOGETHER = 5

@@ -128,6 +128,7 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
         **{kind: built[kind] for kind in loop},
         geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
         choices={kind: getattr(config, kind).name for kind in CHOICES},
+        skills=registry.skills,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, nearest_colours
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.parts import is_button
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.words import noun_class, tokenise
@@ -24,8 +25,6 @@ DOUBTFUL = 0.25
 """How well a thing of another shape fits, where its colour is the one that was named."""
 BETWEEN, LEEWAY = 25.0, 2.2
 """A colour that is further from every word is between them: a word up to so many times as far may be meant."""
-BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
-"""A round thing no wider, whose top is no higher above the table, may be a button, metres."""
 
 
 @dataclass(frozen=True)
@@ -167,11 +166,9 @@ def _label_classes(thing: SceneObject) -> set[str]:
 def _button_score(thing: SceneObject, scene: Scene) -> float:
     if "button" in _label_classes(thing):
         return 1.0
-    small = thing.extents[:2].max() <= BUTTON_WIDTH and thing.top - scene.table_height <= BUTTON_TOP
-    if thing.shape not in ("disc", "cylinder") or not small:
+    if not is_button(thing, scene):
         return 0.0
-    flat = thing.extents[2] <= thing.extents[:2].max()
-    return 0.6 + 0.1 * bool(thing.parent) if flat or thing.parent else 0.0
+    return 0.6 + 0.1 * bool(thing.parent)
 
 
 def _colour_filter(colour: str, fits: Sequence[_Fit]) -> list[_Fit]:

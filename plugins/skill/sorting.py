@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from gvla2.planning.colours import colour_distance
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.chaining import is_container
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import phrase_at
 from gvla2_plugins.skill.grounding import ground
@@ -35,18 +35,8 @@ GOING = frozenset(lexicon.VERBS["place"]) | {
     "go",
     "belongs",
 }
-MOST = 3
-"""Things in one sentence: a trajectory has at most 20 waypoints, and each thing takes six."""
-
-
-@dataclass(frozen=True)
-class Pair:
-    """A thing and the container that it goes into; ``rank`` of ``count`` that go there."""
-
-    thing: SceneObject
-    container: SceneObject
-    rank: int = 0
-    count: int = 1
+Pair = tuple[SceneObject, SceneObject]
+"""A thing and the container that it goes into."""
 
 
 def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | Abstention | None:
@@ -55,12 +45,12 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | 
     tokens, _ = spell(tokenise(sentence), spelling, known)
     if not any(verbs_of(t) & GOING or t in GOING for t in tokens):
         return None
-    containers = [o for o in scene.objects if is_container(o)]
+    containers = [o for o in scene.objects if _holds_things(o)]
     things = [o for o in scene.objects if _loose(o, containers)]
     if not containers or not things:
         return None
     if (by_colour := _by_colour(tokens, things, containers)) is not None:
-        return _settled(by_colour)
+        return by_colour
     found: list[tuple[SceneObject, SceneObject]] = []
     for segment in _segments(tokens):
         pairs = _segment(segment, things, containers, scene)
@@ -69,15 +59,14 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | 
         if isinstance(pairs, Abstention):
             return pairs
         found += pairs
-    return _settled(found) if found else None
+    return found or None
 
 
-def is_container(thing: SceneObject) -> bool:
-    """Whether other things are put into it: it is open at the top and lower than wide, or is called so."""
+def _holds_things(thing: SceneObject) -> bool:
+    """Whether other things are put into it, by its shape or by what it is called."""
     names = {noun_class(word) for word in tokenise(thing.label)}
-    wide = float(thing.extents[:2].min())
-    open_flat = thing.opening > 0.06 and thing.top - thing.bottom < wide
-    return thing.shape != "region" and not thing.parent and (open_flat or bool(names & {"container", "tray"}))
+    named = thing.shape != "region" and not thing.parent and bool(names & {"container", "tray"})
+    return named or is_container(thing)
 
 
 def _loose(thing: SceneObject, containers: Sequence[SceneObject]) -> bool:
@@ -155,15 +144,3 @@ def _means(what: Phrase, thing: SceneObject) -> bool:
     return what.noun in {noun_class(word) for word in tokenise(thing.label)} or bool(
         lexicon.SHAPE_FIT.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
     )
-
-
-def _settled(found: list[tuple[SceneObject, SceneObject]]) -> list[Pair] | Abstention:
-    if len(found) > MOST:
-        return Abstention(
-            "other", f"{len(found)} things are more than one sentence can move; at most {MOST} can be."
-        )
-    pairs, taken = [], {}
-    for thing, container in found:
-        rank = taken[container.id] = taken.get(container.id, -1) + 1
-        pairs.append(Pair(thing, container, rank, sum(c.id == container.id for _, c in found)))
-    return pairs

@@ -12,10 +12,10 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.joined import joined
 from gvla2.testing import inputs
 from gvla2_plugins.sapien.panda import make_arm
 from gvla2_plugins.skill import SkillConfig
-from gvla2_plugins.skill.joined import joined
 from gvla2_plugins.skill.planner import SkillPlanner
 
 TABLE = 0.752

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2_plugins.skill.holds import span
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
-from gvla2_plugins.skill.schemas.pick import Grasp, grasps, take
-from gvla2_plugins.skill.schemas.place import goal_spots, over_spot, put_down
+from gvla2.skills.holds import span
+from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.schemas.pick import Grasp, grasps, take
+from gvla2.skills.schemas.place import goal_spots, over_spot, put_down
 
 STEP = np.deg2rad(45.0)
 """The wrist turns in steps of this much at most, so that each way round is told."""
@@ -66,7 +66,7 @@ def _twist(
     job: Job, grasp: Grasp, spot: FloatArray | None = None, where: str = "", turn: float = 0.0
 ) -> Proposal:
     theta, theme = job.theta, job.theme
-    touching = job.own() | job.resting() | {theme.parent}
+    touching = job.own() | job.resting() | ({theme.parent} - {""})
     path = take(job, grasp, touching)
     path.carries = ""  # it stays where it is until it is loose
     steps = int(np.ceil(abs(theta["turn"]) / STEP - 1e-9))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gvla2.planning.trajectory import Guard
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
 
 YAWS = 8
 

@@ -9,9 +9,9 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.trajectory import Orientation
-from gvla2_plugins.skill.holds import GRASP_PLAY, SNUG, Hold, holds, whole
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
-from gvla2_plugins.skill.wholes import rise, way_out
+from gvla2.skills.holds import GRASP_PLAY, SNUG, Hold, holds, whole
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.wholes import CLEAR, rise, way_out
 
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 """Further lean of each family of approaches, radians: none; enough for the wrist's limits; and enough to come from
@@ -20,8 +20,6 @@ STEEP = 0.7
 """A hand whose pointing direction goes down by less than this share comes from the side."""
 LEANING = 0.03
 """What leans by less of its length is lifted straight up."""
-CLEAR = 0.03
-"""What is drawn out of something ends this far above it, metres."""
 BENT = 0.15
 """What a lift that is not straight costs of the preference: more time with the object in the air."""
 FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("top",)}

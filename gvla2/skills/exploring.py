@@ -31,7 +31,8 @@ def varied(
     instruction, scene and ``theme`` (an id); a parameter's own does not depend on which others there are. What is 0
     stays 0; what the instruction itself said is kept.
     """
-    changed, notes = dict(theta), []
+    changed: dict[str, float] = dict(theta)
+    notes: list[str] = []
     if spread <= 0.0:
         return changed, notes
     seen = [[o.id, o.label, [round(1e3 * float(v)) for v in o.centre]] for o in request.scene.objects]

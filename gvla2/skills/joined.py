@@ -12,7 +12,8 @@ import numpy as np
 
 from gvla2.geometry.transform import invert_rigid, transform_points
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2_plugins.skill.wholes import CLOSE, stick
+from gvla2.skills.parts import CLOSE
+from gvla2.skills.wholes import stick
 
 CENTRED = 0.01
 """What is on a stick's end has its middle this near to the stick's axis, metres."""

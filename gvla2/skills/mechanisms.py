@@ -13,7 +13,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2_plugins.skill.words import noun_class, tokenise
+from gvla2.skills.parts import is_handle, is_lid
 
 UP = np.array([0.0, 0.0, 1.0])
 LIP = 0.006
@@ -56,11 +56,11 @@ class Hinge:
 
     def out(self, angle: float) -> FloatArray:
         """(3,) unit, along the lid from the hinge when it is open by ``angle``."""
-        return np.cos(angle) * self.level + np.sin(angle) * UP
+        return np.asarray(np.cos(angle) * self.level + np.sin(angle) * UP)
 
     def normal(self, angle: float) -> FloatArray:
         """(3,) unit, the way the free edge goes while the lid opens."""
-        return np.cos(angle) * UP - np.sin(angle) * self.level
+        return np.asarray(np.cos(angle) * UP - np.sin(angle) * self.level)
 
     def edge(self, angle: float, inside: float = 0.0) -> FloatArray:
         """(3,) middle of the free edge, or a point ``inside`` metres nearer to the hinge."""
@@ -92,7 +92,7 @@ def hinges(scene: Scene) -> list[Hinge]:
     """Every lid that seems hinged, with the box under it."""
     found = []
     for lid in scene.objects:
-        if "lid" not in classes(lid) or lid.shape not in ("plate", "box") or _round(lid, scene):
+        if lid.shape not in ("plate", "box") or not is_lid(lid, scene) or _round(lid, scene):
             continue
         body = next((o for o in scene.objects if o.id == lid.parent), None)
         found.append(hinge_of(lid, body, scene))
@@ -103,10 +103,10 @@ def slides(scene: Scene) -> list[Slide]:
     """Every handle with the front that it pulls."""
     found = []
     for handle in scene.objects:
-        if "handle" not in classes(handle) or handle.extents.min() > SLIM:
+        if handle.extents.min() > SLIM or not is_handle(handle):
             continue
         front = next((o for o in scene.objects if o.id == handle.parent), None) or _behind(handle, scene)
-        if front is None or "lid" in classes(front):
+        if front is None or is_lid(front, scene):
             continue
         body = next((o for o in scene.objects if o.id == front.parent), None)
         out = _outward(handle, body or front)
@@ -186,11 +186,6 @@ def _behind(handle: SceneObject, scene: Scene) -> SceneObject | None:
         if within and gap < nearest:
             best, nearest = thing, gap
     return best
-
-
-def classes(thing: SceneObject) -> set[str]:
-    """Noun classes of a thing's label."""
-    return {c for word in tokenise(thing.label) if (c := noun_class(word))}
 
 
 def hinge_for(thing: SceneObject, scene: Scene) -> Hinge | None:

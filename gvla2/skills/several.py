@@ -1,38 +1,52 @@
-"""Several things one after the other: each planned in the scene that the one before leaves, all in one trajectory."""
+"""Several things one after the other: the scene that one leaves for the next, and waypoints short enough for all."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.calls import SkillCall
 from gvla2.planning.checks_motion import resolve_motion
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2_plugins.skill.sorting import Pair
-from gvla2_plugins.skill.wholes import parts_of
+from gvla2.planning.trajectory import MAX_WAYPOINTS, Trajectory, Waypoint
+from gvla2.skills.chaining import Part
+from gvla2.skills.wholes import parts_of
 
-PlanOne = Callable[[Pair, PlanRequest], Plan]
+PlanOne = Callable[[SkillCall, PlanRequest, tuple[int, int]], Plan]
 
 
-def one_by_one(pairs: Sequence[Pair], request: PlanRequest, plan_one: PlanOne) -> Plan:
-    """One plan for all pairs; the first refusal of ``plan_one`` is the refusal of all."""
+def all_in_one(part: Part, request: PlanRequest, plan_one: PlanOne) -> Plan:
+    """One plan for the calls of a part; the first refusal of ``plan_one`` is the refusal of all.
+
+    What is beyond the longest trajectory is left out: the plan's ``calls`` say how many there are in it.
+    """
     waypoints: list[Waypoint] = []
-    now, last = request, Plan(None)
+    now, last, done = request, Plan(None), 0
     notes: list[str] = []
-    for pair in pairs:
-        last = plan_one(pair, now)
-        if last.trajectory is None:
-            return last
-        notes += [n for n in last.notes if n not in notes]
-        waypoints += brief(last.trajectory)
-        now = after(pair.thing, last.trajectory, now)
-    roles = {f"theme_{k + 1}": pair.thing.id for k, pair in enumerate(pairs)}
+    for call, share in zip(part.calls, part.shares, strict=True):
+        plan = plan_one(call, now, share)
+        if plan.trajectory is None:
+            return replace(plan, calls=part.calls)
+        more = brief(plan.trajectory)
+        if done and len(waypoints) + len(more) > MAX_WAYPOINTS:
+            break
+        last, done = plan, done + 1
+        waypoints += more
+        notes += [n for n in plan.notes if n not in notes]
+        now = after(now.scene[plan.roles["theme"]], plan.trajectory, now)
+    if done == 1:
+        return last
+    roles = {f"theme_{k + 1}": call.theme for k, call in enumerate(part.calls[:done])}
     return replace(
-        last, trajectory=Trajectory(tuple(waypoints)), roles={**last.roles, **roles}, notes=tuple(notes)
+        last,
+        trajectory=Trajectory(tuple(waypoints)),
+        roles={**last.roles, **roles},
+        notes=tuple(notes),
+        calls=part.calls[:done],
     )
 
 

@@ -11,8 +11,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
-from gvla2_plugins.skill.parameters import TABLE_GAP
-from gvla2_plugins.skill.wholes import holders, parts_of
+from gvla2.skills.parameters import TABLE_GAP
+from gvla2.skills.wholes import holders, parts_of
 
 LONGEST_LINE = 0.5
 """Longer straight moves are written as several, metres."""

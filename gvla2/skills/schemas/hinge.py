@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2_plugins.skill.mechanisms import CLOSED, UP, Hinge, hinge_for
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
 
 STEP = 0.22
 GRIP_OPENING = 0.6

@@ -8,11 +8,13 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.parts import CLOSE
 
 SLIM, UPRIGHT = 0.03, 0.95
 """What is slimmer both ways than this, metres, and is upright by this cosine, is a stick."""
-CLOSE = 0.012
-"""Things whose gap in height is smaller may touch, metres: perceived heights err by some millimetres each."""
+
+CLEAR = 0.03
+"""What is drawn out of something ends this far above it, metres."""
 
 
 def parts_of(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
@@ -99,6 +101,11 @@ def rise(thing: SceneObject, scene: Scene) -> float:
     """
     about = [h for h in holders(thing, scene) if inside(thing, h)]
     return max((h.top - min(h.bottom, thing.bottom) for h in about), default=0.0)
+
+
+def clear_height(thing: SceneObject, scene: Scene) -> float:
+    """How far a thing is lifted at least: clear of what it stands in, and a little more."""
+    return rise(thing, scene) + CLEAR
 
 
 def _over(thing: SceneObject, other: SceneObject) -> bool:

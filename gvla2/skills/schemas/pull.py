@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2_plugins.skill.mechanisms import UP, Slide, slide_for
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.mechanisms import UP, Slide, slide_for
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
 
 PLAY = 0.006
 """The opened hand must be wider than the bar by this much, metres."""

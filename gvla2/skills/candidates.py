@@ -11,7 +11,7 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Candidate, PlanRequest
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport
-from gvla2_plugins.skill.proposals import Proposal
+from gvla2.skills.proposals import Proposal
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
 """Distance to joint limits (radians), manipulability (share of the best) and clearance (metres) that are enough."""

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
-from gvla2_plugins.skill.schemas.pick import Grasp, draw_out, grasps, take
-from gvla2_plugins.skill.wholes import parts_of
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
+from gvla2.skills.wholes import parts_of
 
 TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi)
 """The object may be put down turned by a quarter: what is out of the wrist's reach one way is in reach the other."""
@@ -103,7 +103,7 @@ def support_of(job: Job, grasp: Grasp, spot: FloatArray) -> float:
     aside = float(np.abs(spot[:2] - goal.centre[:2]).max())
     spread = 0.5 * hand.max_width * grasp.opening + hand.finger_thickness + 0.01
     tips = goal.top + 0.004 + hand.tip_beyond_tcp - hangs if aside + spread > 0.5 * goal.opening else floor
-    return min(goal.top, max(floor, palm, tips))
+    return float(min(goal.top, max(floor, palm, tips)))
 
 
 def support_along(world_from_object: FloatArray, extents: FloatArray, way: FloatArray) -> float:

@@ -7,10 +7,10 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2_plugins.skill.mechanisms import UP
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
-from gvla2_plugins.skill.schemas.place import TURNS, goal_spots
-from gvla2_plugins.skill.stuck import Stuck, stuck
+from gvla2.skills.mechanisms import UP
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.place import TURNS, goal_spots
+from gvla2.skills.stuck import Stuck, stuck
 
 PLAY = 0.006
 LEANS = (0.0, 0.3, 0.6)

@@ -14,7 +14,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.skill.proposals import horizontal
+from gvla2.skills.proposals import horizontal
 
 GRASP_PLAY = 0.004
 """The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""

@@ -12,10 +12,10 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Guard
-from gvla2_plugins.skill.holds import ROUND
-from gvla2_plugins.skill.proposals import Job, Proposal, pointing
-from gvla2_plugins.skill.schemas.pick import Grasp, grasps, take
-from gvla2_plugins.skill.wholes import parts_of
+from gvla2.skills.holds import ROUND
+from gvla2.skills.proposals import Job, Proposal, pointing
+from gvla2.skills.schemas.pick import Grasp, grasps, take
+from gvla2.skills.wholes import parts_of
 
 LEAST_ROOM = 0.001
 """The hole is wider than what goes through by this much at least, metres, for a fit to be believed."""

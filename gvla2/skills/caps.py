@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2_plugins.skill.holds import ROUND
-from gvla2_plugins.skill.wholes import CLOSE
+from gvla2.skills.holds import ROUND
+from gvla2.skills.parts import CLOSE
 
 CENTRED = 0.012
 """A cap's middle is this near to the axis of what it closes, metres."""

@@ -16,8 +16,8 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.skill.proposals import Job, Path, Proposal, pointing
-from gvla2_plugins.skill.schemas.place import goal_spots, support_along
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.place import goal_spots, support_along
 
 EDGE = 0.006
 """The line of the push meets the face at least this far from its edge, metres: the perceived box is not exact."""
