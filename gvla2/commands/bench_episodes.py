@@ -150,7 +150,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     judged = record.judgement
     succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
     failure = failure_class(record)
-    explored = Experience.of(record) if unit.arm == "exploration" else ()
+    explored = Experience.of(record, parts.skills) if unit.arm == "exploration" else ()
     return Outcome(
         layout,
         succeeded,

@@ -8,6 +8,8 @@ from typing import Any
 
 from gvla2.memory.contracts import Lesson, Memory, MemoryEpisode, MemoryTask, Verdict
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 from gvla2.telling import told_of
 
 
@@ -21,9 +23,11 @@ class Experience:
     verdict: Verdict
 
     @classmethod
-    def of(cls, record: EpisodeRecord) -> tuple[Experience, ...]:
+    def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
         """The experience of a record, one an attempt and part; none where all ended before anything could be learnt."""
-        return tuple(cls(record.task, record.seed, episode, verdict) for episode, verdict in told_of(record))
+        return tuple(
+            cls(record.task, record.seed, episode, verdict) for episode, verdict in told_of(record, skills)
+        )
 
     def to_json(self) -> dict[str, Any]:
         """As a JSON object."""
