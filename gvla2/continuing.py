@@ -24,7 +24,7 @@ from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.skills.carry_out import carry_out
 
 AT_HOME = 0.05
-"""Radians by which no joint is off where the arm counts as out of the cameras' way."""
+"""How near the tool is to where it rests where the arm counts as out of the cameras' way, metres."""
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,9 @@ def clear_the_view(robot: RobotBackend, part: EpisodeRecord, listener: Execution
     Returns "" or a sentence on what stood in the way.
     """
     assert part.after is not None
-    away = float(np.abs(part.after.joints - robot.arm.home).max()) > AT_HOME
-    if not away and part.after.gripper > 0.95:
+    rest = robot.arm.forward(robot.arm.home)[:3, 3]
+    away = float(np.linalg.norm(part.after.world_from_tcp[:3, 3] - rest))
+    if away <= AT_HOME and part.after.gripper > 0.95:
         return ""
     down = _way_down(part)
     if down is not None:

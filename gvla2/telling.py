@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -11,13 +10,12 @@ from gvla2.continuing import with_whole_program
 from gvla2.lessons import memory_episode
 from gvla2.memory.contracts import MemoryEpisode, Verdict
 from gvla2.record.contents import EpisodeRecord
+from gvla2.record.conversation import turns
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
 CONVERSATION_LIMIT = 6000
 """Characters of a planner's conversation with a language model that memory keeps of an episode."""
-
-_SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
 
 
 def told_of(
@@ -56,14 +54,9 @@ def _story(part: EpisodeRecord, place: int, of: int, skills: Mapping[str, Skill]
     return replace(told, transcript="\n".join(line for line in lines if line))
 
 
-def _conversation(turns: tuple[Mapping[str, Any], ...]) -> str:
+def _conversation(transcript: tuple[Mapping[str, Any], ...]) -> str:
     """The planner's conversation as text; where it is too long, its beginning goes first."""
-    text = without_secrets("\n".join(f"{key}: {value}" for turn in turns for key, value in turn.items()))
+    text = "\n".join(f"{turn.who}: {turn.text}" for turn in turns(transcript))
     if len(text) > CONVERSATION_LIMIT:
         text = "…" + text[-(CONVERSATION_LIMIT - 1) :]
     return f"The planner's conversation with a language model:\n{text}"
-
-
-def without_secrets(text: str) -> str:
-    """``text`` with what looks like an access key blotted out."""
-    return _SECRET.sub("[key]", text)

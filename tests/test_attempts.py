@@ -50,7 +50,7 @@ def parts_of(registry, compose_run):
 
 
 class Clumsy:
-    """A planner whose first ``times`` answers never close the hand, and are ``off`` metres beside what they should be."""
+    """A planner whose first ``times`` answers never close the hand and are ``off`` metres beside."""
 
     def __init__(self, planner, times=1, off=(0.0, 0.0, 0.0), then=None):
         self._planner, self._times, self._off, self._then = planner, times, np.array(off), then
