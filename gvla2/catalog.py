@@ -97,27 +97,31 @@ class Registry:
             )
         return " ".join(notes)
 
-    def build(self, root: object, kind: str) -> Any:
+    def build(self, root: object, kind: str, built: dict[str, Any] | None = None) -> Any:
         """Build the component that ``root`` chose for ``kind``, after the components it needs.
 
         ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind;
         the field's ``name`` chooses. A slot (:data:`~gvla2.kinds.SLOTS`) may stand for a kind; None is what it holds
         where it chose ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a
         wrong option or a circle of needs, and :class:`PluginError` for a component that fails or breaks its
-        protocol; a :class:`Gvla2Error` of the component itself passes through.
+        protocol; a :class:`Gvla2Error` of the component itself passes through. ``built`` as for :meth:`build_all`.
         """
-        return self.build_all(root, (kind,))[kind]
+        return self.build_all(root, (kind,), built)[kind]
 
-    def build_all(self, root: object, kinds: Iterable[str]) -> dict[str, Any]:
+    def build_all(
+        self, root: object, kinds: Iterable[str], built: dict[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Like :meth:`build` for several kinds; a component that two of them need is built once.
 
-        After a failure the components already built are closed, where they have a ``close``.
+        ``built`` holds components that there are already, by kind, and gets all that are built here, the needed ones
+        too. After a failure the components built here are closed, where they have a ``close``.
         """
-        built: dict[str, Any] = {}
+        built = {} if built is None else built
+        before = len(built)
         try:
             return {kind: self._build(root, kind, (), built) for kind in kinds}
         except BaseException:
-            for made in reversed(built.values()):
+            for made in reversed(list(built.values())[before:]):
                 close = getattr(made, "close", None)
                 if callable(close):
                     close()
@@ -126,7 +130,8 @@ class Registry:
     def _build(self, root: object, kind: str, path: tuple[str, ...], built: dict[str, Any]) -> Any:
         if kind in built:
             return built[kind]
-        if kind in SLOTS and _name_in(_node(root, kind)) in ("", "none"):
+        if nothing_in(root, kind):
+            built[kind] = None
             return None
         if kind in path:
             circle = " -> ".join((*path[path.index(kind) :], kind))
@@ -239,6 +244,11 @@ def assemble(
             if fault:
                 found.append(Problem(offering.plugin.name, offering.hook, fault))
     return Registry(offers, plugins, found, paths, skills.values())
+
+
+def nothing_in(root: object, kind: str) -> bool:
+    """Whether the kind is a slot (:data:`~gvla2.kinds.SLOTS`) that ``root`` leaves empty."""
+    return kind in SLOTS and _name_in(_node(root, kind)) in ("", "none")
 
 
 def _node(root: object, kind: str) -> Any:

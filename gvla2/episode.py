@@ -37,6 +37,7 @@ from gvla2.errors import (
     SimulationError,
 )
 from gvla2.evidence import RobotEvidence
+from gvla2.language.endpoint import LanguageModel
 from gvla2.language.failures import ModelUnavailableError
 from gvla2.lessons import memory_task, transcript
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
@@ -63,7 +64,8 @@ VOID = "simulation"
 class Parts:
     """The components of one run, built; ``choices`` are their names by Hydra group.
 
-    ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call.
+    ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
+    ``language`` is the model that some of them ask, None where none does.
     """
 
     robot: RobotBackend
@@ -76,6 +78,7 @@ class Parts:
     choices: Mapping[str, str]
     fallback: Planner | None = None
     skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
+    language: LanguageModel | None = None
 
 
 @dataclass(frozen=True)
@@ -125,6 +128,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
         seed=request.seed,
         choices=parts.choices,
     )
+    counted = _counting(parts.language)
     once: _Stages = (
         ("observe", lambda r: _observe(r, parts, request, listener)),
         ("perceive", lambda r: _perceive(r, parts)),
@@ -135,6 +139,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
         ("execute", lambda r: _execute(r, parts, request, listener)),
         ("verify", lambda r: _verify(r, parts)),
     )
+    once = counted(once)
     again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
     record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *once), record, listener)
     record = _to_the_end(record, again, request.max_parts, listener)
@@ -148,7 +153,7 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
             break
         record = _to_the_end(record, again, request.max_parts, listener)
     closing: _Stages = (("learn", lambda r: _learn(r, parts)), ("judge", lambda r: _judge(r, parts)))
-    return _go_through(closing, record, listener)
+    return _go_through(counted(closing), record, listener)
 
 
 _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
@@ -163,6 +168,20 @@ def _to_the_end(
             return too_long(record, most)
         record = _go_through(stages, next_part(record), listener)
     return record
+
+
+def _counting(language: LanguageModel | None) -> Callable[[_Stages], _Stages]:
+    """Stages that note in their record what the model has cost from now on."""
+    if language is None:
+        return lambda stages: stages
+    ledger, before = language.ledger, language.ledger.totals()
+
+    def counting(
+        function: Callable[[EpisodeRecord], EpisodeRecord],
+    ) -> Callable[[EpisodeRecord], EpisodeRecord]:
+        return lambda record: replace(function(record), language=ledger.totals(before))
+
+    return lambda stages: tuple((stage, counting(function)) for stage, function in stages)
 
 
 def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:

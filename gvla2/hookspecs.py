@@ -17,6 +17,7 @@ from gvla2.markers import hookspec
 
 if TYPE_CHECKING:
     from gvla2.component import Component
+    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Embedder, Inducer, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
     from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor, Renderer
@@ -113,6 +114,12 @@ def gvla2_skills() -> Iterable[Skill]:
 @hookspec
 def gvla2_verifiers() -> Iterable[Component[Verifier]]:
     """Return verifiers: judge an episode from its evidence (Hydra group ``verifier``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_language_models() -> Iterable[Component[LanguageModel]]:
+    """Return language models for components that say ``needs=("language",)`` (Hydra group ``language``)."""
     raise AssertionError("specification only")
 
 

@@ -66,10 +66,11 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("inducer", "gvla2_inducers", "gvla2.memory.contracts:Inducer"),
             Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
             Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
+            Kind("language", "gvla2_language_models", "gvla2.language.endpoint:LanguageModel"),
         )
     }
 )
-"""All kinds by name, in the order of an episode."""
+"""All kinds by name, in the order of an episode; last the model that others may ask."""
 
 SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
 """Hydra groups that choose once more among the components of a kind, or ``none`` of them: the slot and its kind."""

@@ -20,6 +20,7 @@ from gvla2.commands.bench_episodes import (
     Outcome,
     chosen_memory,
     chosen_parts,
+    configured,
     has_file,
     run_there,
     run_unit,
@@ -141,10 +142,7 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
     found = {}
     for task in tasks:
         root = chosen_parts(config, registry, task)
-        chosen = [
-            k for k in (*LOOP, *GEOMETRY) if k != "fallback" or config.fallback.name not in ("", "none")
-        ]
-        typed = [registry.configure(root, kind)[0] for kind in chosen]
+        typed = configured(registry, root, (*LOOP, *GEOMETRY))
         tries = (config.replan, config.max_parts)
         code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
         found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), tries, code, VERSION)
@@ -192,7 +190,7 @@ def _memory_key(config: BenchConfig, registry: Registry, arm: str) -> Any:
     root = chosen_memory(config, registry, arm, "")
     from gvla2.evaluation.provenance import code_digest
 
-    typed = [registry.configure(root, kind)[0] for kind in MEMORY]
+    typed = configured(registry, root, MEMORY)
     return [list(map(asdict, typed)), code_digest(tuple(sorted({type(one).__module__ for one in typed})))]
 
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
@@ -35,7 +35,7 @@ CHOICES = (
     "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
     "memory", "retriever", "embedder", "inducer", "planner", "fallback", "verifier",
 )  # fmt: skip
-"""The Hydra groups of a run; what was chosen for each is part of its result."""
+"""The Hydra groups of a run, whose choices are part of its result; so is the language model where one is asked."""
 
 
 @dataclass
@@ -123,12 +123,15 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
 
     loop = ("robot", "task", "perceiver", "memory", "planner", "fallback", "verifier")
     geometry = ("reconstructor", "prior", "fusion", "renderer")
-    built = registry.build_all(config, (*loop, *geometry))
+    built: dict[str, Any] = {}
+    registry.build_all(config, (*loop, *geometry), built)
+    chosen = (*CHOICES, "language") if "language" in built else CHOICES
     return Parts(
         **{kind: built[kind] for kind in loop},
         geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
-        choices={kind: getattr(config, kind).name for kind in CHOICES},
+        choices={kind: getattr(config, kind).name for kind in chosen},
         skills=registry.skills,
+        language=built.get("language"),
     )
 
 

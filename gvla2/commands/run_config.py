@@ -68,6 +68,7 @@ class RunConfig:
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     fallback: ComponentConfig = field(default_factory=ComponentConfig)
     verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
 
     def __post_init__(self) -> None:

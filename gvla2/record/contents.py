@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from gvla2.geometry.views import Observation
+from gvla2.language.ledger import Tally
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport
@@ -43,7 +44,8 @@ class EpisodeRecord:
     """Everything one episode saw, thought and did; None for stages that it did not reach.
 
     ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is what the referee looks
-    for, in words. ``timings`` are wall seconds a stage. ``notes`` are fallbacks and warnings, each a sentence that
+    for, in words. ``timings`` are wall seconds a stage. ``language`` is what language models cost up to
+    here, by purpose. ``notes`` are fallbacks and warnings, each a sentence that
     the run's page shows. ``judgement`` is the simulator's referee's; it is filled last, so nothing can learn from it.
     ``attempts`` are the records of the attempts before this one, first to last, each with its own timings and none of
     its own; an episode that never planned anew has none. A program that takes several plans is carried out part by
@@ -70,6 +72,7 @@ class EpisodeRecord:
     judgement: Judgement | None = None
     failure: Failure | None = None
     timings: Mapping[str, float] = field(default_factory=dict)
+    language: Mapping[str, Tally] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     attempts: tuple[EpisodeRecord, ...] = ()
     parts: tuple[EpisodeRecord, ...] = ()
@@ -108,6 +111,7 @@ class EpisodeRecord:
             "parameters": dict(self.plan.parameters) if self.plan else None,
             "failure": asdict(self.failure) if self.failure else None,
             "timings": dict(self.timings),
+            "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
             "attempts": [each.attempted() for each in (*self.attempts, self)],
             "parts": [each.attempted() for each in self.whole],
             "notes": list(self.notes),
