@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal, get_args
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneO
     space = scene.workspace
     foot = np.array([space.low[0], 0.5 * (space.low[1] + space.high[1])])
     middle = np.mean([o.centre[:2] for o in things], axis=0)
-    rank = {
+    ranked_by: dict[str, Callable[[SceneObject], Any]] = {
         "left": lambda o: -o.centre[1],
         "right": lambda o: o.centre[1],
         "near": lambda o: np.linalg.norm(o.centre[:2] - foot),
@@ -36,8 +36,8 @@ def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneO
         "small": lambda o: np.prod(o.extents),
         "tall": lambda o: -o.extents[2],
         "short": lambda o: o.extents[2],
-    }[by]
-    ranks = [float(rank(o)) for o in things]
+    }
+    ranks = [float(ranked_by[by](o)) for o in things]
     best = min(ranks)
     slack = SIZE_SLACK * abs(best) if by in ("big", "small", "tall", "short") else PLACE_SLACK
     return [o for o, r in zip(things, ranks, strict=True) if r <= best + slack]
