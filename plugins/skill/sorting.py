@@ -45,6 +45,11 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | 
     tokens, _ = spell(tokenise(sentence), spelling, known)
     if not any(verbs_of(t) & GOING or t in GOING for t in tokens):
         return None
+    many = bool(EACH & set(tokens)) or any(_plural(t) for t in tokens)
+    if many and any(phrase_at(tokens, i, (*lexicon.NEGATIONS, "but")) for i in range(len(tokens))):
+        return Abstention(
+            "other", "Which of several things are left out cannot be told with certainty; name each."
+        )
     containers = [o for o in scene.objects if _holds_things(o)]
     things = [o for o in scene.objects if _loose(o, containers)]
     if not containers or not things:
@@ -123,7 +128,7 @@ def _segment(
         return None
     before = [t for t in tokens[:at] if not verbs_of(t) or noun_class(t)]
     after = list(tokens[at + len(phrase_at(tokens, at, INTO).split()) :])
-    plural = any(noun_class(t) and t.endswith("s") and noun_class(t[:-1]) for t in before)
+    plural = any(_plural(t) for t in before)
     if not plural and not EACH & set(before):
         return None
     what = read_phrase([t for t in before if t not in EACH])
@@ -136,11 +141,15 @@ def _segment(
     return [(t, goal.object) for t in chosen]
 
 
+def _plural(token: str) -> bool:
+    return bool(noun_class(token) and token.endswith("s") and noun_class(token[:-1]))
+
+
 def _means(what: Phrase, thing: SceneObject) -> bool:
     if what.colour and thing.colour != what.colour:
         return False
     if not what.noun or what.noun == "object":
         return True
     return what.noun in {noun_class(word) for word in tokenise(thing.label)} or bool(
-        lexicon.SHAPE_FIT.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
+        lexicon.SHAPES.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
     )
