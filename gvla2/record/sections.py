@@ -161,6 +161,8 @@ def _verdict_tile(record: EpisodeRecord) -> Tile:
         return Tile(title, "None", "idle", "Nothing was there to be judged.")
     by = verdict.verifier or record.choices.get("verifier", "the verifier")
     note = f"Given by “{by}” from what the cameras and the hand measured, not from true state. Memory learns from it."
+    if record.parts:
+        note = f"Of the last part of the program. {note}"
     if verdict.outcome == "unavailable":
         return Tile(title, "Unavailable", "idle", note)
     tone = {"verified_success": "good", "verified_fail": "bad"}.get(verdict.outcome, "unsure")
