@@ -92,9 +92,11 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
     assert attempt.after is not None
     scene = attempt.after_scene or attempt.scene
     assert scene is not None
-    report = robot.execute(_way_home(robot, attempt, scene), scene, listener)
-    stopped = report.abort
-    return f"The arm did not get home before the next attempt: {stopped.message}" if stopped else ""
+    way = _way_home(robot, attempt, scene)
+    stopped = robot.execute(way, scene, listener).abort
+    if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
+        stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
+    return f"The arm did not get home before it looked again: {stopped.message}" if stopped else ""
 
 
 def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Trajectory:
