@@ -34,11 +34,23 @@ def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD)
     if record.report is None or not record.report.waypoints or record.after is None:
         return False
     stopped = record.report.abort
-    plan, skill = record.plan, skills.get(record.plan.skill)
-    relative = skill is not None and skill.aimed and "goal" not in plan.roles
-    if plan.calls:  # a place on the table stays where it is
-        relative = any(call.direction is not None for call in plan.calls)
-    return not relative and (stopped is None or stopped.abort not in NO_MORE)
+    return not _relative(record, skills) and (stopped is None or stopped.abort not in NO_MORE)
+
+
+def _relative(record: EpisodeRecord, skills: Mapping[str, Skill]) -> bool:
+    """Whether a part of the attempt goes by where a thing stood."""
+    for part in record.whole:
+        plan = part.plan
+        if plan is None:
+            continue
+        skill = skills.get(plan.skill)
+        if plan.calls:  # a place on the table stays where it is
+            found = any(call.direction is not None for call in plan.calls)
+        else:
+            found = skill is not None and skill.aimed and "goal" not in plan.roles
+        if found:
+            return True
+    return False
 
 
 def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
@@ -58,6 +70,7 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
         verdict=None,
         failure=None,
         timings={},
+        parts=(),
     )
 
 
@@ -79,9 +92,11 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
     assert attempt.after is not None
     scene = attempt.after_scene or attempt.scene
     assert scene is not None
-    report = robot.execute(_way_home(robot, attempt, scene), scene, listener)
-    stopped = report.abort
-    return f"The arm did not get home before the next attempt: {stopped.message}" if stopped else ""
+    way = _way_home(robot, attempt, scene)
+    stopped = robot.execute(way, scene, listener).abort
+    if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
+        stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
+    return f"The arm did not get home before it looked again: {stopped.message}" if stopped else ""
 
 
 def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Trajectory:

@@ -16,7 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import DISABLE_VARIABLE, Offering, Plugin, Problem, describe, discover, unannounced
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
-from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SKILL_HOOK, kind_of
+from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SKILL_HOOK, SLOTS, kind_of
 from gvla2.skills.skill import Skill, fault_of
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -101,7 +101,8 @@ class Registry:
         """Build the component that ``root`` chose for ``kind``, after the components it needs.
 
         ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind;
-        the field's ``name`` chooses. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a
+        the field's ``name`` chooses. A slot (:data:`~gvla2.kinds.SLOTS`) may stand for a kind; None is what it holds
+        where it chose ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a
         wrong option or a circle of needs, and :class:`PluginError` for a component that fails or breaks its
         protocol; a :class:`Gvla2Error` of the component itself passes through. ``built`` as for :meth:`build_all`.
         """
@@ -129,19 +130,23 @@ class Registry:
     def _build(self, root: object, kind: str, path: tuple[str, ...], built: dict[str, Any]) -> Any:
         if kind in built:
             return built[kind]
+        if nothing_in(root, kind):
+            built[kind] = None
+            return None
         if kind in path:
             circle = " -> ".join((*path[path.index(kind) :], kind))
             raise ConfigurationError(f"These components need one another in a circle: {circle}.")
         config, component = self.configure(root, kind)
         needs = {need: self._build(root, need, (*path, kind), built) for need in component.needs}
-        what = f"The {kind} '{component.name}' of plugin '{self._offers[kind][component.name].plugin.name}'"
+        own = SLOTS.get(kind, kind)
+        what = f"The {kind} '{component.name}' of plugin '{self._offers[own][component.name].plugin.name}'"
         try:
             made = component.build(config, **needs)
         except Gvla2Error:
             raise
         except Exception as error:
             raise PluginError(f"{what} could not be built: {describe(error)}") from error
-        lacking = kind_of(kind).missing(made)
+        lacking = kind_of(own).missing(made)
         if lacking:
             raise PluginError(f"{what} built a {type(made).__name__}, which lacks {', '.join(lacking)}.")
         built[kind] = made
@@ -149,12 +154,12 @@ class Registry:
 
     def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:
         """The typed options that ``root`` holds for ``kind``, and the component that they are for."""
-        kind_of(kind)
-        node: Any = root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
+        own = kind_of(SLOTS.get(kind, kind)).name
+        node = _node(root, kind)
         name = node if isinstance(node, str) else _name_in(node)
         if not name:
             raise ConfigurationError(f"The configuration chooses no {kind}. Choose one with {kind}=NAME.")
-        component = self.get(kind, name)
+        component = self.get(own, name)
         if isinstance(node, component.config):
             return node, component
         if dataclasses.is_dataclass(node):
@@ -239,6 +244,15 @@ def assemble(
             if fault:
                 found.append(Problem(offering.plugin.name, offering.hook, fault))
     return Registry(offers, plugins, found, paths, skills.values())
+
+
+def nothing_in(root: object, kind: str) -> bool:
+    """Whether the kind is a slot (:data:`~gvla2.kinds.SLOTS`) that ``root`` leaves empty."""
+    return kind in SLOTS and _name_in(_node(root, kind)) in ("", "none")
+
+
+def _node(root: object, kind: str) -> Any:
+    return root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
 
 
 def _name_in(node: Any) -> str:

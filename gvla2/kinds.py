@@ -72,6 +72,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 )
 """All kinds by name, in the order of an episode; last the model that others may ask."""
 
+SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
+"""Hydra groups that choose once more among the components of a kind, or ``none`` of them: the slot and its kind."""
+
 HOOKS: Mapping[str, Kind] = MappingProxyType({kind.hook: kind for kind in KINDS.values()})
 """The kinds by hook; hooks without a kind are :data:`SEARCH_PATH_HOOK` and :data:`SKILL_HOOK`."""
 

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry, load_plugins
+from gvla2.catalog import Registry, load_plugins, nothing_in
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.design import MEMORY_OF, failure_class
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gvla2.memory.contracts import Memory, MemoryTask
     from gvla2.record.contents import EpisodeRecord, Stage
 
-LOOP = ("robot", "task", "perceiver", "planner", "verifier")
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer")
 HELPED = ("camera", *MEMORY, "language")
@@ -55,7 +55,9 @@ class EpisodeUnit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone."""
+    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone, one an
+    attempt and part.
+    """
 
     layout: int
     succeeded: Mapping[str, bool]
@@ -63,7 +65,7 @@ class Outcome:
     failure: str
     message: str
     notes: Mapping[str, Any]
-    experience: Experience | None = None
+    experience: tuple[Experience, ...] = ()
 
 
 def chosen_parts(
@@ -102,8 +104,8 @@ def chosen_memory(config: BenchConfig, registry: Registry, arm: str, bank: str) 
 
 
 def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
-    """The typed options of the kinds, and of the language model where one of them asks it."""
-    found = [registry.configure(root, kind) for kind in kinds]
+    """The typed options of the kinds (empty slots have none), and of the language model where one of them asks it."""
+    found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
     asking = any("language" in component.needs for _, component in found)
     return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
 
@@ -145,6 +147,8 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
         source=f"{unit.task}-{unit.arm}-{layout}",
         replan=unit.config.replan,
+        planner_timeout=unit.config.planner_timeout,
+        max_parts=unit.config.max_parts,
     )
     listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
     started = time.perf_counter()
@@ -157,7 +161,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     judged = record.judgement
     succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
     failure = failure_class(record)
-    explored = Experience.of(record) if unit.arm == "exploration" else None
+    explored = Experience.of(record, parts.skills) if unit.arm == "exploration" else ()
     return Outcome(
         layout,
         succeeded,
@@ -174,6 +178,8 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     return {
         "instruction": record.instruction,
         "skill": plan.skill if plan else "",
+        "skills": [part.plan.skill if part.plan else "" for part in record.whole],
+        "fallback": plan.fallback if plan else "",
         "verdict": record.verdict.outcome if record.verdict else "",
         "quality": record.verdict.quality if record.verdict else None,
         "recalled": [item.id for item in recalled.items] if recalled else [],
@@ -181,6 +187,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
         "degraded": recalled.degraded if recalled else "",
         "parameters": dict(plan.parameters) if plan else {},
         "timings": dict(record.timings),
+        "parts": [dict(part.timings) for part in record.parts],
     }
 
 
@@ -259,8 +266,8 @@ def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
             **{kind: built[kind] for kind in (*LOOP, "memory")},
             geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
             choices={**choices, "task": unit.task},
-            language=built.get("language"),
             skills=registry.skills,
+            language=built.get("language"),
         )
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
 

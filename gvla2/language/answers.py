@@ -48,9 +48,10 @@ class AnswerCache:
         if not self._usable:
             return None
         try:
-            with diskcache.Cache(self._folder) as cache:
+            # Opened for each use, as threads come and go; waiting for the disk would cost 20 ms at each closing.
+            with diskcache.Cache(self._folder, sqlite_synchronous=0) as cache:
                 return work(cache)
-        except (OSError, sqlite3.Error, diskcache.Timeout, diskcache.EmptyDirWarning) as error:
+        except (OSError, sqlite3.Error, diskcache.Timeout) as error:
             self._usable = False
             _log.warning("Answers of language models are not kept in %s: %s", self._folder, error)
             return None

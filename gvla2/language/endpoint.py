@@ -24,12 +24,8 @@ if TYPE_CHECKING:
     import openai
 
 T = TypeVar("T")
-
-REMEMBERED = 86400.0
-"""Seconds for which the cache's folder tells what a server does not take: servers are restarted with other options."""
-
-_UNSUPPORTED = (400, 422, 500)
-"""How servers answer a wish or a role that they do not know (500: templates without a system role)."""
+_UNKNOWN, _BROKEN = (400, 422), 500
+"""How servers answer a wish that they do not know, and a system role that a template breaks over."""
 
 
 class LanguageModel(Protocol):
@@ -52,15 +48,17 @@ class LanguageModel(Protocol):
 
 
 class Server(Protocol):
-    """Who answers. :class:`EndpointOptions` is one that runs already; another may be started when it is needed."""
+    """Who answers. :class:`EndpointOptions` is one that runs already; another may be started when it is needed.
+
+    ``model`` is its name, "" for the only one; ``identity`` tells the server from others in the cache.
+    """
 
     model: str
-    """The model's name, "" for the only one."""
     grammars: bool
 
     @property
     def identity(self) -> str:
-        """What tells this server from others, in the cache."""
+        """The same for equal answers."""
         ...
 
     def address(self) -> str:
@@ -76,30 +74,25 @@ class Endpoint:
     """A :class:`LanguageModel` at an OpenAI-compatible server. It keeps no connection: there is nothing to close.
 
     Raises :class:`ConfigurationError` for options that cannot be or a key that is not set, and
-    :class:`MissingDependencyError` without the packages; it does not look for the server yet. An answer's ``text``
-    may be empty, when the model spent ``max_tokens`` on reasoning (``finish`` is then "length").
+    :class:`MissingDependencyError` without the packages; it does not look for the server yet. What the server refuses
+    to do with an answer it is not asked for again. An answer's ``text`` may be empty, when the model spent
+    ``max_tokens`` on reasoning (``finish`` is then "length").
     """
 
-    def __init__(
-        self, options: AskingOptions, server: Server | None = None, *, ledger: Ledger | None = None
-    ) -> None:
+    def __init__(self, options: AskingOptions, server: Server | None = None) -> None:
         options.check()
         for package in ("openai", "diskcache"):
             if importlib.util.find_spec(package) is None:
-                raise MissingDependencyError(
-                    f"the package '{package}'",
-                    "Asking a language model",
-                    "pip install 'gvla2[llm]'",
-                    "Apache-2.0",
-                )
+                what = f"the package '{package}'"
+                raise MissingDependencyError(what, "Asking a language model", "pip install 'gvla2[llm]'")
         if server is None:
             assert isinstance(options, EndpointOptions), "AskingOptions do not say where the model is"
             server = options
-        self._options, self._server, self._ledger = options, server, ledger or Ledger()
+        self._options, self._server, self._ledger = options, server, Ledger()
         self._key = server.key()
         self._cache = AnswerCache(options.cache) if options.cache else None
         self._free = threading.BoundedSemaphore(options.concurrency)
-        self._model, self._without = server.model, self._remembered()
+        self._model, self._without = server.model, frozenset[str]()
 
     @property
     def ledger(self) -> Ledger:
@@ -117,20 +110,18 @@ class Endpoint:
         self, requests: Sequence[Request], *, purpose: str
     ) -> list[Completion | LanguageModelError]:
         """Ask them all at once, within the bound on concurrency: an answer or a failure each, in order."""
+        answers: dict[int, Completion | LanguageModelError] = {}
         try:
             keys = [self._key_of(request) for request in requests]
+            answers |= {i: kept for i, key in enumerate(keys) if (kept := self._kept(key, requests[i]))}
+            fresh = [i for i in range(len(requests)) if i not in answers]
+            if fresh:
+                asked = _run(self._ask_all([(requests[i], keys[i]) for i in fresh]))
+                answers |= dict(zip(fresh, asked, strict=True))
         except LanguageModelError as error:
-            return [error for _ in requests]
-        answers: dict[int, Completion | LanguageModelError] = {
-            i: kept for i, key in enumerate(keys) if (kept := self._kept(key, requests[i]))
-        }
-        fresh = [i for i in range(len(requests)) if i not in answers]
-        if fresh:
-            asked = [(requests[i], keys[i]) for i in fresh]
-            answers |= dict(zip(fresh, _run(self._ask_all(asked, purpose)), strict=True))
+            answers |= {i: error for i in range(len(requests)) if i not in answers}
         for answer in answers.values():
-            if isinstance(answer, Completion) and answer.cached:
-                self._ledger.add(purpose, answer)
+            self._ledger.add(purpose, answer if isinstance(answer, Completion) else None)
         return [answers[i] for i in range(len(requests))]
 
     def model(self) -> str:
@@ -143,102 +134,75 @@ class Endpoint:
         async with connect(self._server.address(), self._key, self._options) as client:
             return await only_model(client, self._options)
 
-    async def _ask_all(
-        self, asked: Sequence[tuple[Request, str]], purpose: str
-    ) -> list[Completion | LanguageModelError]:
-        try:
-            address = self._server.address()
-        except LanguageModelError as error:
-            return [error for _ in asked]
-        async with connect(address, self._key, self._options) as client:
-            return await asyncio.gather(*(self._timed(client, each, purpose) for each in asked))
+    async def _ask_all(self, asked: Sequence[tuple[Request, str]]) -> list[Completion | LanguageModelError]:
+        async with connect(self._server.address(), self._key, self._options) as client:
+            return await asyncio.gather(*(self._in_turn(client, *each) for each in asked))
 
-    async def _timed(
-        self, client: openai.AsyncOpenAI, asked: tuple[Request, str], purpose: str
+    async def _in_turn(
+        self, client: openai.AsyncOpenAI, request: Request, key: str
     ) -> Completion | LanguageModelError:
         # The bound holds over all threads, each with a loop of its own, so no asyncio semaphore can keep it.
         while not self._free.acquire(blocking=False):
             await asyncio.sleep(0.005)
         began = time.monotonic()
         try:
-            answer: Completion | LanguageModelError = await self._ask(client, *asked)
+            document, without = await self._ask(client, request)
+            answer = self._read(document, request, without)
         except LanguageModelError as error:
-            answer = error
+            return error
         finally:
             self._free.release()
-        seconds = time.monotonic() - began
-        self._ledger.add(purpose, answer if isinstance(answer, Completion) else None, seconds)
-        return replace(answer, latency=seconds) if isinstance(answer, Completion) else answer
-
-    async def _ask(self, client: openai.AsyncOpenAI, request: Request, key: str) -> Completion:
-        without = self._without
-        try:
-            document = await self._send(client, request, without)
-        except (ModelRefusedError, ModelUnavailableError) as refusal:
-            if refusal.status not in _UNSUPPORTED:
-                raise
-            without, document = await self._concede(client, request, refusal)
-        answer = self._read(document, request, without)
         if self._cache and answer.text:
-            self._cache.put(key, {"without": sorted(without), "answer": document})
-        return answer
+            self._cache.put(key, {"answer": document, "without": sorted(without)})
+        return replace(answer, latency=time.monotonic() - began)
 
-    async def _concede(
-        self, client: openai.AsyncOpenAI, request: Request, refusal: LanguageModelError
-    ) -> tuple[frozenset[str], dict[str, Any]]:
-        """Ask for less until the server takes it, and remember what it does not; its refusal where nothing helps."""
-        for without in request.concessions(self._without, grammars=self._server.grammars):
+    async def _ask(
+        self, client: openai.AsyncOpenAI, request: Request
+    ) -> tuple[dict[str, Any], frozenset[str]]:
+        """The answer's JSON, and what could not be asked for: less and less, where the server refuses."""
+        known = self._without
+        wishes = [wish for wish in request.wishes(grammars=self._server.grammars) if wish not in known]
+        first: ModelRefusedError | ModelUnavailableError | None = None
+        for less in ([], *([wish] for wish in wishes), *([wishes] if len(wishes) > 1 else [])):
+            if first is not None and first.status == _BROKEN and less != ["system_role"]:
+                continue
+            without = known.union(less)
+            body = request.body(self._options, without, grammars=self._server.grammars)
             try:
-                document = await self._send(client, request, without)
+                document = await ask(client, self._options, {"model": self._model, **body})
             except (ModelRefusedError, ModelUnavailableError) as error:
-                if error.status not in _UNSUPPORTED:
+                if error.status not in (*_UNKNOWN, _BROKEN):
                     raise
+                first = first or error
                 continue
             self._without |= without
-            if self._cache:
-                self._cache.put(self._about(), {"at": time.time(), "without": sorted(self._without)})
-            return without, document
-        raise refusal
-
-    async def _send(
-        self, client: openai.AsyncOpenAI, request: Request, without: frozenset[str]
-    ) -> dict[str, Any]:
-        body = request.body(self._options, without, grammars=self._server.grammars)
-        return await ask(client, self._options, {"model": self._model, **body})
+            return document, without
+        assert first is not None
+        raise first
 
     def _read(
-        self, document: dict[str, Any], request: Request, without: frozenset[str], *, cached: bool = False
+        self, document: Any, request: Request, without: frozenset[str], *, cached: bool = False
     ) -> Completion:
         answer = read_completion(document, cached=cached)
-        unmet = set(request.unmet(without, grammars=self._server.grammars))
+        unmet = set(without).intersection(request.wishes(grammars=self._server.grammars)) - {"alternatives"}
         if request.logprobs and not answer.tokens:
             unmet.add("logprobs")
+        if request.grammar and not self._server.grammars:
+            unmet.add("grammar")
         return replace(answer, unmet=tuple(sorted(unmet)))
 
     def _kept(self, key: str, request: Request) -> Completion | None:
         """A kept answer; what was kept and makes no sense is asked for anew."""
-        match self._cache.get(key) if self._cache else None:
-            case {"without": [*without], "answer": dict(document)}:
-                try:
-                    return self._read(document, request, frozenset(map(str, without)), cached=True)
-                except LanguageModelError:
-                    return None
-        return None
-
-    def _remembered(self) -> frozenset[str]:
-        match self._cache.get(self._about()) if self._cache else None:
-            case {"at": int() | float() as at, "without": [*without]} if abs(time.time() - at) < REMEMBERED:
-                return frozenset(map(str, without))
-        return frozenset()
-
-    def _about(self) -> str:
-        return digest({"unsupported by": self._server.identity, "model": self._server.model})
+        kept = (self._cache.get(key) if self._cache else None) or {}
+        try:
+            return self._read(kept["answer"], request, frozenset(kept["without"]), cached=True)
+        except (LanguageModelError, KeyError, TypeError):
+            return None
 
     def _key_of(self, request: Request) -> str:
-        body = request.body(self._options, frozenset(), grammars=True)
-        schema = dict(request.schema) if request.schema else None
+        body = request.body(self._options, frozenset(), grammars=False)
         about = {"server": self._server.identity, "model": self.model(), "extra": self._options.extra}
-        return digest({**about, **body, "schema": schema, "heeded": self._server.grammars})
+        return digest({**about, **body, "grammar": [request.grammar, self._server.grammars]})
 
 
 def _run(work: Coroutine[Any, Any, T]) -> T:

@@ -22,9 +22,9 @@ class Ledger:
         self._lock = threading.Lock()
         self._tallies: dict[str, Counter[str]] = {}
 
-    def add(self, purpose: str, answer: Completion | None, seconds: float = 0.0) -> None:
+    def add(self, purpose: str, answer: Completion | None) -> None:
         """Count one call; None is one that failed."""
-        counts: dict[str, float] = {"failed": 1, "seconds": seconds}
+        counts: dict[str, float] = {"failed": 1}
         if answer is not None and answer.cached:
             counts = {"cached": 1}
         elif answer is not None:
@@ -33,7 +33,7 @@ class Ledger:
                 "unmetered": not answer.usage.metered,
                 "prompt_tokens": answer.usage.prompt_tokens,
                 "completion_tokens": answer.usage.completion_tokens,
-                "seconds": seconds,
+                "seconds": round(answer.latency, 3),
             }
         with self._lock:
             self._tallies.setdefault(purpose, Counter()).update(counts)
@@ -45,7 +45,7 @@ class Ledger:
         told: dict[str, Tally] = {}
         for purpose, tally in now.items():
             before = (since or {}).get(purpose, {})
-            counts = {name: tally.get(name, 0) - before.get(name, 0) for name in _COUNTED}
+            counts = {name: round(tally.get(name, 0) - before.get(name, 0), 3) for name in _COUNTED}
             if any(counts.values()):
-                told[purpose] = {**counts, "seconds": round(counts["seconds"], 3)}
+                told[purpose] = counts
         return told

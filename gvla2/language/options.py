@@ -18,7 +18,7 @@ class AskingOptions:
 
     ``timeout`` seconds bound one answer, retries included; transient failures are tried again ``retries`` times, as
     soon as the server allows. ``concurrency`` bounds the requests in flight. ``max_tokens`` includes a reasoning
-    model's reasoning; it and ``temperature`` are not sent when null, for models that refuse them (with ``extra`` =
+    model's reasoning; it and ``temperature`` are never sent when null, for models that refuse them (with ``extra`` =
     ``{max_completion_tokens: 4096}``).
 
     ``cache`` is a folder for answers, empty for none: it holds what was said in full, and forgetting a memory does

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,7 @@ class Request:
     ``logprobs`` asks for the answer's token probabilities. ``schema`` (JSON Schema) or ``grammar`` (llama.cpp's GBNF)
     holds the answer to a form; where the server heeds grammars, a grammar goes before a schema. The same ``seed`` gives
     the same answer where the server supports it; different seeds are different questions to the cache.
-    ``temperature`` and ``max_tokens`` None take the endpoint's.
+    ``temperature`` and ``max_tokens`` None take the endpoint's; where those are null, neither is sent.
     """
 
     messages: Sequence[Message]
@@ -39,10 +39,11 @@ class Request:
         system = "system_role" not in without
         given: dict[str, Any] = {
             "messages": [sendable(m) for m in (self.messages if system else without_system(self.messages))],
-            "temperature": options.temperature if self.temperature is None else self.temperature,
-            "max_tokens": options.max_tokens if self.max_tokens is None else self.max_tokens,
             "seed": self.seed,
         }
+        for name in ("temperature", "max_tokens"):
+            own, default = getattr(self, name), getattr(options, name)
+            given[name] = own if own is not None and default is not None else default
         if self.logprobs and "logprobs" not in without:
             given["logprobs"] = True
             given["top_logprobs"] = FEW_LOGPROBS if "alternatives" in without else TOP_LOGPROBS
@@ -53,27 +54,15 @@ class Request:
             given["response_format"] = {"type": "json_schema", "json_schema": form}
         return {name: value for name, value in given.items() if value is not None}
 
-    def concessions(self, without: frozenset[str], *, grammars: bool) -> Iterator[frozenset[str]]:
-        """What to leave out, more and more, when a server refused the request ``without`` that much."""
-        asked = {
+    def wishes(self, *, grammars: bool) -> list[str]:
+        """What of it a server may not take, likeliest first; "alternatives" is more than a few a token."""
+        wished = {
             "schema": self.schema is not None and not (grammars and self.grammar),
-            "alternatives": self.logprobs and "logprobs" not in without,
+            "alternatives": self.logprobs,
             "logprobs": self.logprobs,
             "system_role": any(m.get("role") == "system" for m in self.messages),
         }
-        names = [name for name, wanted in asked.items() if wanted and name not in without]
-        yield from (without | {name} for name in names)
-        if len(names) > 1:
-            yield without | set(names)
-
-    def unmet(self, without: frozenset[str], *, grammars: bool) -> tuple[str, ...]:
-        """The wishes that such a request does not express."""
-        left_out = without & {
-            "schema" if self.schema is not None and not (grammars and self.grammar) else "",
-            "logprobs" if self.logprobs else "",
-            "system_role" if any(m.get("role") == "system" for m in self.messages) else "",
-        }
-        return tuple(sorted(left_out | ({"grammar"} if self.grammar and not grammars else set())))
+        return [name for name, there in wished.items() if there]
 
 
 def picture(png: bytes) -> dict[str, Any]:

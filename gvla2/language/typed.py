@@ -13,6 +13,7 @@ from gvla2.language.endpoint import LanguageModel
 from gvla2.language.failures import (
     LanguageModelError,
     MalformedAnswerError,
+    ModelUnavailableError,
     UnusableAnswerError,
 )
 from gvla2.language.request import Message, Request
@@ -64,8 +65,8 @@ def ask_typed(
     ``temperature``, the others warm) the one that most agree on is taken, as ``same`` tells them apart, and the
     first of those where votes are even. An answer that was cut off is rejected, whatever it says.
 
-    Raises :class:`UnusableAnswerError` after ``tries``, and at once every other :class:`LanguageModelError` but a
-    damaged response; all with ``transcript``.
+    Raises :class:`UnusableAnswerError` after ``tries``, the last of which may have been damaged or broken off, and any
+    other :class:`LanguageModelError` at once; all with ``transcript``.
     """
     if tries < 1 or samples < 1:
         raise ValueError(f"tries is {tries} and samples {samples}; both must be at least 1.")
@@ -86,7 +87,7 @@ def ask_typed(
             return Answered(taken[winner].parsed[0], tuple(transcript), kinds.count(kinds[winner]), samples)
         why = answers[0].why
         lost = [tried.failure for tried in answers if tried.failure is not None]
-        if len(lost) == samples and not isinstance(lost[0], MalformedAnswerError):
+        if len(lost) == samples and not all(map(_may_pass, lost)):
             raise _with(transcript, lost[0])
         added = next((tried.correction() for tried in answers if tried.said.strip()), ())
         question = replace(question, messages=(*question.messages, *added))
@@ -137,6 +138,13 @@ class _Tried(Generic[T]):
         return {"role": "assistant", "content": said}, {"role": "user", "content": words}
 
 
+def _may_pass(failure: LanguageModelError) -> bool:
+    """Whether the next try may fare better: the response was damaged, or broke off."""
+    if isinstance(failure, ModelUnavailableError):
+        return failure.transient and not failure.status
+    return isinstance(failure, MalformedAnswerError)
+
+
 def _with(transcript: Sequence[Mapping[str, Any]], failure: LanguageModelError) -> LanguageModelError:
     failure.transcript = tuple(transcript)
     return failure
@@ -153,25 +161,30 @@ def _shown(content: Any) -> Any:
 def json_in(text: str) -> Any:
     """The longest JSON object or array of an answer, which may stand in a code fence or between other words.
 
-    Raises :class:`ValueError` with a sentence for the model when there is none, or when it holds NaN or Infinity.
+    Raises :class:`ValueError` with a sentence for the model when there is none, or when one is broken or holds NaN or
+    Infinity: a sound part of a broken whole is not what was meant.
     """
     decoder = json.JSONDecoder(parse_constant=_no_number)
     best: tuple[int, Any] = (0, None)
-    at, trouble = 0, "there is no object or array in it"
+    at = 0
     for _ in range(_STARTS):
         opening = _OPENING.search(text, at)
         if opening is None:
             break
         try:
-            value, end = decoder.raw_decode(text, opening.start())
-        except (ValueError, RecursionError) as error:
-            trouble, at = str(error) or "it is nested too deeply", opening.end()
+            value, at = decoder.raw_decode(text, opening.start())
+        except json.JSONDecodeError as error:
+            if text[opening.end() : error.pos].strip():
+                raise ValueError(f"Its JSON is broken: {error}.") from None
+            at = opening.end()  # a bracket of the prose
             continue
-        best, at = max(best, (end - opening.start(), value), key=lambda each: each[0]), end
+        except RecursionError:
+            raise ValueError("Its JSON is nested too deeply.") from None
+        best = max(best, (at - opening.start(), value), key=lambda each: each[0])
     if not best[0]:
-        raise ValueError(f"It holds no valid JSON: {trouble}.")
+        raise ValueError("It holds no JSON object or array.")
     return best[1]
 
 
 def _no_number(name: str) -> None:
-    raise ValueError(f"{name} is not a number")
+    raise ValueError(f"Its JSON holds {name}, which is not a number.")

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from gvla2.language.failures import MalformedAnswerError, ModelRefusedError, ModelUnavailableError
 from gvla2.language.options import AskingOptions
@@ -29,9 +30,14 @@ def connect(address: str, key: str, options: AskingOptions) -> openai.AsyncOpenA
     import openai
 
     # The package insists on a key; servers without keys take any word. Its time-outs are for each read: a server that
-    # drips bytes would never meet them, so the deadline is kept in ask().
+    # drips bytes would never meet them, so the deadline is kept in ask(). No proxy stands before this machine itself.
+    here = urlsplit(address).hostname in ("127.0.0.1", "::1", "localhost")
     return openai.AsyncOpenAI(
-        base_url=address, api_key=key or "none", timeout=None, max_retries=options.retries
+        base_url=address,
+        api_key=key or "none",
+        timeout=None,
+        max_retries=options.retries,
+        http_client=openai.DefaultAsyncHttpxClient(trust_env=not here),
     )
 
 
@@ -41,10 +47,10 @@ async def ask(client: openai.AsyncOpenAI, options: AskingOptions, body: Mapping[
     Raises :class:`ModelUnavailableError`, :class:`ModelRefusedError` or :class:`MalformedAnswerError`. What the server
     says, in an answer or in an error, never holds the key.
     """
-    known = {name: value for name, value in body.items() if name != "grammar"}
-    extra = {**options.extra, **({"grammar": body["grammar"]} if "grammar" in body else {})}
+    everything = {**body, **options.extra}  # the package sends extra_body as it is, and checks nothing in it
+    create = client.chat.completions.with_raw_response.create
     return await _sent(
-        client, options, client.chat.completions.with_raw_response.create, extra_body=extra, **known
+        client, options, create, model=body["model"], messages=body["messages"], extra_body=everything
     )
 
 

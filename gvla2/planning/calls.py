@@ -41,6 +41,16 @@ class SkillCall:
         if not all(math.isfinite(n) for n in numbers):
             raise ValueError(f"A number of {self.skill}({self.theme}) is not finite.")
 
+    def __str__(self) -> str:
+        """As a program has it: ``place(object_1, object_3, in)``."""
+        said = [self.theme, self.goal, self.relation]
+        said += [f"({', '.join(f'{v:.3f}' for v in self.xy)}) m"] if self.xy is not None else []
+        said += [f"{self.amount:g} m"] if self.amount is not None else []
+        if self.direction is not None:
+            said.append(f"towards ({', '.join(f'{v:.2f}' for v in self.direction)})")
+        said += [f"{name}={value:g}" for name, value in self.theta.items()]
+        return f"{self.skill}({', '.join(word for word in said if word)})"
+
 
 @dataclass(frozen=True)
 class SkillOptions:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from gvla2.planning.arm import Hand
     from gvla2.planning.calls import SkillOptions
     from gvla2.planning.contracts import Abstention
-    from gvla2.planning.scene import SceneObject
+    from gvla2.planning.scene import Scene, SceneObject
     from gvla2.skills.outcome import Outcome, Signal
     from gvla2.skills.proposals import Job, Proposal
 
@@ -45,6 +45,17 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Example:
+    """A worked example for prompts: ``things`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, what was
+    wished for, and the ``call`` that does it.
+    """
+
+    things: str
+    wish: str
+    call: str
+
+
+@dataclass(frozen=True)
 class Skill:
     """One thing that a hand can do, as any planner calls it and memory learns of it.
 
@@ -58,6 +69,9 @@ class Skill:
     wordings of an instruction find them; ``key`` are the parameters that decide most, which successes teach;
     ``scaled`` names those that go with a side of the theme ("height"). ``held_back``: what it moves may hold the hand
     back, so that a slip is a matter of theta. ``diagnose`` tells from an outcome what went wrong, with what to change.
+    ``fits`` tells whether the skill can be done to a thing of a scene at all (None: to anything), and ``examples`` show
+    a language model how it is called. An ``implied`` skill is what others turn into where the scene asks for it, so
+    prompts leave it out.
     """
 
     name: str
@@ -74,6 +88,9 @@ class Skill:
     whole: bool = False
     held_back: bool = False
     diagnose: Callable[[Outcome], Signal | None] | None = None
+    fits: Callable[[SceneObject, Scene, Hand], bool] | None = None
+    examples: Sequence[Example] = ()
+    implied: bool = False
 
     def role(self, name: RoleName) -> Role | None:
         """The role of that name, None where the skill has none."""
@@ -85,8 +102,12 @@ class Skill:
         goal = self.role("goal")
         return goal is not None and goal.required
 
-    def signature(self) -> str:
-        """How it is called: ``place(theme, goal | xy | direction, relation=on|in|...)``."""
+    def signature(self, *, brief: bool = False) -> str:
+        """How it is called: ``place(theme, goal | xy | direction, relation=on|in|...)``; ``brief`` for small models:
+        ``place(theme, goal, on|in|...)``.
+        """
+        if brief:
+            return self._brief()
         goal = self.role("goal")
         words = ["theme"]
         if goal is not None:
@@ -96,6 +117,16 @@ class Skill:
                 words.append(f"relation={'|'.join(goal.relations)}")
         if self.amount:
             words.append("amount=")
+        return f"{self.name}({', '.join(words)})"
+
+    def _brief(self) -> str:
+        goal = self.role("goal")
+        words = ["theme"]
+        if goal is not None:
+            words.append("goal" if goal.required else "[goal]")
+            relations = [r for r in goal.relations if r != "to"]
+            if len(goal.relations) > 3 and goal.required:
+                words.append("|".join(relations))
         return f"{self.name}({', '.join(words)})"
 
 

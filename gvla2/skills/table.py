@@ -175,7 +175,7 @@ _SKILLS = (
         parameters=_numbers("standoff", "grasp_depth", "end_distance", "pull_distance", *_CARRY),
         words="Draw out (extract, pull out, take from between)",
         key=("grasp_depth", "end_distance", "pull_distance"),
-        scaled={"grasp_depth": "height"}, free=True,
+        scaled={"grasp_depth": "height"}, free=True, implied=True,
     ),
 )  # fmt: skip
 

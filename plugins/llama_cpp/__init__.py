@@ -21,7 +21,8 @@ class LlamaCppConfig(AskingOptions, ComponentConfig):
     them, however that ends. It holds ``slots`` questions of ``context`` tokens at once, answers included, computes
     with ``threads`` (0: one a core that this process may use) and with ``gpu_layers`` of its layers on a GPU.
     ``folder`` is where it keeps its state and its log, "" for ``gvla2/llama_cpp`` in the user's cache. For the rest
-    see :class:`gvla2.language.AskingOptions`.
+    see :class:`gvla2.language.AskingOptions`; ``concurrency`` beyond ``slots`` would only have questions wait at the
+    server, with their time running.
     """
 
     model: str = ""
@@ -33,6 +34,7 @@ class LlamaCppConfig(AskingOptions, ComponentConfig):
     start_timeout: float = 120.0
     folder: str = ""
     timeout: float = 300.0
+    concurrency: int = 1
 
 
 def _build(config: LlamaCppConfig) -> LanguageModel:

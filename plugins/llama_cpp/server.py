@@ -16,6 +16,7 @@ import json
 import os
 import platform
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -25,6 +26,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.language.failures import ModelUnavailableError
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
     from gvla2_plugins.llama_cpp import LlamaCppConfig
 
 _POLL = 0.05
-_MODULE = "gvla2_plugins.llama_cpp.serving"
+_COMMAND = [sys.executable, "-m", "gvla2_plugins.llama_cpp.serving"]
 
 
 class LlamaServer:
@@ -96,8 +98,6 @@ class LlamaServer:
                 self._using = True
             deadline = time.monotonic() + self._patience
             with self._alone(deadline):
-                if not self._alive():
-                    self._launch()
                 return self._ready(deadline)
 
     def _alive(self) -> bool:
@@ -115,20 +115,24 @@ class LlamaServer:
         environment = os.environ | {"OMP_WAIT_POLICY": "PASSIVE", "OMP_NUM_THREADS": threads}
         with (self._folder / "log").open("wb") as log:
             done = subprocess.run(
-                [sys.executable, "-m", _MODULE, str(self._folder)],
+                [*_COMMAND, str(self._folder)],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=environment, start_new_session=True, check=False,
             )  # fmt: skip
         if done.returncode:
             raise self._failure(f"could not be started (exit status {done.returncode})")
 
     def _ready(self, deadline: float) -> str:
-        """The address, as soon as the server that lives is ready."""
+        """The address of the server that lives, as soon as it listens; one is started where none lives."""
+        launched = False
         while True:
-            told = self._told()
-            if url := told.get("url"):
-                return f"{url}/v1"
             if not self._alive():
-                raise self._failure("ended while it was loading")
+                if launched:
+                    raise self._failure("ended while it was loading")
+                self._launch()
+                launched = True
+            told = self._told()
+            if (url := told.get("url")) and _listens(url):
+                return f"{url}/v1"
             if time.monotonic() > deadline:
                 if pid := told.get("pid"):
                     os.kill(pid, signal.SIGKILL)
@@ -177,6 +181,15 @@ def _lock(file: Path, how: int) -> int:
         os.close(descriptor)
         raise
     return descriptor
+
+
+def _listens(url: str) -> bool:
+    at = urlsplit(url)
+    try:
+        socket.create_connection((at.hostname, at.port), timeout=5).close()
+    except OSError:
+        return False
+    return True
 
 
 def _cache() -> Path:

@@ -45,6 +45,8 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.7) -> I
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
+    if unread := lexicon.UNREAD.search(" ".join(tokens)):
+        return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)
     intent = combine([s for s in (_read(c) for c in parts) if s is not None])
     denials = tuple(_denial(words) for words in denied)

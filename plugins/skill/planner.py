@@ -71,6 +71,8 @@ def read(sentence: str, scene: Scene, spelling: float = 0.8) -> Reading | Absten
     goal = _goal(intent, theme.object, scene, out)
     if isinstance(goal, Abstention):
         return goal
+    if goal is not None and intent.relation == "in" and _solid(goal.object):
+        return Abstention("other", f"The {goal.object.label} is not seen to be open: nothing goes into it.")
     notes = (*intent.notes, *theme.notes, *(goal.notes if goal is not None else ()))
     return Reading((_call(intent, theme.object, goal),), notes)
 
@@ -94,6 +96,18 @@ def _goal(
     if STANDARD[skill].role("goal") is None:
         return None
     return ground(intent.goal, scene, exclude=frozenset({theme.id}) | out)
+
+
+def _solid(thing: SceneObject) -> bool:
+    shut = thing.shape in ("box", "cylinder", "sphere") and not thing.opening and not thing.parent
+    return shut and thing.label.split()[-1:] in (
+        ["cube"],
+        ["box"],
+        ["cylinder"],
+        ["ball"],
+        ["brick"],
+        ["can"],
+    )
 
 
 def _call(intent: Intent, theme: SceneObject, goal: Grounded | None) -> SkillCall:

@@ -151,5 +151,5 @@ def _means(what: Phrase, thing: SceneObject) -> bool:
     if not what.noun or what.noun == "object":
         return True
     return what.noun in {noun_class(word) for word in tokenise(thing.label)} or bool(
-        lexicon.SHAPE_FIT.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
+        lexicon.SHAPES.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
     )

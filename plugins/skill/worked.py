@@ -6,8 +6,7 @@ from dataclasses import replace
 
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.meaning import threaded
-from gvla2.skills.mechanisms import hinges, slides
+from gvla2.skills.meaning import workable
 from gvla2_plugins.skill.grounding import Grounded, ground
 from gvla2_plugins.skill.phrases import Phrase
 
@@ -32,25 +31,6 @@ def ground_worked(phrase: Phrase, scene: Scene) -> Grounded | Abstention:
         if found.kind == "ambiguous":
             return found
     return ground(phrase, scene, movable=True)
-
-
-def workable(scene: Scene) -> tuple[list[SceneObject], list[SceneObject]]:
-    """The whole things of the scene that have something to be worked, and their parts that are worked."""
-    wholes: dict[str, SceneObject] = {}
-    parts: dict[str, SceneObject] = {}
-    for hinge in hinges(scene):
-        parts[hinge.lid.id] = hinge.lid
-        if hinge.body is not None:
-            wholes[hinge.body.id] = hinge.body
-    for slide in slides(scene):
-        wholes[slide.front.id] = slide.front
-        for thing in (slide.handle, slide.body):
-            if thing is not None:
-                parts[thing.id] = thing
-    for thing in scene.objects:
-        if threaded(thing, scene):
-            (parts if thing.parent else wholes)[thing.id] = thing
-    return list(wholes.values()), [p for p in parts.values() if p.id not in wholes]
 
 
 def _only(scene: Scene, things: list[SceneObject]) -> Scene:

@@ -1,0 +1,136 @@
+"""The planner: brief the model, read its program, ask back where words and program disagree, carry the calls out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from gvla2.language import Answered, LanguageModel, UnusableAnswerError, ask_typed
+from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.programs import calls_program
+from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.skills.carry_out import carry_out
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+from gvla2_plugins.code_policies import CodePoliciesConfig
+from gvla2_plugins.code_policies.faithful import Doubt, overlooked
+from gvla2_plugins.code_policies.interpreter import Interpreter
+from gvla2_plugins.code_policies.prompt import Fitting, correction, fitting, grammar, messages
+
+BACK = 2
+"""So often the reasons why a program cannot be carried out go back to the model."""
+
+
+@dataclass(frozen=True)
+class _Written:
+    """A program as it was written and as it was read."""
+
+    calls: tuple[SkillCall, ...]
+    text: str
+    transcript: tuple[Mapping[str, Any], ...]
+    share: float
+
+
+class CodePolicies:
+    """Implements :class:`gvla2.planning.contracts.Planner` by programs that a language model writes."""
+
+    def __init__(self, config: CodePoliciesConfig, language: LanguageModel) -> None:
+        self.config = config
+        self._language = language
+        self._options = SkillOptions(
+            lift_height=config.lift_height,
+            push_distance=config.push_distance,
+            speed=config.speed,
+            contact_speed=config.contact_speed,
+            explore=config.explore,
+            explore_seed=config.explore_seed,
+        )
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan of the program's first part, the rest with it; or an abstention with all that was said.
+
+        Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
+        """
+        skills, brief = request.skills or STANDARD, scene_brief(request.scene)
+        can = fitting(request, skills, brief)
+        if not can:
+            return Plan(None, abstention=Abstention("nothing_matches", "Nothing is there that a skill fits."))
+        asked = messages(request, skills, can, brief, self.config.programs)
+        if request.rejections:
+            asked += correction(request.rejections, _last_answer(request.rejected))
+        said: tuple[Mapping[str, Any], ...] = ()
+        kept: tuple[float, Plan] | None = None
+        settle: list[Doubt] = []
+        for turn in range(1 + BACK):
+            try:
+                written = self._ask(asked, request, skills, can, brief, turn, settle)
+            except UnusableAnswerError as error:
+                said += tuple(error.transcript)
+                break
+            said += written.transcript
+            plan, doubts = self._carried_out(written, request, brief)
+            against = len(doubts) + 10.0 * (plan.abstention is not None)
+            if kept is None or against < kept[0]:
+                kept = against, plan
+            if not against:
+                break
+            reasons = [plan.abstention.message] if plan.abstention is not None else []
+            asked += correction([*reasons, *(d.reason for d in doubts)], written.text)
+            settle += [d for d in doubts if d not in settle] if len(written.calls) == 1 else []
+        if kept is None:
+            nothing = "The model wrote no program that can be read."
+            return Plan(None, abstention=Abstention("other", nothing), transcript=said)
+        return replace(kept[1], transcript=said)
+
+    def _ask(
+        self,
+        asked: list[Any],
+        request: PlanRequest,
+        skills: Mapping[str, Skill],
+        can: Fitting,
+        brief: SceneBrief,
+        turn: int,
+        settle: Sequence[Doubt],
+    ) -> _Written:
+        def parse(text: str) -> tuple[tuple[SkillCall, ...], str]:
+            return Interpreter(request.scene, brief.ids, skills).run(text), text.strip()
+
+        answered: Answered[tuple[tuple[SkillCall, ...], str]] = ask_typed(
+            self._language,
+            asked,
+            parse,
+            purpose="plan",
+            grammar=grammar(skills, can, settle),
+            tries=self.config.tries,
+            samples=self.config.samples,
+            same=lambda found: repr(found[0]),
+            seed=100 * turn,
+            temperature=0.5 if turn else None,
+            max_tokens=self.config.max_tokens,
+        )
+        calls, text = answered.answer
+        return _Written(calls, text, answered.transcript, answered.votes / answered.samples)
+
+    def _carried_out(
+        self, written: _Written, request: PlanRequest, brief: SceneBrief
+    ) -> tuple[Plan, list[Doubt]]:
+        """The plan of a program, and what makes it doubtful."""
+        if written.share < self.config.agreement:
+            split = f"Only {written.share:.0%} of the model's answers agree on a program."
+            return Plan(None, abstention=Abstention("ambiguous", split)), []
+        doubts = overlooked(written.calls, request.instruction, request.scene, brief.names)
+        plan = carry_out(written.calls, request, self._options)
+        if plan.abstention is not None:
+            return plan, doubts
+        program = calls_program(
+            written.text.splitlines(), brief.ids, request.scene, roles=plan.roles, skill=plan.skill,
+            instruction=request.instruction,
+        )  # fmt: skip
+        return replace(plan, program=program), doubts
+
+
+def _last_answer(plan: Plan | None) -> str:
+    answers = [str(entry.get("answer", "")) for entry in plan.transcript] if plan is not None else []
+    return answers[-1] if answers else ""
