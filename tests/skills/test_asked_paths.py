@@ -31,6 +31,8 @@ PATHS = {
     "twice": [[*STACK, *STACK]],
     "none": [[]],
 }
+SIDE = [PathPoint((0.30, y, inputs.TABLE + 0.02), g) for y, g in ((-0.3, 1.0), (-0.18, 0.0), (0.02, 0.0))]
+PATHS["push"] = [SIDE]
 PATHS["air, else lift"] = [*PATHS["air"], *PATHS["lift"]]
 
 
@@ -54,6 +56,11 @@ def test_what_cannot_be_done_is_asked_for_again():
     plan = asked("beyond", "lift", tries=2)
     assert plan.skill == "pick"
     assert "cannot be followed" in plan.transcript[0]["rejected"]
+
+
+def test_a_hand_that_closes_in_the_open_pushes():
+    plan = asked("push")
+    assert (plan.skill, plan.roles["theme"]) == ("push", "red_cube")
 
 
 def test_the_first_path_that_can_be_carried_out_is_taken():
