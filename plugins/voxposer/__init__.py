@@ -1,5 +1,4 @@
 """VoxPoser: a language model writes value maps over the space, and a planner finds the way through them.
-
 After Huang et al., "VoxPoser: Composable 3D Value Maps for Robotic Manipulation with Language Models" (2023).
 """
 
