@@ -13,7 +13,7 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.caps import cap_of, closed_by
 from gvla2.skills.holds import holds
 from gvla2.skills.mechanisms import hinge_for, slide_for
-from gvla2.skills.parts import button_of, is_button, root_of
+from gvla2.skills.parts import button_of, called, is_button, root_of
 from gvla2.skills.schemas.insert import fits_over
 from gvla2.skills.skill import Skill
 from gvla2.skills.stuck import stuck
@@ -63,6 +63,9 @@ def _pushed(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
 
 
 def _pressed(thing: SceneObject, scene: Scene, hand: Hand) -> bool:
+    kin = scene.parts_of(root_of(thing, scene).id)
+    if is_button(thing, scene) and not called(thing, "button") and any(called(p, "button") for p in kin):
+        return False
     return button_of(thing, scene) is not None and (
         bool(scene.parts_of(thing.id)) or float(max(thing.extents[:2])) < BUTTON
     )

@@ -18,16 +18,18 @@ class CodePoliciesConfig(ComponentConfig):
     """Options of the ``code_policies`` planner, which asks the run's ``language``.
 
     ``tries`` bounds how often the model is asked, with the reasons when a program cannot be followed; ``samples``
-    answers a try are drawn and the one that most agree on is taken. ``agreement`` in [0, 1]: where fewer of the samples
-    than this share agree, it abstains. ``programs`` remembered successes at most are shown. ``lift_height`` and
-    ``push_distance`` (metres) hold where the program gives no amount; ``speed`` of the tool in the open,
-    ``contact_speed`` where it touches, m/s. ``explore`` > 0 varies each plan's numbers by this relative spread,
-    another way for each ``explore_seed``.
+    answers a try are drawn and the one that most agree on is taken. ``agreement`` in [0, 1]: where fewer of the
+    samples than this share agree, it abstains. ``cautious`` declines wishes that rule something out ("not",
+    "except") and programs that leave out what the wish names, as small models need; large ones do better without.
+    ``programs`` remembered successes at most are shown. ``lift_height`` and ``push_distance`` (metres) hold where
+    the program gives no amount; ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
+    ``explore`` > 0 varies each plan's numbers by this relative spread, another way for each ``explore_seed``.
     """
 
     tries: int = 3
     samples: int = 1
     agreement: float = 0.0
+    cautious: bool = True
     programs: int = 2
     max_tokens: int = 200
     lift_height: float = 0.25

@@ -20,22 +20,44 @@ SELECTING = frozenset(
     "every one top bottom outer inner".split()
 )
 """Words that may tell things of one kind apart, or say that it does not matter."""
+EXCLUDING = frozenset(
+    "except excluding not dont don doesn didn shouldn mustn without neither nor unless never only but leave keep "
+    "instead rather if".split()
+)
+"""Words by which a wish rules something out or makes it depend, which small models read past."""
+ACTS = {
+    "push": ("push", "press"),
+    "slide": ("push", "insert", "pull"),
+    "shove": ("push",),
+    "press": ("press",),
+    "unscrew": ("twist", "open"),
+    "twist": ("twist",),
+    "close": ("close",),
+    "shut": ("close",),
+    "open": ("open", "twist", "pull"),
+}
+"""Verbs that say by which skill, where a program might do the like by another."""
 NEAR = 0.015
 """Things whose boxes are no farther apart touch, metres."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """Something that a wish names: the ``reason`` why a program without it is doubtful, and the names of the scene that
-    would be ``about`` it. ``handled``: one of them is what is to be moved.
+    """Something that a wish names.
+
+    The ``reason`` why a program without it is doubtful, and the names of the scene that would be ``about`` it.
+    ``handled``: one of them is what is to be moved. ``skills``: an act was named, by any of these.
     """
 
     reason: str
     about: frozenset[str]
     handled: bool = False
+    skills: frozenset[str] = frozenset()
 
     def met(self, calls: Sequence[SkillCall], names: Mapping[str, str]) -> bool:
         """Whether one of the calls is about it."""
+        if self.skills:
+            return any(c.skill in self.skills for c in calls)
         return any(
             names[i] in self.about for c in calls for i in (c.theme, "" if self.handled else c.goal) if i
         )
@@ -44,7 +66,11 @@ class Named:
 def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> list[Named]:
     """The colours, parts and things that the words of a wish name; a thing stands for its parts and its whole."""
     words = set(re.findall(r"[a-z]+", instruction.casefold()))
-    found = []
+    found = [
+        Named(f"The task says to {verb}.", frozenset(), skills=frozenset(acts))
+        for verb, acts in ACTS.items()
+        if verb in words
+    ]
     for colour in dict.fromkeys(colours_in(instruction)):
         if bearers := [o for o in scene.objects if o.colour == colour]:
             listed = " or ".join(names[o.id] for o in bearers)
@@ -78,6 +104,12 @@ def doubts(
                 Named(f"{name} is named first: it goes to {names[theme.id]}.", frozenset({name}), True)
             )
     return found
+
+
+def ruled_out(instruction: str) -> str:
+    """The first word of a wish that rules something out, "" where there is none."""
+    words = re.findall(r"[a-z]+", instruction.casefold())
+    return next((w for w in words if w in EXCLUDING), "")
 
 
 def unclear(calls: Sequence[SkillCall], instruction: str, scene: Scene) -> str:

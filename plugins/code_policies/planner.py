@@ -15,7 +15,7 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
-from gvla2_plugins.code_policies.faithful import Named, doubts, named_things, unclear
+from gvla2_plugins.code_policies.faithful import Named, doubts, named_things, ruled_out, unclear
 from gvla2_plugins.code_policies.interpreter import WHY, Declined, Interpreter
 from gvla2_plugins.code_policies.prompt import Fitting, correction, fitting, grammar, messages
 
@@ -60,8 +60,11 @@ class CodePolicies:
         asked = messages(request, skills, can, brief, self.config.programs)
         if request.rejections:
             asked += correction(request.rejections, _last_answer(request.rejected))
+        if self.config.cautious and (word := ruled_out(request.instruction)):
+            message = f"'{word}' may rule something out, which a small model reads past; planner.cautious=false tries."
+            return Plan(None, abstention=Abstention("other", message))
         said: tuple[Mapping[str, Any], ...] = ()
-        kept: tuple[float, Plan] | None = None
+        kept: tuple[float, Plan, list[Named]] | None = None
         named: list[Named] = []
         for turn in range(1 + BACK):
             try:
@@ -76,7 +79,7 @@ class CodePolicies:
             )
             against = len(doubtful) + 10.0 * (plan.abstention is not None and not declined)
             if kept is None or against < kept[0]:
-                kept = against, plan
+                kept = against, plan, doubtful
             if not against:
                 break
             reasons = [plan.abstention.message] if plan.abstention is not None else []
@@ -87,7 +90,15 @@ class CodePolicies:
         if kept is None:
             nothing = "The model wrote no program that can be read."
             return Plan(None, abstention=Abstention("other", nothing), transcript=said)
-        return replace(kept[1], transcript=said)
+        return replace(self._heeded(kept[1], kept[2]), transcript=said)
+
+    def _heeded(self, plan: Plan, doubtful: Sequence[Named]) -> Plan:
+        """The plan; or, of a cautious planner, a refusal where the program leaves out what the wish names."""
+        if plan.abstention is not None or not doubtful or not self.config.cautious:
+            return plan
+        why = " ".join(d.reason for d in doubtful)
+        message = f"The model's programs do not follow the wish. {why}"
+        return replace(plan, trajectory=None, abstention=Abstention("other", message))
 
     def _ask(
         self,

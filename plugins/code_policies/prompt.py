@@ -12,32 +12,18 @@ from gvla2.planning.programs import told
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.affordances import goals, themes
 from gvla2.skills.examples import EXAMPLES
-from gvla2.skills.skill import Example, Skill
+from gvla2.skills.skill import Skill
 from gvla2_plugins.code_policies.faithful import Named
-from gvla2_plugins.code_policies.interpreter import WHY
 
 LAST = ("pick",)
 """Skills named last, which small models else begin everything with."""
 ONTO = ("on", "in")
 SIDES = re.compile(r"\b(left|right|behind|front|beside|besides|next|near|nearer|side|by|close|closer)\b")
 """Words of a wish that may speak of a goal's sides."""
-REFUSALS = (
-    Example(
-        "green_ball 60x60x60 at 200,50\nwhite_box 200x100x80 at 300,-100",
-        "bring me the hammer",
-        "decline(absent)",
-    ),
-    Example(
-        "green_ball_1 60x60x60 at 200,90\ngreen_ball_2 60x60x60 at 210,-80",
-        "pick up the ball",
-        "decline(unclear)",
-    ),
-    Example(
-        "green_ball 60x60x60 at 200,50\nwhite_box 200x100x80 at 300,-100",
-        "paint the ball",
-        "decline(impossible)",
-    ),
+WAYS_SAID = re.compile(
+    r"\b(left|right|forward|forwards|back|backwards?|away|towards?|cm|mm|centimet\w+|millimet\w+|inch\w*)\b"
 )
+"""Words of a wish that may say in which direction, or how far."""
 BEGIN = "You write the program of a robot hand. It can call:"
 END = """\
 Answer with calls only, one a line, with the names listed under Objects, as few as possible: mostly one is enough. \
@@ -71,7 +57,7 @@ def messages(
     table.append(
         "decline(absent|unclear|impossible): what is wished for is not there, not clear, or none of these"
     )
-    examples = [*REFUSALS, *(e for s in can for e in skills[s].examples or EXAMPLES.get(s, ()))]
+    examples = [e for s in can for e in skills[s].examples or EXAMPLES.get(s, ())]
     blocks = [_block(e.things, e.wish, e.call) for e in examples]
     if remembered := _remembered(request, brief, programs):
         blocks.append(remembered)
@@ -86,24 +72,30 @@ def messages(
 def grammar(skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequence[Named] = ()) -> str:
     """llama.cpp's grammar of a program: calls by line, each skill with what it fits.
 
-    Sides of a goal are there where the wish speaks of sides. The first call is about all that is ``named``, as far as
-    there is such a call.
+    Sides of a goal are there where the wish speaks of sides, directions where it says one. The first call is about all
+    that is ``named``, as far as there is such a call.
     """
-    sides = bool(SIDES.search(wish.casefold()))
-    calls = [_rule(skills[s], theme, to, sides) for s, each in can.items() for theme, to in each.items()]
+    sides, ways = (bool(words.search(wish.casefold())) for words in (SIDES, WAYS_SAID))
+    calls = [
+        rule
+        for s, each in can.items()
+        for theme, to in each.items()
+        if (rule := _rule(skills[s], theme, to, sides, ways))
+    ]
     first, held = calls, list[Named]()
     for one in named:
         narrowed = [
-            _rule(skills[s], theme, wanted, sides)
+            rule
             for s, each in can.items()
             for theme, to in each.items()
-            if (wanted := _about(theme, to, [*held, one])) is not None
+            if (wanted := _about(s, theme, to, [*held, one])) is not None
+            and (rule := _rule(skills[s], theme, wanted, sides, ways))
         ]
         if narrowed:
             first, held = narrowed, [*held, one]
     rules = (
         'root ::= first ("\\n" call){0,5} "\\n"?',
-        f"first ::= {' | '.join(first)}" + ("" if named else f' | "decline(" ({_choice(list(WHY))}) ")"'),
+        f"first ::= {' | '.join(first)}",
         f"call ::= {' | '.join(calls)}",
         'way ::= "left" | "right" | "forward" | "back"',
         "amount ::= [1-9] [0-9]{0,2}",
@@ -111,9 +103,13 @@ def grammar(skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequenc
     return "\n".join(rules) + "\n"
 
 
-def _about(theme: str, to: Sequence[str], named: Sequence[Named]) -> Sequence[str] | None:
+def _about(skill: str, theme: str, to: Sequence[str], named: Sequence[Named]) -> Sequence[str] | None:
     """The goals with which a call on the theme is about all that is named; None where it is not."""
     for one in named:
+        if one.skills:
+            if skill not in one.skills:
+                return None
+            continue
         if theme in one.about:
             continue
         to = [] if one.handled else [g for g in to if g in one.about]
@@ -122,15 +118,17 @@ def _about(theme: str, to: Sequence[str], named: Sequence[Named]) -> Sequence[st
     return to
 
 
-def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool) -> str:
-    """One skill on one theme, with the goals that it may have."""
+def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool, ways: bool) -> str:
+    """One skill on one theme, with the goals that it may have; "" where it has to lead somewhere and can't."""
     goal, aims = skill.role("goal"), []
     if to and goal is not None:
         relations = [r for r in goal.relations if r in ONTO or (sides and r != "to")]
         how = f' ", " ({_choice(relations)})' if relations and skill.aimed else ""
         aims.append(f'", " ({_choice(to)}){how}')
-    if skill.free and skill.aimed:
+    if skill.free and skill.aimed and ways:
         aims.append('", " way ", " amount')
+    if skill.aimed and not aims:
+        return ""
     aim = f" ({' | '.join(aims)})" if aims else ""
     if aim and not skill.aimed:
         aim += "?"
