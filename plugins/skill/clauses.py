@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.words import is_gerund, noun_class, verbs_of
 
@@ -91,12 +92,7 @@ def noun_use(tokens: Sequence[str], i: int) -> bool:
     adjectives = {w for words in lexicon.SELECTORS.values() for w in words}
     if before in ("this", "that", "another", "s", "single"):
         return bool(noun_class(tokens[i]))
-    return (
-        before in lexicon.DETERMINERS
-        or before in lexicon.COLOUR_WORDS
-        or before in adjectives
-        or before == "'s"
-    )
+    return before in lexicon.DETERMINERS or before in FAMILIES or before in adjectives or before == "'s"
 
 
 def _without_auxiliaries(tokens: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import Clause, clauses, noun_use, phrase_at
 from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
@@ -108,7 +109,7 @@ def _tells_more(tokens: Sequence[str], i: int, verb_at: int) -> bool:
     """Whether a word of a verb's phrase also says something of its own: "turn the lid", "pull it out of the tower"."""
     word, following = tokens[i], "".join(tokens[i + 1 : i + 2])
     if word == "off":  # "screw the lid off the jar", but "screw off the lid"
-        named = following in lexicon.DETERMINERS | set(lexicon.COLOUR_WORDS) or bool(noun_class(following))
+        named = following in lexicon.DETERMINERS | set(FAMILIES) or bool(noun_class(following))
         return named and i > verb_at + 1
     return word == "from" or (word == "out" and following == "of") or noun_class(word) in lexicon.PARTS
 
@@ -233,9 +234,7 @@ def _marker(tokens: Sequence[str], i: int, skill: str) -> tuple[str, str, str]:
     best = [f for f in found if len(f[0]) == longest]
     following = tokens[i + len(best[0][0].split()) :][:1]
     adjective = bool(following) and (
-        bool(noun_class(following[0]))
-        or following[0] in lexicon.COLOUR_WORDS
-        or following[0] in ("most", "hand")
+        bool(noun_class(following[0])) or following[0] in FAMILIES or following[0] in ("most", "hand")
     )
     if following == ["of"] and " " not in best[0][0] and best[0][1] == "selector":
         return "", "", ""  # "the middle of the square" singles nothing out

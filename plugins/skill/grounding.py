@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gvla2.planning.colours import COLOURS, colour_distance, nearest_colours
+from gvla2.planning.colours import COLOURS, FAMILIES, colour_distance, meant_by, nearest_colours
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme, located
@@ -130,7 +130,7 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
     classes = _label_classes(thing)
     if noun in classes:
-        own = [w for w in tokenise(thing.label)[:-1] if w not in lexicon.COLOUR_WORDS and not verbs_of(w)]
+        own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
         other_kind = _strange(phrase, thing) and bool(own)  # a knife block is no jenga block
         return 0.0 if other_kind else sure
     if noun == "block" and thing.opening and "box" in phrase.text.split():
@@ -165,18 +165,19 @@ def _button_score(thing: SceneObject, scene: Scene) -> float:
 
 
 def _colour_filter(colour: str, fits: Sequence[_Fit]) -> list[_Fit]:
-    """Objects of the colour; where none is called so, those whose colour lies between that word and another."""
-    exact = [f for f in fits if not colour or f.object.colour == colour]
-    if exact or not colour:
-        return exact
-    return [_Fit(f.object, NEAR_COLOUR * f.score, True) for f in fits if _between(colour, f.object)]
+    """Objects of the colour that is meant; where none is called so, those whose colour lies between two words."""
+    name = meant_by(colour, (f.object.colour for f in fits))
+    exact = [f for f in fits if not colour or (name and f.object.colour == name)]
+    return exact or [_Fit(f.object, NEAR_COLOUR * f.score, True) for f in fits if _between(colour, f.object)]
 
 
 def _between(colour: str, thing: SceneObject) -> bool:
     """Whether a thing's colour is so far from every word that people differ about which it is, this one among them."""
     seen = tuple(float(v) for v in thing.rgb)
     ((_, off),) = nearest_colours(seen, 1)
-    return off >= BETWEEN and float(colour_distance(COLOURS[colour], seen)) < LEEWAY * off
+    return (
+        colour in COLOURS and off >= BETWEEN and float(colour_distance(COLOURS[colour], seen)) < LEEWAY * off
+    )
 
 
 def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Abstention:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from gvla2.planning.colours import COLOURS, FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.words import noun_class
 
@@ -103,12 +104,12 @@ def _is_content(token: str) -> bool:
 
 
 def _colour(tokens: Sequence[str]) -> tuple[str, list[str]]:
-    """The first colour of a phrase, two-word shades first, and the tokens without it."""
-    plain = [lexicon.COLOUR_WORDS.get(t, t) for t in tokens]
-    for i in range(len(plain) - 1):
-        if shade := lexicon.SHADES.get((plain[i], plain[i + 1])):
-            return shade, [*tokens[:i], *tokens[i + 2 :]]
-    for i, word in enumerate(plain):
-        if tokens[i] in lexicon.COLOUR_WORDS:
-            return word, [*tokens[:i], *tokens[i + 1 :]]
+    """The first colour word of a phrase, two words before one, and the tokens without it; "dark red" is "maroon"."""
+    plain = ["gray" if t == "grey" else t for t in tokens]
+    for width in (2, 1):
+        for i in range(len(plain) - width + 1):
+            said = " ".join(plain[i : i + width])
+            if said in FAMILIES:
+                only = FAMILIES[said] if said not in COLOURS and len(FAMILIES[said]) == 1 else (said,)
+                return only[0], [*tokens[:i], *tokens[i + width :]]
     return "", list(tokens)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from difflib import SequenceMatcher, get_close_matches
 from functools import cache
 
+from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
@@ -84,20 +85,14 @@ def noun_class(token: str) -> str:
 @cache
 def vocabulary() -> frozenset[str]:
     """Every word the grammar knows."""
-    words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.COLOUR_WORDS) | set(lexicon.UNITS)
-    words |= (
-        lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TABLE_WORDS | set(lexicon.NUMBERS)
-    )
-    tables: list[Iterable[str]] = [
-        *lexicon.SELECTORS.values(),
-        *lexicon.RELATIONS.values(),
-        *lexicon.VERBS.values(),
-    ]
-    tables += [lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS]
-    words |= {word for table in tables for phrase in table for word in phrase.split()}
-    words |= lexicon.WISHING | lexicon.SHINING | lexicon.HAND
-    words |= lexicon.STAYING | lexicon.IGNORING | lexicon.LETTING | lexicon.UNTOUCHED | lexicon.REMAINDER
-    words |= {word for pair in lexicon.SHADES for word in pair} | {unit + "s" for unit in lexicon.UNITS}
+    words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.UNITS) | {u + "s" for u in lexicon.UNITS}
+    for listed in (
+        lexicon.FILLERS, lexicon.DETERMINERS, lexicon.PRONOUNS, lexicon.TABLE_WORDS, lexicon.NUMBERS, lexicon.WISHING,
+        lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.IGNORING, lexicon.LETTING, lexicon.UNTOUCHED,
+        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, FAMILIES, {"grey"},
+        *lexicon.SELECTORS.values(), *lexicon.RELATIONS.values(), *lexicon.VERBS.values(),
+    ):  # fmt: skip
+        words |= {word for phrase in listed for word in phrase.split()}
     return frozenset(words - {"*"})
 
 
@@ -113,7 +108,8 @@ def spell(
     out, notes = [], []
     words = vocabulary() | known
     for token in tokens:
-        meant = token if token in words or len(token) < 4 or not token.isalpha() else _guess(token, threshold)
+        sound = token in words or len(token) < 4 or not token.isalpha() or threshold >= 1.0
+        meant = token if sound else _guess(token, threshold)
         if meant != token:
             notes.append(f"'{token}' was read as '{meant}'.")
         out.append(meant)
@@ -121,18 +117,19 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    negations = {word for phrase in lexicon.NEGATIONS for word in phrase.split()}
-    telling = vocabulary() - lexicon.FILLERS - lexicon.DETERMINERS - lexicon.PRONOUNS - negations
-    near = [w for w in telling if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")]
-    mixed = sorted(w for w in near if sorted(w) == sorted(token))
-    if mixed and threshold < 1.0:
-        return mixed[0]
-    near = get_close_matches(token, near, n=4, cutoff=threshold) if len(token) > 4 and threshold < 1.0 else []
-    best = near[0] if near else token
-    rivals = [w for w in near if not (w.startswith(best) or best.startswith(w))]
-    return (
-        best if _alike(token, best) > max((_alike(token, w) for w in rivals), default=0.0) + 0.05 else token
+    small = (
+        lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | set(" ".join(lexicon.NEGATIONS).split())
     )
+    near = [
+        w
+        for w in sorted(vocabulary() - small)
+        if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")
+    ]
+    if mixed := [w for w in near if sorted(w) == sorted(token)]:
+        return mixed[0]
+    best, *rivals = (get_close_matches(token, near, 4, threshold) if len(token) > 4 else []) or [token]
+    rivals = [w for w in rivals if not (w.startswith(best) or best.startswith(w))]  # its other forms
+    return best if not rivals or _alike(token, best) > _alike(token, rivals[0]) + 0.05 else token
 
 
 def _alike(one: str, other: str) -> float:

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
@@ -316,7 +317,7 @@ def test_any_text_can_be_parsed(text):
 _TABLES = (*lexicon.RELATIONS.values(), *lexicon.SELECTORS.values(), *lexicon.VERBS.values())
 _KNOWN = sorted(
     {word for table in _TABLES for phrase in table for word in phrase.split()}
-    | set(lexicon.COLOUR_WORDS)
+    | set(FAMILIES)
     | {"'s", "of", "it", "and", "block", "lamp", "without"}
 )
 
