@@ -5,8 +5,11 @@ from __future__ import annotations
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene
 from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.grounding import ground_all
+from gvla2_plugins.skill.grounding import ground_all, strange
 from gvla2_plugins.skill.intents import Denial, Intent
+
+MOVING = ("pick", "fetch", "place", "pull")
+"""Skills that take a thing from where it is."""
 
 
 def excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
@@ -14,25 +17,30 @@ def excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
     out: set[str] = set()
     for denial in intent.denials:
         words = denial.text.split()
-        if lexicon.REMAINDER & set(words):
-            continue  # "not the others"
         mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
+        if mishap and intent.skill != "press" or lexicon.REMAINDER & set(words):
+            continue  # planning avoids it anyway; "not the others"
         phrase = denial.phrase
         if phrase is None or phrase.pronoun or phrase.everywhere:
-            if not mishap and _contradicts(denial, intent):
+            if not _apart(denial, intent):
                 return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")
             continue
         found = ground_all(phrase, scene)
-        if not found and not mishap and not denial.verbs:
+        if not denial.verbs and (not found or all(strange(phrase, o) for o in found)):
             return Abstention("nothing_matches", f"What is meant by not '{denial.text}' cannot be told.")
+        if phrase.unknown and not found and not _apart(denial, intent):
+            return Abstention("other", f"What is not to be done, '{denial.text}', is not understood.")
         out |= {o.id for o in found}
     return frozenset(out)
 
 
-def _contradicts(denial: Denial, intent: Intent) -> bool:
-    """Whether a denial that names nothing forbids what is asked; one without a verb is not understood at all."""
-    asked = {phrase.split()[0] for phrase in lexicon.VERBS.get(intent.skill, ())}
-    if intent.skill in ("pick", "place"):
-        asked |= lexicon.TAKING
-    elsewhere = bool(set(denial.text.split()) & (lexicon.TABLE_WORDS | lexicon.STAYING))
-    return bool(denial.verbs & asked) if denial.verbs else not elsewhere
+def _apart(denial: Denial, intent: Intent) -> bool:
+    """Whether a denial that names nothing leaves what is asked as it is: it is of another skill, and says no more."""
+    words = set(denial.text.split())
+    if not denial.verbs:
+        return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
+    skills = [s for s, phrases in lexicon.VERBS.items() if {p.split()[0] for p in phrases} & denial.verbs]
+    asked = MOVING if intent.skill in MOVING else (intent.skill,)
+    return (
+        bool(skills) and not set(skills) & set(asked) and (denial.phrase is None or not denial.phrase.unknown)
+    )

@@ -9,6 +9,7 @@ from gvla2.planning.colours import COLOURS, FAMILIES, colour_distance, meant_by,
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme, located
+from gvla2.skills.meaning import workable
 from gvla2.skills.parts import is_button
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.phrases import Phrase
@@ -51,7 +52,7 @@ def ground(
     noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
     fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, noun, o)) > 0]
     kinds = {*phrase.unknown, *phrase.kinds}
-    fits = [f for f in fits if kinds and not _strange(phrase, f.object)] or fits
+    fits = [f for f in fits if kinds and not strange(phrase, f.object)] or fits
     if phrase.owner is not None and fits:
         return _single(phrase, _owned(phrase, phrase.owner, fits, scene), scene)
     return _single(phrase, _of_owners(phrase, fits, scene) or _colour_filter(phrase.colour, fits), scene)
@@ -96,28 +97,49 @@ def _owned(phrase: Phrase, owner: Phrase, fits: Sequence[_Fit], scene: Scene) ->
 
 def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
     """The button that a phrase means, also where the phrase names the lamp that the button works."""
-    phrase = phrase or Phrase("")
-    other = [o for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))]
-    if other and not any(_button_score(o, scene) for o in other):
-        return Abstention("nothing_matches", f"'{other[0].label}' is nothing to press; {_inventory(scene)}.")
+    phrase = phrase or Phrase("a button")
     buttons = [_Fit(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
-    if phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun):
+    named = [o for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))]
+    if (named and not any(_button_score(o, scene) for o in named)) or (
+        phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun)
+    ):
         found = ground(phrase, scene, movable=True)
-        if isinstance(found, Grounded) and not any(b.object.id == found.object.id for b in buttons):
-            return Abstention(
-                "nothing_matches", f"'{found.object.label}' is nothing to press; {_inventory(scene)}."
-            )
+        if isinstance(found, Grounded) and not any(b.object is found.object for b in buttons):
+            return Abstention("nothing_matches", f"'{found.object.label}' is nothing to press.")
         return found
-    owners = [o for o in scene.objects if "lamp" in _label_classes(o)]
-    of_lamp = [b for b in buttons if b.object.parent in {o.id for o in owners}]
-    if (phrase.noun == "lamp" or (phrase.owner and phrase.owner.noun == "lamp")) and of_lamp:
-        buttons = of_lamp
+    owners = [_Fit(o, 1.0) for o in scene.objects if "lamp" in _label_classes(o)]
+    if phrase.noun == "lamp" or (phrase.owner and phrase.owner.noun == "lamp"):
+        ids = {f.object.id for f in owners}
+        buttons = [b for b in buttons if b.object.parent in ids] or buttons
     coloured = _colour_filter(phrase.colour, buttons)
-    if phrase.noun == "lamp" and not coloured and phrase.colour:
-        # "the red lamp": the colour may be the lamp's instead of its button's.
-        red = {f.object.id for f in _colour_filter(phrase.colour, [_Fit(o, 1.0) for o in owners])}
+    if phrase.noun == "lamp" and not coloured:  # "the red lamp": the colour may be the lamp's
+        red = {f.object.id for f in _colour_filter(phrase.colour, owners)}
         coloured = [b for b in buttons if b.object.parent in red]
-    return _single(phrase if phrase.text else Phrase("a button"), coloured, scene)
+    return _single(phrase, coloured, scene)
+
+
+def ground_worked(phrase: Phrase, scene: Scene) -> Grounded | Abstention:
+    """The thing that a phrase means, looked for first among the things with a lid, a handle or a cap.
+
+    "The box" then is the box and not its lid, which is called a box lid; where a part is named with its owner
+    ("the lid of the red box") the owner's colour counts.
+    """
+    wholes, parts = workable(scene)
+    if phrase.owner is not None:
+        owner = ground(phrase.owner, _only(scene, wholes) if wholes else scene)
+        if isinstance(owner, Grounded):
+            kin = [owner.object, *scene.parts_of(owner.object.id)]
+            part = ground(replace(phrase, owner=None), _only(scene, kin), movable=True)
+            return part if isinstance(part, Grounded) else owner
+    for pool in (wholes, parts):
+        found = ground(phrase, _only(scene, pool), movable=True)
+        if isinstance(found, Grounded) or found.kind == "ambiguous":
+            return found
+    return ground(phrase, scene, movable=True)
+
+
+def _only(scene: Scene, things: list[SceneObject]) -> Scene:
+    return replace(scene, objects=tuple(things))
 
 
 def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
@@ -131,7 +153,7 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     classes = _label_classes(thing)
     if noun in classes:
         own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
-        other_kind = _strange(phrase, thing) and bool(own)  # a knife block is no jenga block
+        other_kind = strange(phrase, thing) and bool(own)  # a knife block is no jenga block
         return 0.0 if other_kind else sure
     if noun == "block" and thing.opening and "box" in phrase.text.split():
         return sure  # "the box": a hollow one, whatever it is called
@@ -142,7 +164,7 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     return lexicon.SHAPES.get(noun, {}).get(thing.shape, 0.0) * sure
 
 
-def _strange(phrase: Phrase, thing: SceneObject) -> set[str]:
+def strange(phrase: Phrase, thing: SceneObject) -> set[str]:
     """Words of a phrase that say which kind of its noun is meant, and that the thing's label has not."""
     return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
 
@@ -196,12 +218,9 @@ def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Ab
             # Where it is taken from need not be seen: "out of its holder".
     if not fits:
         return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {_inventory(scene)}.")
-    if len(fits) > 1 and phrase.noun and all(_strange(phrase, f.object) for f in fits):
-        strange = " ".join(sorted(_strange(phrase, fits[0].object)))
-        return Abstention(
-            "nothing_matches",
-            f"Which of {len(fits)} is '{strange}' cannot be told; {_inventory(scene)}.",
-        )
+    if len(fits) > 1 and phrase.noun and all(kinds := [strange(phrase, f.object) for f in fits]):
+        said = " ".join(sorted(kinds[0]))
+        return Abstention("nothing_matches", f"Which is '{said}' cannot be told; {_inventory(scene)}.")
     best = max(f.score for f in fits)
     tied = [f for f in fits if f.score >= TIE * best]
     for selector in phrase.selectors:

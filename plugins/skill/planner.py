@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
-from gvla2_plugins.skill import SkillConfig
+from gvla2_plugins.skill import SkillConfig, lexicon
 from gvla2_plugins.skill.exceptions import excepted
 from gvla2_plugins.skill.grammar import Intent, parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_button
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_button, ground_worked
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
-from gvla2_plugins.skill.worked import ground_worked
 
-WORKED = ("open", "close", "pull", "twist")
-"""Verbs that ask for something to be worked; the core tells how."""
+SLACK = 0.002
+"""By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +72,8 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     goal = _goal(intent, theme.object, scene, out)
     if isinstance(goal, Abstention):
         return goal
-    if goal is not None and intent.relation == "in" and _solid(goal.object):
-        return Abstention("other", f"The {goal.object.label} is not seen to be open: nothing goes into it.")
+    if goal is not None and intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
+        return Abstention("other", why)
     notes = (*intent.notes, *theme.notes, *(goal.notes if goal is not None else ()))
     return Reading((_call(intent, theme.object, goal),), notes)
 
@@ -83,7 +84,9 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
     seen = replace(scene, objects=tuple(o for o in scene.objects if o.id not in out))
     if intent.skill == "press":
         return ground_button(intent.theme, seen)
-    return ground_worked(phrase, seen) if intent.skill in WORKED else ground(phrase, seen, movable=True)
+    return (
+        ground_worked(phrase, seen) if intent.skill in lexicon.WORKED else ground(phrase, seen, movable=True)
+    )
 
 
 def _goal(
@@ -98,16 +101,17 @@ def _goal(
     return ground(intent.goal, scene, exclude=frozenset({theme.id}) | out)
 
 
-def _solid(thing: SceneObject) -> bool:
-    shut = thing.shape in ("box", "cylinder", "sphere") and not thing.opening and not thing.parent
-    return shut and thing.label.split()[-1:] in (
-        ["cube"],
-        ["box"],
-        ["cylinder"],
-        ["ball"],
-        ["brick"],
-        ["can"],
-    )
+def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
+    """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
+    if goal.shape == "region" or goal.parent:
+        return ""
+    solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
+    if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
+        return f"The {goal.label} is not seen to be open: nothing goes into it."
+    room = goal.opening or float(np.max(goal.extents[:2]))
+    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # whichever way it is turned
+        return f"The {theme.label} is too large to go into the {goal.label}."
+    return ""
 
 
 def _call(intent: Intent, theme: SceneObject, goal: Grounded | None) -> SkillCall:

@@ -101,9 +101,7 @@ def _plural(token: str) -> bool:
 
 def _chosen(tokens: Sequence[str], things: Sequence[SceneObject]) -> list[SceneObject] | Abstention:
     """The things that the words before the place mean, by colour and kind; declined where they say more."""
-    kept = [
-        t for t in tokens if t not in EACH and (not verbs_of(t) or noun_class(t)) and t not in lexicon.SORTING
-    ]
+    kept = [t for t in tokens if t not in EACH | GOING and (not verbs_of(t) or noun_class(t))]
     said = [t for t in kept if t in FAMILIES]
     what = read_phrase([t for t in kept if t not in FAMILIES])
     if not what.unknown and not what.kinds:
