@@ -18,7 +18,7 @@ def excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
     for denial in intent.denials:
         words = denial.text.split()
         mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
-        if mishap and intent.skill != "press" or lexicon.REMAINDER & set(words):
+        if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
         phrase = denial.phrase
         if phrase is None or phrase.pronoun or phrase.everywhere:

@@ -16,7 +16,7 @@ from gvla2_plugins.skill.grounding import ground
 from gvla2_plugins.skill.phrases import read_phrase
 from gvla2_plugins.skill.words import noun_class, spell, tokenise, verbs_of
 
-EACH = frozenset("all every each everything both".split())
+EACH = frozenset(["all", "every", "each", "everything", "both"])
 INTO = (*lexicon.RELATIONS["in"], "onto", "on to", "on", "to", "by")
 GOING = (
     frozenset(lexicon.VERBS["place"]) | frozenset(lexicon.SORTING) | {"take", "get", "goes", "go", "belongs"}
