@@ -33,11 +33,8 @@ class Grounded:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class _Fit:
-    object: SceneObject
-    score: float
-    near_colour: bool = False
+Fits = list[tuple[SceneObject, float]]
+"""Objects that a phrase may mean, and how well each fits it."""
 
 
 def ground(
@@ -50,71 +47,36 @@ def ground(
     """
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
     noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
-    fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, noun, o)) > 0]
-    kinds = {*phrase.unknown, *phrase.kinds}
-    fits = [f for f in fits if kinds and not strange(phrase, f.object)] or fits
-    if phrase.owner is not None and fits:
-        return _single(phrase, _owned(phrase, phrase.owner, fits, scene), scene)
-    return _single(phrase, _of_owners(phrase, fits, scene) or _colour_filter(phrase.colour, fits), scene)
+    fits = _fits(phrase, noun, pool)
+    fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
+    return _single(phrase, _of_colour(phrase, fits, scene), scene)
 
 
 def ground_all(phrase: Phrase, scene: Scene) -> tuple[SceneObject, ...]:
     """All things of a scene that a phrase means, parts too: "the red ones", "the lids". Empty where nothing fits."""
-    fits = [_Fit(o, score) for o in scene.objects if (score := _noun_score(phrase, phrase.noun, o)) > 0]
-    fits = _colour_filter(phrase.colour, fits)
-    best = max((f.score for f in fits), default=0.0)
-    return tuple(f.object for f in fits if f.score >= TIE * best)
-
-
-def part_named(scene: Scene, thing: SceneObject, noun: str) -> SceneObject | None:
-    """The part of a thing that is called by a noun class ("handle", "lid"), the highest of several, or None."""
-    named = [part for part in scene.parts_of(thing.id) if noun in _label_classes(part)]
-    return max(named, key=lambda part: part.top, default=None)
-
-
-def _of_owners(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> list[_Fit]:
-    """Where no part has the colour that is named, those whose owner has it: "the red lid" is that of the red jar."""
-    if not phrase.colour or phrase.noun not in lexicon.PARTS:
-        return []
-    if any(f.object.colour == phrase.colour for f in fits):
-        return []
-    owners = {o.id for o in scene.objects if o.colour == phrase.colour}
-    return [f for f in fits if f.object.parent in owners]
-
-
-def _owned(phrase: Phrase, owner: Phrase, fits: Sequence[_Fit], scene: Scene) -> list[_Fit]:
-    """The fits that belong to the owner; a colour may be the owner's where no part has it ("the red jar lid")."""
-    coloured = _colour_filter(phrase.colour, fits)
-    at = ground(owner, scene)
-    if isinstance(at, Abstention) and phrase.colour and not owner.colour:
-        at = ground(replace(owner, colour=phrase.colour), scene)
-        coloured = list(fits)
-    if isinstance(at, Abstention):
-        return coloured
-    own = {part.id for part in scene.parts_of(at.object.id)}
-    return [f for f in coloured if f.object.id in own] or [f for f in fits if f.object.id in own] or coloured
+    fits = _coloured(phrase.colour, _fits(phrase, phrase.noun, scene.objects))
+    best = max((s for _, s in fits), default=0.0)
+    return tuple(o for o, s in fits if s >= TIE * best)
 
 
 def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
     """The button that a phrase means, also where the phrase names the lamp that the button works."""
     phrase = phrase or Phrase("a button")
-    buttons = [_Fit(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
+    buttons = [(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
     named = [o for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))]
     if (named and not any(_button_score(o, scene) for o in named)) or (
         phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun)
     ):
         found = ground(phrase, scene, movable=True)
-        if isinstance(found, Grounded) and not any(b.object is found.object for b in buttons):
+        if isinstance(found, Grounded) and not any(o is found.object for o, _ in buttons):
             return Abstention("nothing_matches", f"'{found.object.label}' is nothing to press.")
         return found
-    owners = [_Fit(o, 1.0) for o in scene.objects if "lamp" in _label_classes(o)]
+    lamps = [(o, 1.0) for o in scene.objects if _kind(o) == "lamp"]
     if phrase.noun == "lamp" or (phrase.owner and phrase.owner.noun == "lamp"):
-        ids = {f.object.id for f in owners}
-        buttons = [b for b in buttons if b.object.parent in ids] or buttons
-    coloured = _colour_filter(phrase.colour, buttons)
+        buttons = _parts_of(lamps, buttons) or buttons
+    coloured = _coloured(phrase.colour, buttons)
     if phrase.noun == "lamp" and not coloured:  # "the red lamp": the colour may be the lamp's
-        red = {f.object.id for f in _colour_filter(phrase.colour, owners)}
-        coloured = [b for b in buttons if b.object.parent in red]
+        coloured = _parts_of(_coloured(phrase.colour, lamps), buttons)
     return _single(phrase, coloured, scene)
 
 
@@ -126,20 +88,25 @@ def ground_worked(phrase: Phrase, scene: Scene) -> Grounded | Abstention:
     """
     wholes, parts = workable(scene)
     if phrase.owner is not None:
-        owner = ground(phrase.owner, _only(scene, wholes) if wholes else scene)
+        owner = ground(phrase.owner, replace(scene, objects=tuple(wholes)) if wholes else scene)
         if isinstance(owner, Grounded):
-            kin = [owner.object, *scene.parts_of(owner.object.id)]
-            part = ground(replace(phrase, owner=None), _only(scene, kin), movable=True)
+            kin = (owner.object, *scene.parts_of(owner.object.id))
+            part = ground(replace(phrase, owner=None), replace(scene, objects=kin), movable=True)
             return part if isinstance(part, Grounded) else owner
     for pool in (wholes, parts):
-        found = ground(phrase, _only(scene, pool), movable=True)
+        found = ground(phrase, replace(scene, objects=tuple(pool)), movable=True)
         if isinstance(found, Grounded) or found.kind == "ambiguous":
             return found
     return ground(phrase, scene, movable=True)
 
 
-def _only(scene: Scene, things: list[SceneObject]) -> Scene:
-    return replace(scene, objects=tuple(things))
+def strange(phrase: Phrase, thing: SceneObject) -> set[str]:
+    """Words of a phrase that say which kind of its noun is meant, and that the thing's label has not."""
+    return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
+
+
+def _fits(phrase: Phrase, noun: str, things: Sequence[SceneObject]) -> Fits:
+    return [(o, score) for o in things if (score := _noun_score(phrase, noun, o)) > 0]
 
 
 def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
@@ -150,47 +117,62 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
             return sure
         anything = not phrase.unknown and not phrase.everywhere
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
-    classes = _label_classes(thing)
-    if noun in classes:
+    kind = _kind(thing)
+    if noun == kind:
         own = [w for w in tokenise(thing.label)[:-1] if w not in FAMILIES and not verbs_of(w)]
-        other_kind = strange(phrase, thing) and bool(own)  # a knife block is no jenga block
-        return 0.0 if other_kind else sure
+        return 0.0 if own and strange(phrase, thing) else sure  # a knife block is no jenga block
     if noun == "block" and thing.opening and "box" in phrase.text.split():
         return sure  # "the box": a hollow one, whatever it is called
     if noun == "object" and thing.parent:
         sure *= PART
-    if classes - lexicon.SHAPE_NOUNS and noun != "object":
+    if kind and kind not in lexicon.SHAPE_NOUNS and noun != "object":
         return 0.0  # a lamp is no cup, whatever its shape
     return lexicon.SHAPES.get(noun, {}).get(thing.shape, 0.0) * sure
 
 
-def strange(phrase: Phrase, thing: SceneObject) -> set[str]:
-    """Words of a phrase that say which kind of its noun is meant, and that the thing's label has not."""
-    return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
-
-
-def _label_classes(thing: SceneObject) -> set[str]:
-    """The class of the label's last noun: a knife block is a block, a box lid a lid. Empty where it has none."""
-    known = [c for word in tokenise(thing.label) if (c := noun_class(word))]
-    return set(known[-1:])
+def _kind(thing: SceneObject) -> str:
+    """The class of the label's last noun: a knife block is a block, a box lid a lid. "" where it has none."""
+    return ([c for word in tokenise(thing.label) if (c := noun_class(word))] or [""])[-1]
 
 
 def _button_score(thing: SceneObject, scene: Scene) -> float:
-    classes = _label_classes(thing)
-    if "button" in classes:
+    kind = _kind(thing)
+    if kind == "button":
         return 1.0
-    return (
-        0.6 + 0.1 * bool(thing.parent)
-        if not classes - lexicon.SHAPE_NOUNS and is_button(thing, scene)
-        else 0.0
-    )
+    plain = not kind or kind in lexicon.SHAPE_NOUNS
+    return 0.6 + 0.1 * bool(thing.parent) if plain and is_button(thing, scene) else 0.0
 
 
-def _colour_filter(colour: str, fits: Sequence[_Fit]) -> list[_Fit]:
+def _parts_of(owners: Fits, fits: Fits) -> Fits:
+    ids = {o.id for o, _ in owners}
+    return [(o, s) for o, s in fits if o.parent in ids]
+
+
+def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
+    """The fits of the phrase's colour and of its owner. Where no part is so coloured, the colour is its whole's: "the
+    red lid", "the red jar lid".
+    """
+    coloured = _coloured(phrase.colour, fits)
+    if phrase.owner is None:
+        wholes = _coloured(phrase.colour, [(o, 1.0) for o in scene.objects if not o.parent])
+        part = (
+            phrase.colour and phrase.noun in lexicon.PARTS and not any(s > NEAR_COLOUR for _, s in coloured)
+        )
+        return (_parts_of(wholes, fits) if part else []) or coloured
+    owner = ground(phrase.owner, scene)
+    if isinstance(owner, Abstention) and phrase.colour and not phrase.owner.colour:
+        owner, coloured = ground(replace(phrase.owner, colour=phrase.colour), scene), fits
+    if isinstance(owner, Abstention):
+        return coloured
+    whole = [(owner.object, 1.0)]
+    return _parts_of(whole, coloured) or _parts_of(whole, fits) or coloured
+
+
+def _coloured(colour: str, fits: Fits) -> Fits:
     """Objects of the colour that is meant; where none is called so, those whose colour lies between two words."""
-    name = meant_by(colour, (f.object.colour for f in fits))
-    exact = [f for f in fits if not colour or (name and f.object.colour == name)]
-    return exact or [_Fit(f.object, NEAR_COLOUR * f.score, True) for f in fits if _between(colour, f.object)]
+    name = meant_by(colour, (o.colour for o, _ in fits))
+    exact = [(o, s) for o, s in fits if not colour or (name and o.colour == name)]
+    return exact or [(o, NEAR_COLOUR * s) for o, s in fits if _between(colour, o)]
 
 
 def _between(colour: str, thing: SceneObject) -> bool:
@@ -202,51 +184,36 @@ def _between(colour: str, thing: SceneObject) -> bool:
     )
 
 
-def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Abstention:
+def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
     """The best fit, when nothing else fits as well."""
+    inventory = f"the scene has: {', '.join(sorted(o.label for o in scene.objects)) or 'nothing'}"
     if phrase.landmark is not None and fits:
         relation, where = phrase.landmark
         if relation == "beside" and where.noun in lexicon.PARTS:  # "by its handle"
-            fits = [f for f in fits if part_named(scene, f.object, where.noun)] or list(fits)
+            fits = [f for f in fits if where.noun in map(_kind, scene.parts_of(f[0].id))] or fits
         else:
             at = ground(where, scene)
             if isinstance(at, Grounded):
-                there = located([f.object for f in fits], relation, at.object)
-                fits = [f for f in fits if f.object in there]
+                there = located([o for o, _ in fits], relation, at.object)
+                fits = [f for f in fits if f[0] in there]
             elif relation != "from" and not where.pronoun:
                 return at
             # Where it is taken from need not be seen: "out of its holder".
     if not fits:
-        return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {_inventory(scene)}.")
-    if len(fits) > 1 and phrase.noun and all(kinds := [strange(phrase, f.object) for f in fits]):
+        return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {inventory}.")
+    if len(fits) > 1 and phrase.noun and all(kinds := [strange(phrase, o) for o, _ in fits]):
         said = " ".join(sorted(kinds[0]))
-        return Abstention("nothing_matches", f"Which is '{said}' cannot be told; {_inventory(scene)}.")
-    best = max(f.score for f in fits)
-    tied = [f for f in fits if f.score >= TIE * best]
+        return Abstention("nothing_matches", f"Which is '{said}' cannot be told; {inventory}.")
+    best = max(fits, key=lambda f: f[1])
+    tied = [o for o, s in fits if s >= TIE * best[1]]
     for selector in phrase.selectors:
-        if selector == "any":
-            tied = [max(tied, key=lambda f: f.score)]
-        else:
-            kept = extreme([f.object for f in tied], selector, scene)
-            tied = [f for f in tied if f.object in kept]
+        tied = [best[0]] if selector == "any" else extreme(tied, selector, scene)
     if len(tied) > 1:
-        names = ", ".join(_name(f.object) for f in tied)
+        names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in tied)
         return Abstention(
             "ambiguous",
             f"'{phrase.text}' fits {len(tied)} things equally ({names}); say which, for example by side.",
         )
-    chosen = tied[0]
-    notes: tuple[str, ...] = ()
-    if chosen.near_colour:
-        notes = (f"Nothing is plainly {phrase.colour}; the {chosen.object.label} was taken for it.",)
-    return Grounded(chosen.object, chosen.score, notes)
-
-
-def _name(thing: SceneObject) -> str:
-    x, y = thing.centre[:2]
-    return f"{thing.label} at ({x:.2f}, {y:.2f})"
-
-
-def _inventory(scene: Scene) -> str:
-    labels = ", ".join(sorted(o.label for o in scene.objects))
-    return f"the scene has: {labels}" if labels else "the scene is empty"
+    plain = not phrase.colour or not tied[0].colour or meant_by(phrase.colour, [tied[0].colour])
+    notes = () if plain else (f"Nothing is plainly {phrase.colour}; the {tied[0].label} was taken for it.",)
+    return Grounded(tied[0], best[1], notes)

@@ -55,34 +55,17 @@ UNSUPPORTED = frozenset(
 """Verbs that are understood and that no schema carries out."""
 
 NOUNS: dict[str, tuple[str, ...]] = _table(
-    block="block, cube, box, brick, cuboid, prism",
-    cylinder="cylinder",
-    can="can, tin, canister",
-    ball="ball, sphere, orb",
-    disc="disc, disk",
-    plate="plate, slab, board",
+    block="block, cube, box, brick, cuboid, prism", cylinder="cylinder", can="can, tin, canister", bowl="bowl, basin",
+    ball="ball, sphere, orb", disc="disc, disk", plate="plate, slab, board", tray="tray", jar="jar", knife="knife",
     target="""target, square, goal, area, zone, spot, patch, region, marker, mark, pad, mat, destination, field, rectangle,
         place, tile, sticker, location, position, circle""",
-    button="button, switch, pushbutton, toggle",
-    lamp="lamp, light, bulb, lights",
-    cup="cup, mug",
-    bowl="bowl, basin",
-    tray="tray",
-    bottle="bottle, flask",
-    jar="jar",
-    lid="lid, cap, cover, stopper, cork",
-    container="container, bin, basket, crate",
-    ring="ring, hoop",
-    pillar="pillar, peg, post, pole, column",
-    umbrella="umbrella, parasol, brolly",
-    stand="stand, holder, rack",
-    handle="handle, grip, haft, knob",
-    drawer="drawer",
-    cabinet="cabinet, cupboard, chest, dresser",
+    button="button, switch, pushbutton, toggle", lamp="lamp, light, bulb, lights", cup="cup, mug", bottle="bottle, flask",
+    lid="lid, cap, cover, stopper, cork", container="container, bin, basket, crate", ring="ring, hoop",
+    pillar="pillar, peg, post, pole, column", umbrella="umbrella, parasol, brolly", stand="stand, holder, rack",
+    handle="handle, grip, haft, knob", drawer="drawer", cabinet="cabinet, cupboard, chest, dresser",
     tower="tower, stack, pile",
-    knife="knife",
     object="object, thing, item, piece, one, toy, shape, solid, part, body, gadget, element",
-)
+)  # fmt: skip
 """Noun class to words that mean the same; plurals are understood. What only looks alike is another class."""
 
 SHAPES: dict[str, dict[str, float]] = {
@@ -156,18 +139,14 @@ UNTIL = _phrases("""until|till it is|sits|rests|lies|lands, so it is|sits|lies, 
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
 
-DIRECTIONS: dict[str, tuple[float, float]] = {
-    "to the left": (0.0, 1.0), "to your left": (0.0, 1.0), "leftwards": (0.0, 1.0), "leftward": (0.0, 1.0),
-    "left": (0.0, 1.0), "to the right": (0.0, -1.0), "to your right": (0.0, -1.0), "rightwards": (0.0, -1.0),
-    "rightward": (0.0, -1.0), "right": (0.0, -1.0),
-    "away from you": (1.0, 0.0), "away from the robot": (1.0, 0.0), "away from yourself": (1.0, 0.0),
-    "to the front": (1.0, 0.0), "forwards": (1.0, 0.0), "forward": (1.0, 0.0), "ahead": (1.0, 0.0),
-    "away": (1.0, 0.0), "straight on": (1.0, 0.0),
-    "towards the robot": (-1.0, 0.0), "toward the robot": (-1.0, 0.0), "closer to the robot": (-1.0, 0.0),
-    "towards you": (-1.0, 0.0), "toward you": (-1.0, 0.0), "towards yourself": (-1.0, 0.0),
-    "toward yourself": (-1.0, 0.0), "closer to you": (-1.0, 0.0), "nearer to you": (-1.0, 0.0),
-    "to the back": (-1.0, 0.0), "backwards": (-1.0, 0.0), "backward": (-1.0, 0.0), "back": (-1.0, 0.0),
-}  # fmt: skip
+_AIMS = _table(
+    left="to the|your left, leftward|leftwards|left",
+    right="to the|your right, rightward|rightwards|right",
+    away="away from you|yourself, away from the robot, to the front, forward|forwards|ahead|away, straight on",
+    back="toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot, to the back, backward|backwards|back",
+)
+_TOWARDS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "away": (1.0, 0.0), "back": (-1.0, 0.0)}
+DIRECTIONS = {wording: _TOWARDS[key] for key, wordings in _AIMS.items() for wording in wordings}
 """Directions in the robot's frame: x forward, y left."""
 
 UNITS: dict[str, float] = {

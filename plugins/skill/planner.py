@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
-from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
@@ -65,17 +66,22 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
         return out
     theme = _theme(intent, scene, out)
     if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
-        # "Get the block on the square", where no block is on a square: it is to go there.
         intent, theme = aimed, _theme(aimed, scene, out)
     if isinstance(theme, Abstention):
         return theme
-    goal = _goal(intent, theme.object, scene, out)
+    call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
+    notes = (*intent.notes, *theme.notes)
+    skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
+    if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
+        return Reading((call,), notes)
+    goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
         return goal
-    if goal is not None and intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
+    if intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
         return Abstention("other", why)
-    notes = (*intent.notes, *theme.notes, *(goal.notes if goal is not None else ()))
-    return Reading((_call(intent, theme.object, goal),), notes)
+    relation = cast(Relation, intent.relation)
+    aimed_call = replace(call, goal=goal.object.id, relation=relation, direction=None)
+    return Reading((aimed_call,), (*notes, *goal.notes))
 
 
 def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:
@@ -87,18 +93,6 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
     return (
         ground_worked(phrase, seen) if intent.skill in lexicon.WORKED else ground(phrase, seen, movable=True)
     )
-
-
-def _goal(
-    intent: Intent, theme: SceneObject, scene: Scene, out: frozenset[str]
-) -> Grounded | Abstention | None:
-    """The goal, looked for only where what is meant has one: "pull the drawer out of the cabinet" has none."""
-    if intent.goal is None or intent.skill == "press":
-        return None
-    skill = suited(intent.skill, theme, scene, aimed=True)
-    if STANDARD[skill].role("goal") is None:
-        return None
-    return ground(intent.goal, scene, exclude=frozenset({theme.id}) | out)
 
 
 def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
@@ -114,39 +108,18 @@ def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
     return ""
 
 
-def _call(intent: Intent, theme: SceneObject, goal: Grounded | None) -> SkillCall:
-    relation = intent.relation if goal is not None else ""
-    return SkillCall(
-        intent.skill,
-        theme.id,
-        goal.object.id if goal is not None else "",
-        relation=relation,  # type: ignore[arg-type]
-        amount=intent.amount,
-        direction=intent.direction if goal is None else None,
-    )
-
-
 def _aimed(intent: Intent) -> Intent | None:
     """A taking of what is said to be on something, read as putting it there; None for any other."""
-    landmark = intent.theme.landmark if intent.theme is not None else None
-    if (
-        intent.skill != "pick"
-        or intent.theme is None
-        or landmark is None
-        or landmark[0] not in ("on", "in", "to")
-    ):
+    relation, goal = (intent.theme and intent.theme.landmark) or ("", None)
+    if intent.skill != "pick" or intent.theme is None or relation not in ("on", "in", "to"):
         return None
-    theme, goal = replace(intent.theme, landmark=None), landmark[1]
-    return replace(intent, skill="place", theme=theme, goal=goal, relation=landmark[0])
+    theme = replace(intent.theme, landmark=None)
+    return replace(intent, skill="place", theme=theme, goal=goal, relation=relation)
 
 
 def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
     asked = " ".join(instruction.split())[:200]
-    known = ", ".join(STANDARD)
-    if (intent.skill and intent.skill not in STANDARD) or (not intent.skill and intent.trouble):
-        return Abstention("unknown_skill", f"'{asked}': {intent.trouble}; it can {known}.")
-    if not intent.skill:
-        return Abstention("unknown_skill", f"'{asked}' has no verb that this planner knows; it can {known}.")
-    if intent.trouble:
-        return Abstention("other", f"'{asked}': {intent.trouble}.")
-    return None
+    trouble = intent.trouble or ("" if intent.skill else "it has no verb that this planner knows")
+    if intent.skill not in STANDARD:
+        return Abstention("unknown_skill", f"'{asked}': {trouble}; it can {', '.join(STANDARD)}.")
+    return Abstention("other", f"'{asked}': {trouble}.") if trouble else None

@@ -22,7 +22,7 @@ GOING = (
     frozenset(lexicon.VERBS["place"]) | frozenset(lexicon.SORTING) | {"take", "get", "goes", "go", "belongs"}
 )
 ALIKE = re.compile(
-    r"\b(same|own|match\w*|correspond\w*|respective|its|their|with the|according to(?: the| their)?) (?:own )?colou?rs?\b"
+    r"\b(same|own|match\w*|correspond\w*|respective|its|their|with the|according to(?: the)?) (?:own )?colou?rs?\b"
     r"|\bcolou?rs? (?:match\w*|agrees?)\b|\bsort\w*\b.*\bby colou?r\b"
 )
 """Wordings that send each thing to the container of its colour."""

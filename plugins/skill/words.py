@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from difflib import SequenceMatcher, get_close_matches
+from difflib import get_close_matches
 from functools import cache
 
 from gvla2.planning.colours import FAMILIES
@@ -69,12 +69,11 @@ def is_gerund(token: str) -> bool:
 
 @cache
 def _noun_classes() -> dict[str, str]:
-    classes: dict[str, str] = {}
-    for noun, words in lexicon.NOUNS.items():
-        for word in words:
-            for form in (word, word + "s", word + "es" if word.endswith(("s", "x", "sh", "ch")) else word):
-                classes.setdefault(form, noun)
-    return classes
+    words = [(word, noun) for noun, listed in lexicon.NOUNS.items() for word in listed]
+    plurals = [
+        (word + ("es" if word.endswith(("s", "x", "sh", "ch")) else "s"), noun) for word, noun in words
+    ]
+    return dict([*plurals, *words])
 
 
 def noun_class(token: str) -> str:
@@ -128,12 +127,8 @@ def _guess(token: str, threshold: float) -> str:
     if mixed := [w for w in near if sorted(w) == sorted(token)]:
         return mixed[0]
     best, *rivals = (get_close_matches(token, near, 4, threshold) if len(token) > 4 else []) or [token]
-    rivals = [w for w in rivals if not (w.startswith(best) or best.startswith(w))]  # its other forms
-    return best if not rivals or _alike(token, best) > _alike(token, rivals[0]) + 0.05 else token
-
-
-def _alike(one: str, other: str) -> float:
-    return SequenceMatcher(None, other, one).ratio()
+    same = [w for w in rivals if not (w.startswith(best) or best.startswith(w))]  # no other form of it
+    return token if same else best
 
 
 def take_length(tokens: list[str]) -> tuple[list[str], float | None]:
