@@ -31,7 +31,6 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
     """Clauses, parted at stops, at "and", "then", "by pushing" and "to press"; and apart from them the words that say
     what is not to be done, or not to what.
     """
-    tokens = _without_auxiliaries(tokens)
     found: list[Clause] = []
     words: list[str] = []
     joint: Joint = ""
@@ -86,23 +85,13 @@ def phrase_at(tokens: Sequence[str], i: int, phrases: Sequence[str]) -> str:
 
 def noun_use(tokens: Sequence[str], i: int) -> bool:
     """Whether a word that can be verb or noun is a noun here: after an article, a colour or an adjective."""
-    if i == 0:
-        return False
-    before = tokens[i - 1]
-    adjectives = {w for words in lexicon.SELECTORS.values() for w in words}
+    before = tokens[i - 1] if i else ""
     if before in ("this", "that", "another", "s", "single"):
         return bool(noun_class(tokens[i]))
-    return before in lexicon.DETERMINERS or before in FAMILIES or before in adjectives or before == "'s"
-
-
-def _without_auxiliaries(tokens: Sequence[str]) -> list[str]:
-    """Without "start", "begin", "keep" where the verb that counts follows: "start by lifting", "keep pushing"."""
-    kept = []
-    for i, token in enumerate(tokens):
-        after = [t for t in tokens[i + 1 : i + 3] if t not in ("by", "with", "on")][:1]
-        if not (token in lexicon.AUXILIARIES and after and is_gerund(after[0])):
-            kept.append(token)
-    return kept
+    adjective = any(before in words for words in lexicon.SELECTORS.values())
+    return bool(before) and (
+        adjective or before in lexicon.DETERMINERS or before in FAMILIES or before == "'s"
+    )
 
 
 def _leaves_alone(words: Sequence[str]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -36,6 +37,11 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
+    text = re.sub(
+        r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)", "the thing ", " ".join(tokens)
+    )
+    asked = lexicon.BACKGROUND.sub(" ", text)
+    tokens = (asked if any(verbs_of(t) for t in asked.split()) else text).split()
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
         return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
     parts, denied = clauses(tokens)

@@ -77,9 +77,9 @@ def combine(said: Sequence[Said]) -> Intent:
     if unsupported := [i for i in acting if i.skill == "unsupported"]:
         return replace(unsupported[0], trouble=f"'{unsupported[0].verb}' is no skill of this planner")
     if any(i.skill == "press" for i in acting):  # "press the button by pushing it"
-        acting = [i for i in acting if i.skill == "press" or not _means_of_pressing(i)]
+        acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
     skill = _one_skill([i.skill for i in acting])
-    named = [i.theme for i in acting if _names(i.theme)]
+    named = [i.theme for i in acting if i.theme is not None and _names(i.theme)]
     theme = (
         _one_theme(named, skill) if named else next((i.theme for i in acting if i.theme is not None), None)
     )
@@ -125,21 +125,11 @@ def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
     )
 
 
-def _means_of_pressing(intent: Intent) -> bool:
-    """Whether a clause beside a pressing one only says how: "... by pushing it", "bring the lamp ..." to light."""
-    if intent.skill == "push":
-        return not _names(intent.theme)
-    lamp = intent.theme is not None and intent.theme.noun == "lamp"
-    return lamp and intent.skill == "pick" and intent.verb in ("bring", "get") and intent.goal is None
-
-
 def _going_to(said: Said, everything: Sequence[Said]) -> Said:
     """In "move to the cube and lift it" the hand is to move, and where to is what the sentence is about."""
-    intent = said.intent
     others = any(s.intent.skill for s in everything if s is not said)
-    if others and intent.skill == "place" and intent.verb == "move" and intent.theme is None and intent.goal:
-        return replace(said, intent=Intent("", intent.verb, intent.goal))
-    return said
+    hand = said.intent.verb == "move" and said.intent.theme is None and said.intent.goal
+    return replace(said, intent=Intent("", "move", said.intent.goal)) if others and hand else said
 
 
 def _topics(said: Sequence[Said]) -> list[tuple[Said, bool]]:
@@ -219,23 +209,13 @@ def _one_skill(skills: Sequence[str]) -> str:
     return next((s for s in sorted(asked) if asked - {s} <= ABSORBS.get(s, frozenset())), "")
 
 
-def _one_theme(named: Sequence[Phrase | None], skill: str) -> Phrase | None:
-    """The theme that all phrases can mean, the most telling of them; None when they differ."""
-    phrases = [p for p in named if p is not None]
+def _one_theme(named: Sequence[Phrase], skill: str) -> Phrase | None:
+    """The theme that all phrases can mean together; None when they differ."""
     if skill == "press":
-        return max([p for p in phrases if p.noun == "button"] or phrases, key=_telling)
+        named = [p for p in named if p.noun == "button"] or named
     if skill in WORKED:  # "open the red jar by twisting its lid": the lid is the jar's
-        phrases = [p for p in phrases if p.noun not in PARTS] or phrases
-    best = max(phrases, key=_telling)
-    agree = all(
-        p.noun in ("", "object", best.noun)
-        and p.colour in ("", best.colour)
-        and p.unknown in ((), best.unknown)
-        for p in phrases
-    )
-    return best if agree else None
-
-
-def _telling(phrase: Phrase) -> int:
-    known = (phrase.colour, phrase.noun not in ("", "object"), phrase.selectors, phrase.landmark)
-    return sum(map(bool, known))
+        named = [p for p in named if p.noun not in PARTS] or named
+    theme: Phrase | None = named[0]
+    for other in named[1:]:
+        theme = theme and _refined(theme, other)
+    return theme or (named[0] if skill == "press" else None)

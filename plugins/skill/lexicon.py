@@ -30,7 +30,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
         ram|herd|coax|plough|plow|maneuver|manoeuvre|shuffle|jostle|shepherd|work|glide|skate,
         give|use * push|shove|nudge, press against""",
     press="""press|push * down, press|engage|operate|actuate|light|illuminate|activate|hit|tap|click|depress|toggle|
-        flip|enable|trigger|start|flick|brighten|touch, push|press down on, push in|on, give * press|tap, apply pressure,
+        flip|enable|trigger|flick|brighten|touch, push|press down on, push in|on, give * press|tap, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
         bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit""",
     open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
@@ -167,7 +167,7 @@ DETERMINERS = frozenset(
     "a an the this that these those my your its his her our their another single only".split()
 )
 FILLERS = frozenset(
-    """please kindly flat now just then robot gently carefully slowly quickly straight and you can could would will i me us
+    """please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would will i me us
     want like need must should to be is are was so which that colored coloured color colour shaped looking there here
     of for go ahead up down high higher lower along across vertically horizontally safely firmly simply also all way
     s it its way again little bit few lying standing located sitting placed side edge rim own has have some
@@ -177,9 +177,6 @@ FILLERS = frozenset(
     reach approach head come begin keep continue use using via want wants""".split()
 )
 """Words that carry nothing for us."""
-
-AUXILIARIES = frozenset("start begin keep continue try".split())
-"""Before another verb they say nothing of what to do."""
 
 LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())
 """What comes before every action: the clause then names what the next ones are about."""
@@ -221,6 +218,13 @@ MISHAPS = tuple(
     "toppl knock tip drop spill break damag touch hit bump disturb crush scratch collid upset fall".split()
 )
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
+
+BACKGROUND = re.compile(
+    r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
+    r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to (?!have\b|see\b))"
+    r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
+)
+"""What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
 
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"

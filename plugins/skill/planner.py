@@ -14,14 +14,17 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig, lexicon
-from gvla2_plugins.skill.exceptions import excepted
 from gvla2_plugins.skill.grammar import Intent, parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_button, ground_worked
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
+from gvla2_plugins.skill.intents import Denial
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
 
 SLACK = 0.002
 """By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
+
+MOVING = ("pick", "fetch", "place", "pull")
+"""Skills that take a thing from where it is."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     intent = parse(sentence, [o.label for o in scene.objects], spelling)
     if refusal := _not_understood(intent, sentence):
         return refusal
-    out = excepted(intent, scene)
+    out = _excepted(intent, scene)
     if isinstance(out, Abstention):
         return out
     theme = _theme(intent, scene, out)
@@ -123,3 +126,37 @@ def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
     if intent.skill not in STANDARD:
         return Abstention("unknown_skill", f"'{asked}': {trouble}; it can {', '.join(STANDARD)}.")
     return Abstention("other", f"'{asked}': {trouble}.") if trouble else None
+
+
+def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
+    """The ids that a sentence rules out; a refusal where what it rules out cannot be told or leaves nothing to do."""
+    out: set[str] = set()
+    for denial in intent.denials:
+        words = denial.text.split()
+        mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
+        if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
+            continue  # planning avoids it anyway; "not the others"
+        phrase = denial.phrase
+        if phrase is None or phrase.pronoun or phrase.everywhere:
+            if not _apart(denial, intent):
+                return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")
+            continue
+        found = ground_all(phrase, scene)
+        if not denial.verbs and (not found or all(strange(phrase, o) for o in found)):
+            return Abstention("nothing_matches", f"What is meant by not '{denial.text}' cannot be told.")
+        if phrase.unknown and not found and not _apart(denial, intent):
+            return Abstention("other", f"What is not to be done, '{denial.text}', is not understood.")
+        out |= {o.id for o in found}
+    return frozenset(out)
+
+
+def _apart(denial: Denial, intent: Intent) -> bool:
+    """Whether a denial that names nothing leaves what is asked as it is: it is of another skill, and says no more."""
+    words = set(denial.text.split())
+    if not denial.verbs:
+        return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
+    skills = [s for s, phrases in lexicon.VERBS.items() if {p.split()[0] for p in phrases} & denial.verbs]
+    asked = MOVING if intent.skill in MOVING else (intent.skill,)
+    return (
+        bool(skills) and not set(skills) & set(asked) and (denial.phrase is None or not denial.phrase.unknown)
+    )
