@@ -8,7 +8,7 @@ from typing import Literal
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
-from gvla2_plugins.skill.words import is_gerund, noun_class, verbs_of
+from gvla2_plugins.skill.words import noun_class, verbs_of
 
 STOPS = frozenset(",.;:!?")
 
@@ -58,9 +58,9 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
             done = i + len(said.split())
         elif token in ("and", "then", "but", "while"):
             cut("and")
-        elif (not skipping and (token in ("by", "through") and is_gerund(following))) or (
-            not skipping
-            and (token in ("to", "so") and verbs_of(following) and not noun_use(tokens, i + 1) and words)
+        elif not skipping and (
+            (token in ("by", "through") and following.endswith("ing") and verbs_of(following))
+            or (token in ("to", "so") and words and verbs_of(following) and not noun_use(tokens, i + 1))
         ):
             cut("verb")
         else:
@@ -73,7 +73,7 @@ def _negation(tokens: Sequence[str], i: int) -> str:
     """The wording at ``i`` from which on it is said what is not meant: "without", "do not", "any cube but"."""
     if said := phrase_at(tokens, i, lexicon.NEGATIONS):
         return said
-    among = lexicon.AMONG & set(tokens[:i])
+    among = lexicon.EACH & set(tokens[:i])
     return "but" if tokens[i] == "but" and among and tokens[i + 1 : i + 2] != ["then"] else ""
 
 
@@ -88,10 +88,8 @@ def noun_use(tokens: Sequence[str], i: int) -> bool:
     before = tokens[i - 1] if i else ""
     if before in ("this", "that", "another", "s", "single"):
         return bool(noun_class(tokens[i]))
-    adjective = any(before in words for words in lexicon.SELECTORS.values())
-    return bool(before) and (
-        adjective or before in lexicon.DETERMINERS or before in FAMILIES or before == "'s"
-    )
+    selects = any(before in words for words in lexicon.SELECTORS.values())
+    return selects or before in lexicon.DETERMINERS or before in FAMILIES or before == "'s"
 
 
 def _leaves_alone(words: Sequence[str]) -> bool:
@@ -100,13 +98,7 @@ def _leaves_alone(words: Sequence[str]) -> bool:
     A verb before such a word makes it an action all the same: "lift it so that it stays in the air".
     """
     said = set(words)
-    letting = (
-        said & lexicon.LETTING
-        if said & (lexicon.UNTOUCHED | lexicon.REMAINDER) or words[-1] == "be"
-        else set()
-    )
-    marks = said & (lexicon.STAYING | lexicon.IGNORING) | letting
-    if not marks:
-        return False
-    first = min(words.index(word) for word in marks)
-    return not any(verbs_of(words[i]) and not noun_use(words, i) for i in range(first))
+    letting = said & (lexicon.UNTOUCHED | lexicon.REMAINDER) or words[-1] == "be"
+    marks = said & lexicon.STAYING | (said & lexicon.LETTING if letting else set())
+    first = min((words.index(word) for word in marks), default=0)
+    return bool(marks) and not any(verbs_of(words[i]) and not noun_use(words, i) for i in range(first))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,10 +14,8 @@ from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, 
 
 __all__ = ["Intent", "parse"]
 
-DYNAMIC = ("onto", "on to", "into", "in to", "to", "over to", "across to", "up to", "all the way to", "toward",
-           "towards", "against")  # fmt: skip
+DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
-
 
 MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
@@ -37,9 +34,7 @@ def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> 
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
-    text = re.sub(
-        r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)", "the thing ", " ".join(tokens)
-    )
+    text = lexicon.WHATEVER.sub("the thing ", " ".join(tokens))
     asked = lexicon.BACKGROUND.sub(" ", text)
     tokens = (asked if any(verbs_of(t) for t in asked.split()) else text).split()
     if unread := lexicon.UNREAD.search(" ".join(tokens)):
@@ -150,6 +145,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     if theme is not None and theme.noun == "lamp" and (last == "on" or last in lexicon.SHINING):
         return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
+        if goal.landmark is not None:  # "the thing left of the square belongs on it"
+            return Intent(trouble="what lies where, and what goes where, is not told apart")
         return Intent("place", "want", theme, goal, relation, amount, direction)
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
@@ -177,7 +174,7 @@ def _chunks(tokens: list[str], skill: str) -> tuple[list[_Chunk], tuple[float, f
         if filler and len(filler) >= len(wording):
             wording = filler
         elif kind == "relation":
-            parts.append((value, wording in DYNAMIC or wording.startswith(("until", "so", "till")), [], []))
+            parts.append((value, wording in DYNAMIC, [], []))
         elif kind == "selector":
             parts[-1][3].append(value)
         elif kind == "direction":

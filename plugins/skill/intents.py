@@ -69,7 +69,6 @@ def combine(said: Sequence[Said]) -> Intent:
     Clauses without a verb may name what the others are about ("the olive cube: lift it", "find the cube and lift
     it") or say more of it afterwards ("lift the cube, the blue one"); otherwise they name a second thing.
     """
-    said = [_going_to(s, said) for s in said]
     intents = [s.intent for s in said]
     acting = [i for i in intents if i.skill]
     if not acting:
@@ -123,13 +122,6 @@ def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
         i.skill in ("pick", "place") and i.theme is not None and _names(i.theme) and i.theme.noun not in PARTS
         for i in later
     )
-
-
-def _going_to(said: Said, everything: Sequence[Said]) -> Said:
-    """In "move to the cube and lift it" the hand is to move, and where to is what the sentence is about."""
-    others = any(s.intent.skill for s in everything if s is not said)
-    hand = said.intent.verb == "move" and said.intent.theme is None and said.intent.goal
-    return replace(said, intent=Intent("", "move", said.intent.goal)) if others and hand else said
 
 
 def _topics(said: Sequence[Said]) -> list[tuple[Said, bool]]:

@@ -69,16 +69,11 @@ NOUNS: dict[str, tuple[str, ...]] = _table(
 """Noun class to words that mean the same; plurals are understood. What only looks alike is another class."""
 
 SHAPES: dict[str, dict[str, float]] = {
-    "block": {"box": 0.85, "other": 0.5, "plate": 0.5},
-    "cylinder": {"cylinder": 0.85, "disc": 0.6},
-    "can": {"cylinder": 0.6},
-    "ball": {"sphere": 0.85},
-    "disc": {"disc": 0.85},
-    "plate": {"plate": 0.85},
-    "target": {"region": 0.85},
-    "ring": {"ring": 0.85},
+    "block": {"box": 0.85, "other": 0.5, "plate": 0.5}, "cylinder": {"cylinder": 0.85, "disc": 0.6},
+    "can": {"cylinder": 0.6}, "ball": {"sphere": 0.85}, "disc": {"disc": 0.85}, "plate": {"plate": 0.85},
+    "target": {"region": 0.85}, "ring": {"ring": 0.85},
     "object": dict.fromkeys(("box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "other"), 0.8),
-}
+}  # fmt: skip
 """Nouns that name a shape, and how well a perceived shape is what they say, where a label says no more than a shape."""
 
 PARTS = frozenset(("lid", "handle", "button"))
@@ -89,9 +84,6 @@ SHAPE_NOUNS = frozenset(("block", "cylinder", "ball", "disc", "plate", "object")
 
 WORKED: tuple[str, ...] = ("open", "close", "pull", "twist")
 """Skills done to a lid, a drawer or something stuck: places that are said then tell what it is a part of."""
-
-OWNERS: dict[str, str] = {"lamp": "button"}
-"""Things that are worked by a part: to press a lamp is to press its button."""
 
 SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".split())
 """Words of the table that something may be lifted off."""
@@ -109,12 +101,10 @@ SELECTORS: dict[str, tuple[str, ...]] = _table(
         frontmost, nearest, closest, front, nearer, closer""",
     far="""farthest|furthest from you, farthest|furthest away, in|at the back|rear, farthest, furthest, rearmost, back,
         rear""",
-    big="biggest, largest, bigger, larger, big, large, huge, widest",
+    big="biggest, largest, bigger, larger, big, large, huge, widest", tall="tallest, highest, taller, tall",
     small="smallest, littlest, tiniest, smaller, small, little, tiny, narrowest",
-    tall="tallest, highest, taller, tall",
-    short="shortest, lowest, shorter, short, flattest",
-    any="any|one|either of the, any one of the, any, either, some",
-)
+    short="shortest, lowest, shorter, short, flattest", any="any|one|either of the, any one of the, any, either, some",
+)  # fmt: skip
 """Words that single one out of several."""
 
 RELATIONS: dict[str, tuple[str, ...]] = _table(
@@ -122,16 +112,13 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
         over, around, round""",
     to="""all the way to, over|across|up to, so that it covers|reaches, so it covers, till|until it covers|touches|reaches,
         until it hits, until it gets to, until it is at|over, towards, toward, to, at, against""",
-    beside="next|close|near|adjacent to, beside, near, alongside, by",
-    left_of="to the left side of, on|to the left of, left of",
-    right_of="to the right side of, on|to the right of, right of",
-    behind="behind, in back of, beyond",
-    front_of="in front of, before",
-    with_="with, using",
+    left_of="to the left side of, on|to the left of, left of", beside="next|close|near|adjacent to, beside, near, alongside, by",
+    right_of="to the right side of, on|to the right of, right of", front_of="in front of, before",
+    behind="behind, in back of, beyond", with_="with, using",
     in_="into, inside of, inside, in to, in, within",
     from_="""away from, off of, off, from, out of, that stick|sticks|pokes|stands out of, that is stuck in, stuck in,
         that protrudes from, sticking|poking|jutting out of, protruding from""",
-)
+)  # fmt: skip
 RELATIONS = {key.rstrip("_"): wordings for key, wordings in RELATIONS.items()}
 """Relation to its wordings."""
 
@@ -196,8 +183,9 @@ TAKING = frozenset("lift pick grasp grab raise grip hold hoist".split())
 HAND = frozenset("hand gripper fingers finger jaws".split())
 """Words of the robot's own hand."""
 
-STAYING = frozenset("stay stays staying remain remains".split())
-IGNORING = frozenset("ignore ignores disregard skip spare exclude neglect bypass".split())
+STAYING = frozenset(
+    "stay stays staying remain remains ignore ignores disregard skip spare exclude neglect".split()
+)
 LETTING = frozenset("leave leaves keep keeps let".split())
 UNTOUCHED = frozenset("alone untouched undisturbed unmoved where".split())
 REMAINDER = frozenset("others other rest everything else".split())
@@ -208,11 +196,9 @@ NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather
     nor, no""")
 """From one of these to the end of its clause, what is said is what not to do."""
 
+EACH = frozenset("all any every each everything anything both".split())
 SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
 """Words of sentences about several things."""
-
-AMONG = frozenset("all any every each everything anything everyone whichever".split())
-"""Before "but" they make it an exception: "any cube but the red one"."""
 
 MISHAPS = tuple(
     "toppl knock tip drop spill break damag touch hit bump disturb crush scratch collid upset fall".split()
@@ -226,6 +212,7 @@ BACKGROUND = re.compile(
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
 
+WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|swap|exchange|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gvla2.planning.colours import COLOURS, FAMILIES
 from gvla2_plugins.skill import lexicon
@@ -38,8 +38,7 @@ class Phrase:
     @property
     def everywhere(self) -> bool:
         """It names the table, the air or the robot's own hand."""
-        words = self.text.split()
-        return not self.noun and not self.colour and any(w in lexicon.TABLE_WORDS for w in words)
+        return not self.noun and not self.colour and bool(lexicon.TABLE_WORDS & set(self.text.split()))
 
 
 def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
@@ -48,13 +47,13 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
         cut = tokens.index("'s")
         after = read_phrase(tokens[cut + 1 :], selectors)
         if after.noun or after.unknown:
-            return _with_owner(after, read_phrase(tokens[:cut]), tokens)
+            return replace(after, text=" ".join(tokens), owner=read_phrase(tokens[:cut]))
         tokens = [*tokens[:cut], *tokens[cut + 1 :]]
     if "of" in tokens:  # the button of the lamp, the centre of the square
         cut = tokens.index("of")
         before, after = read_phrase(tokens[:cut], selectors), read_phrase(tokens[cut + 1 :], selectors)
         if before.noun and after.noun:
-            return _with_owner(before, after, tokens)
+            return replace(before, text=" ".join(tokens), owner=after)
         return after if after.noun or not before.noun else before
     colour, rest = _colour(tokens)
     nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i, bool(colour))]
@@ -64,10 +63,9 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     after = [t for t in rest[specific[-1][0] + 1 :] if _is_content(t) and t not in said] if specific else []
     if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
         nouns, specific, noun = [], [], ""
-    owner = None
-    before = specific[:-1]
-    if before and (noun in lexicon.PARTS or lexicon.OWNERS.get(before[0][1]) == noun):  # the lamp button
-        owner = Phrase(rest[before[0][0]], before[0][1]) if before[0][1] != noun else None
+    owner, before = None, specific[:-1]
+    if before and noun in lexicon.PARTS and before[0][1] != noun:  # the lamp button
+        owner = Phrase(rest[before[0][0]], before[0][1])
     taken = {i for i, _ in nouns}
     unknown = tuple(t for i, t in enumerate(rest) if i not in taken and _is_content(t))
     bare = not (noun or unknown or colour)
@@ -83,19 +81,12 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     )
 
 
-def _with_owner(part: Phrase, owner: Phrase, tokens: Sequence[str]) -> Phrase:
-    return Phrase(
-        " ".join(tokens), part.noun, part.colour, part.unknown, part.selectors, part.landmark, owner, False
-    )
-
-
 def _is_noun(tokens: Sequence[str], i: int, coloured: bool) -> bool:
     """Whether the word is used as a noun here; "can" is one only after an article or an adjective."""
-    if not noun_class(tokens[i]):
-        return False
-    if tokens[i] != "can":
-        return True
-    return coloured or (i > 0 and tokens[i - 1] in lexicon.DETERMINERS)
+    modal = (
+        tokens[i] == "can" and not coloured and "".join(tokens[max(i - 1, 0) : i]) not in lexicon.DETERMINERS
+    )
+    return bool(noun_class(tokens[i])) and not modal
 
 
 def _is_content(token: str) -> bool:

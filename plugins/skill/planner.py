@@ -89,13 +89,12 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
 
 def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:
     """What it is done to, none of ``out``. Without a name, the one thing that can be moved, if there is only one."""
-    phrase = intent.theme or Phrase("it", pronoun=True)
     seen = replace(scene, objects=tuple(o for o in scene.objects if o.id not in out))
     if intent.skill == "press":
         return ground_button(intent.theme, seen)
-    return (
-        ground_worked(phrase, seen) if intent.skill in lexicon.WORKED else ground(phrase, seen, movable=True)
-    )
+    phrase = intent.theme or Phrase("it", pronoun=True)
+    worked = intent.skill in lexicon.WORKED
+    return ground_worked(phrase, seen) if worked else ground(phrase, seen, movable=True)
 
 
 def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
@@ -156,7 +155,6 @@ def _apart(denial: Denial, intent: Intent) -> bool:
     if not denial.verbs:
         return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
     skills = [s for s, phrases in lexicon.VERBS.items() if {p.split()[0] for p in phrases} & denial.verbs]
-    asked = MOVING if intent.skill in MOVING else (intent.skill,)
-    return (
-        bool(skills) and not set(skills) & set(asked) and (denial.phrase is None or not denial.phrase.unknown)
-    )
+    asked = {*MOVING} if intent.skill in MOVING else {intent.skill}
+    plain = denial.phrase is None or not denial.phrase.unknown
+    return plain and bool(skills) and not asked & set(skills)

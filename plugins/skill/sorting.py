@@ -16,11 +16,9 @@ from gvla2_plugins.skill.grounding import ground
 from gvla2_plugins.skill.phrases import read_phrase
 from gvla2_plugins.skill.words import noun_class, spell, tokenise, verbs_of
 
-EACH = frozenset(["all", "every", "each", "everything", "both"])
+EACH = lexicon.EACH - {"any", "anything"}
 INTO = (*lexicon.RELATIONS["in"], "onto", "on to", "on", "to", "by")
-GOING = (
-    frozenset(lexicon.VERBS["place"]) | frozenset(lexicon.SORTING) | {"take", "get", "goes", "go", "belongs"}
-)
+GOING = frozenset((*lexicon.VERBS["place"], *lexicon.SORTING, "take", "get", "goes", "go", "belongs"))
 ALIKE = re.compile(
     r"\b(same|own|match\w*|correspond\w*|respective|its|their|with the|according to(?: the)?) (?:own )?colou?rs?\b"
     r"|\bcolou?rs? (?:match\w*|agrees?)\b|\bsort\w*\b.*\bby colou?r\b"
@@ -69,9 +67,8 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] |
 
 def _holds_things(thing: SceneObject) -> bool:
     """Whether other things are put into it, by its shape or by what it is called."""
-    names = {noun_class(word) for word in tokenise(thing.label)}
-    named = thing.shape != "region" and not thing.parent and bool(names & {"container", "tray"})
-    return named or is_container(thing)
+    named = {"container", "tray"} & {noun_class(word) for word in tokenise(thing.label)}
+    return is_container(thing) or bool(named and thing.shape != "region" and not thing.parent)
 
 
 def _into(tokens: Sequence[str]) -> int:
@@ -107,15 +104,10 @@ def _chosen(tokens: Sequence[str], things: Sequence[SceneObject]) -> list[SceneO
     if not what.unknown and not what.kinds:
         colours = {meant_by(t, (o.colour for o in things)) for t in said}
         looks = lexicon.SHAPES.get(what.noun, {})
-        chosen = [
-            o
-            for o in things
-            if (not said or o.colour in colours)
-            and (
-                what.noun in ("", "object", *map(noun_class, tokenise(o.label)))
-                or looks.get(o.shape, 0.0) > 0.7
-            )
-        ]
+        chosen = [o for o in things if not said or o.colour in colours]
+        if what.noun not in ("", "object"):
+            named = [what.noun in map(noun_class, tokenise(o.label)) for o in chosen]
+            chosen = [o for o, n in zip(chosen, named, strict=True) if n or looks.get(o.shape, 0.0) > 0.7]
         if chosen:
             return chosen
     return Abstention("nothing_matches", f"Nothing here is surely one of '{what.text}'.")

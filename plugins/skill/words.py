@@ -35,9 +35,8 @@ def tokenise(sentence: str) -> list[str]:
 @cache
 def _verb_forms() -> dict[str, frozenset[str]]:
     """Inflected form to the verbs it can be a form of."""
-    bases = {
-        phrase.split()[0] for phrases in lexicon.VERBS.values() for phrase in phrases
-    } | lexicon.UNSUPPORTED
+    bases = {phrase.split()[0] for listed in lexicon.VERBS.values() for phrase in listed}
+    bases |= lexicon.UNSUPPORTED
     forms: dict[str, set[str]] = {}
     for base in bases:
         stem = base[:-1] if base.endswith("e") else base
@@ -62,17 +61,11 @@ def verbs_of(token: str) -> frozenset[str]:
     return _verb_forms().get(token, frozenset())
 
 
-def is_gerund(token: str) -> bool:
-    """Whether it is the -ing form of a known verb."""
-    return token.endswith("ing") and bool(verbs_of(token))
-
-
 @cache
 def _noun_classes() -> dict[str, str]:
     words = [(word, noun) for noun, listed in lexicon.NOUNS.items() for word in listed]
-    plurals = [
-        (word + ("es" if word.endswith(("s", "x", "sh", "ch")) else "s"), noun) for word, noun in words
-    ]
+    es = ("s", "x", "sh", "ch")
+    plurals = [(word + ("es" if word.endswith(es) else "s"), noun) for word, noun in words]
     return dict([*plurals, *words])
 
 
@@ -87,7 +80,7 @@ def vocabulary() -> frozenset[str]:
     words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.UNITS) | {u + "s" for u in lexicon.UNITS}
     for listed in (
         lexicon.FILLERS, lexicon.DETERMINERS, lexicon.PRONOUNS, lexicon.TABLE_WORDS, lexicon.NUMBERS, lexicon.WISHING,
-        lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.IGNORING, lexicon.LETTING, lexicon.UNTOUCHED,
+        lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.LETTING, lexicon.UNTOUCHED,
         lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, FAMILIES, {"grey"},
         *lexicon.SELECTORS.values(), *lexicon.RELATIONS.values(), *lexicon.VERBS.values(),
     ):  # fmt: skip
@@ -116,14 +109,9 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    small = (
-        lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | set(" ".join(lexicon.NEGATIONS).split())
-    )
-    near = [
-        w
-        for w in sorted(vocabulary() - small)
-        if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")
-    ]
+    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | {"without", "never"}
+    alike = [w for w in sorted(vocabulary() - small) if w[0] == token[0]]
+    near = [w for w in alike if w.endswith("ed") <= token.endswith("d")]
     if mixed := [w for w in near if sorted(w) == sorted(token)]:
         return mixed[0]
     best, *rivals = (get_close_matches(token, near, 4, threshold) if len(token) > 4 else []) or [token]

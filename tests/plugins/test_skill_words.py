@@ -58,7 +58,6 @@ find the red cube and pick it up
 locate the red cube, then lift it
 reach for the red cube and raise it
 go to the red cube, grab it and lift it
-move to the red cube and pick it up
 look for the red block and lift it
 of all the cubes, lift the red one
 among the cubes, pick the red one up
