@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
@@ -12,19 +10,11 @@ from gvla2_plugins.skill.words import noun_class, verbs_of
 
 STOPS = frozenset(",.;:!?")
 
-Joint = Literal["", "and", "stop", "verb"]
-
-
-@dataclass(frozen=True)
-class Clause:
-    """Words between two cuts. ``joint`` is the cut before it: "" for the first, "and" for a conjunction, "stop" for a
-    punctuation mark, "verb" where another verb begins. ``denied``: a negation follows, so that what it only names
-    ("the blue one must not be lifted") is nothing to act on.
-    """
-
-    tokens: tuple[str, ...]
-    joint: Joint = ""
-    denied: bool = False
+Clause = tuple[list[str], str, bool]
+"""Words between two cuts; the cut before them ("" for the first, "and" for a conjunction, "stop" for a punctuation mark,
+"verb" where another verb begins); and whether a negation follows, so that what they only name ("the blue one must not
+be lifted") is nothing to act on.
+"""
 
 
 def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]:
@@ -33,17 +23,17 @@ def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]
     """
     found: list[Clause] = []
     words: list[str] = []
-    joint: Joint = ""
+    joint = ""
     denials: list[tuple[str, ...]] = []
     skipping = False
     done = 0
 
-    def cut(next_joint: Joint, *, denied: bool = False) -> None:
+    def cut(next_joint: str, *, denied: bool = False) -> None:
         nonlocal words, joint, skipping
         if skipping:
             denials.append(tuple(words))
         elif words and not _leaves_alone(words):
-            found.append(Clause(tuple(words), joint if found else "", denied))
+            found.append((words, joint if found else "", denied))
         words, joint, skipping = [], next_joint, denied
 
     for i, token in enumerate(tokens):

@@ -12,8 +12,6 @@ from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
 from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
 
-__all__ = ["Intent", "parse"]
-
 DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
 
@@ -56,9 +54,9 @@ def _denial(words: Sequence[str]) -> Denial:
 
 def _read(clause: Clause) -> Said | None:
     """What a clause says, None when that is nothing."""
-    intent = _clause(list(clause.tokens))
-    means = clause.tokens[0] in ("use", "using")
-    return None if intent is None else Said(intent, clause.joint, means, clause.denied)
+    tokens, joint, denied = clause
+    intent = _clause(tokens)
+    return None if intent is None else Said(intent, joint, tokens[0] in ("use", "using"), denied)
 
 
 def _clause(tokens: list[str]) -> Intent | None:
@@ -83,8 +81,6 @@ def _clause(tokens: list[str]) -> Intent | None:
     if skill == "place" and nowhere:
         if words[0] in lexicon.CARRYING and _aloft(chunks):
             skill = "pick"
-        elif words[0] == "leave" and theme is not None and anything:
-            return Intent("pick", "leave")  # "I'd like the cube to leave the table"
         elif theme is not None and theme.noun == "lamp" and "off" in tokens:
             return Intent("unsupported", "put off", theme)
     return settle(Intent(skill, " ".join(words), theme, goal, relation, amount, direction))
@@ -145,7 +141,12 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     if theme is not None and theme.noun == "lamp" and (last == "on" or last in lexicon.SHINING):
         return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
-        if goal.landmark is not None:  # "the thing left of the square belongs on it"
+        if (
+            goal.landmark is not None and goal.landmark[1].pronoun
+        ):  # "what is left of the square belongs on it"
+            at = replace(goal, landmark=None)
+            return Intent("place", "want", replace(theme, landmark=(relation, at)), at, goal.landmark[0])
+        if goal.landmark is not None:
             return Intent(trouble="what lies where, and what goes where, is not told apart")
         return Intent("place", "want", theme, goal, relation, amount, direction)
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gvla2_plugins.skill.clauses import Joint
 from gvla2_plugins.skill.lexicon import PARTS, WORKED
 from gvla2_plugins.skill.phrases import Phrase
 
@@ -47,7 +46,7 @@ class Said:
     """
 
     intent: Intent
-    joint: Joint = ""
+    joint: str = ""
     means: bool = False
     denied: bool = False
 

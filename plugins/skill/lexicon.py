@@ -78,19 +78,14 @@ SHAPES: dict[str, dict[str, float]] = {
 
 PARTS = frozenset(("lid", "handle", "button"))
 """Classes of what things have: "the jar lid" is a lid, and the jar's."""
-
 SHAPE_NOUNS = frozenset(("block", "cylinder", "ball", "disc", "plate", "object"))
 """Classes that name a shape only: a label of such a class says nothing about what the thing is for."""
-
 WORKED: tuple[str, ...] = ("open", "close", "pull", "twist")
 """Skills done to a lid, a drawer or something stuck: places that are said then tell what it is a part of."""
-
 SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".split())
 """Words of the table that something may be lifted off."""
-
 TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
-
 SELECTORS: dict[str, tuple[str, ...]] = _table(
     left="""on the left hand side, on the left side, on|at the left, on your|my left, furthest|farthest left, leftmost,
         left most, left hand, left""",
@@ -106,7 +101,6 @@ SELECTORS: dict[str, tuple[str, ...]] = _table(
     short="shortest, lowest, shorter, short, flattest", any="any|one|either of the, any one of the, any, either, some",
 )  # fmt: skip
 """Words that single one out of several."""
-
 RELATIONS: dict[str, tuple[str, ...]] = _table(
     on="""down onto|over|around|on|the, on top of, onto the top of, onto, on to, on, upon, over the top of, atop, above,
         over, around, round""",
@@ -121,11 +115,9 @@ RELATIONS: dict[str, tuple[str, ...]] = _table(
 )  # fmt: skip
 RELATIONS = {key.rstrip("_"): wordings for key, wordings in RELATIONS.items()}
 """Relation to its wordings."""
-
 UNTIL = _phrases("""until|till it is|sits|rests|lies|lands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
-
 _AIMS = _table(
     left="to the|your left, leftward|leftwards|left",
     right="to the|your right, rightward|rightwards|right",
@@ -135,20 +127,17 @@ _AIMS = _table(
 _TOWARDS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "away": (1.0, 0.0), "back": (-1.0, 0.0)}
 DIRECTIONS = {wording: _TOWARDS[key] for key, wordings in _AIMS.items() for wording in wordings}
 """Directions in the robot's frame: x forward, y left."""
-
 UNITS: dict[str, float] = {
     "mm": 0.001, "millimetre": 0.001, "millimeter": 0.001, "cm": 0.01, "centimetre": 0.01, "centimeter": 0.01,
     "dm": 0.1, "m": 1.0, "metre": 1.0, "meter": 1.0, "inch": 0.0254, "inche": 0.0254, "in": 0.0254,
 }  # fmt: skip
 """Length units in metres; a plural s is taken off."""
-
 NUMBERS: dict[str, float] = {
     "half": 0.5, "a": 1, "an": 1, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7,
     "eight": 8, "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "fifteen": 15, "twenty": 20, "thirty": 30,
     "forty": 40, "fifty": 50,
 }  # fmt: skip
 """Number words."""
-
 PRONOUNS = frozenset(("it", "them", "this", "that"))
 DETERMINERS = frozenset(
     "a an the this that these those my your its his her our their another single only".split()
@@ -164,25 +153,18 @@ FILLERS = frozenset(
     reach approach head come begin keep continue use using via want wants""".split()
 )
 """Words that carry nothing for us."""
-
 LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())
 """What comes before every action: the clause then names what the next ones are about."""
-
 WISHING = frozenset("want like need needs should must belongs goes shall let have has wish".split())
 """A clause with one of them asks for a state of things."""
-
 SHINING = frozenset("shine shines shining glow glows glowing lit bright burning alight".split())
 """States of a lamp that is on."""
-
 CARRYING = frozenset("move carry put transport relocate position transfer".split())
 """Verbs of placing that mean lifting where the only place said is the air."""
-
 TAKING = frozenset("lift pick grasp grab raise grip hold hoist".split())
 """What a push does without."""
-
 HAND = frozenset("hand gripper fingers finger jaws".split())
 """Words of the robot's own hand."""
-
 STAYING = frozenset(
     "stay stays staying remain remains ignore ignores disregard skip spare exclude neglect".split()
 )
@@ -190,28 +172,23 @@ LETTING = frozenset("leave leaves keep keeps let".split())
 UNTOUCHED = frozenset("alone untouched undisturbed unmoved where".split())
 REMAINDER = frozenset("others other rest everything else".split())
 """Words of a clause that says what is to be left as it is."""
-
 NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather not, rather than, instead of, avoid, leaving,
     ignoring, keeping, except, except for, excepting, excluding, other than, apart|aside from, besides, but|save for, neither,
     nor, no""")
 """From one of these to the end of its clause, what is said is what not to do."""
-
 EACH = frozenset("all any every each everything anything both".split())
 SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
 """Words of sentences about several things."""
-
 MISHAPS = tuple(
     "toppl knock tip drop spill break damag touch hit bump disturb crush scratch collid upset fall".split()
 )
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
-
 BACKGROUND = re.compile(
     r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
     r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to (?!have\b|see\b))"
     r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
-
 WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
@@ -219,7 +196,6 @@ UNREAD = re.compile(
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
-
 IRREGULAR: dict[str, str] = {
     "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",
     "gave": "give", "given": "give", "laid": "lay", "slid": "slide", "swept": "sweep", "caught": "catch",

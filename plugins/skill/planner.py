@@ -14,9 +14,9 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig, lexicon
-from gvla2_plugins.skill.grammar import Intent, parse
+from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
-from gvla2_plugins.skill.intents import Denial
+from gvla2_plugins.skill.intents import Denial, Intent
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
 

@@ -10,9 +10,7 @@ from functools import cache
 from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 
-_TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
-_DASH = re.compile(r"\s-+\s|[–—]")
-"""A dash between words is a stop; a hyphen inside a word is a space."""
+_TOKEN = re.compile(r"\d+(?:\.\d+)?|'s\b|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
 VOWELS = "aeiou"
 
@@ -22,14 +20,11 @@ def tokenise(sentence: str) -> list[str]:
     text = sentence.lower().replace("’", "'").replace("_", " ")
     text = re.sub(r"\bcan't\b|\bcannot\b", "can not", text)
     text = re.sub(r"n't\b", " not", text)
-    text = _DASH.sub(" , ", text).replace("-", " ")
-    tokens: list[str] = []
-    for token in _TOKEN.findall(text):
-        if token.endswith("'s") and token not in ("let's", "it's"):
-            tokens += [token[:-2], "'s"]
-        else:
-            tokens.append(token)
-    return tokens
+    text = re.sub(r"(?<!\blet)(?<!\bit)'s\b", " 's", text)
+    text = re.sub(
+        r"\s-+\s|[–—]", " , ", text
+    )  # a dash between words is a stop, a hyphen inside a word a space
+    return _TOKEN.findall(text.replace("-", " "))
 
 
 @cache
@@ -109,7 +104,7 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | {"without", "never"}
+    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | {"without", "never", "dont"}
     alike = [w for w in sorted(vocabulary() - small) if w[0] == token[0]]
     near = [w for w in alike if w.endswith("ed") <= token.endswith("d")]
     if mixed := [w for w in near if sorted(w) == sorted(token)]:

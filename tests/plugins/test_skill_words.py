@@ -82,7 +82,6 @@ as for the red cube, lift it
 only the red cube is to be lifted, nothing else
 start by lifting the red cube
 I want the red cube to be off the table
-I'd like the red cube to leave the table
 the red cube must not stay on the table, lift it
 keep hold of the red cube and raise it
 you should grip the red cube and then hoist it""".splitlines()
