@@ -11,8 +11,8 @@ from gvla2_plugins.skill.words import noun_class, verbs_of
 STOPS = frozenset(",.;:!?")
 
 Clause = tuple[list[str], str, bool]
-"""Words between two cuts; the cut before them ("" for the first, "and" for a conjunction, "stop" for a punctuation mark,
-"verb" where another verb begins); and whether a negation follows, so that what they only name ("the blue one must not
+"""Words between two cuts; the cut before them ("" for the first, "and" for a conjunction, "stop" for a stop, "verb"
+where another verb begins); and whether a negation follows, so that what they only name ("the blue one must not
 be lifted") is nothing to act on.
 """
 

@@ -63,10 +63,9 @@ def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
     """The button that a phrase means, also where the phrase names the lamp that the button works."""
     phrase = phrase or Phrase("a button")
     buttons = [(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
-    named = [o for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))]
-    if (named and not any(_button_score(o, scene) for o in named)) or (
-        phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun)
-    ):
+    named = {o.id for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))}
+    other = phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun)
+    if other or (named and not named & {o.id for o, _ in buttons}):
         found = ground(phrase, scene, movable=True)
         if isinstance(found, Grounded) and not any(o is found.object for o, _ in buttons):
             return Abstention("nothing_matches", f"'{found.object.label}' is nothing to press.")
@@ -113,7 +112,7 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     """How well the phrase's noun fits an object, in [0, 1]: by its label first, then by its shape."""
     sure = 0.9 + 0.1 * thing.confidence
     if not noun:
-        if phrase.unknown and phrase.unknown[-1] in tokenise(thing.label):
+        if phrase.unknown[-1:] and phrase.unknown[-1] in tokenise(thing.label):
             return sure
         anything = not phrase.unknown and not phrase.everywhere
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
@@ -211,8 +210,7 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
     if len(tied) > 1:
         names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in tied)
         return Abstention(
-            "ambiguous",
-            f"'{phrase.text}' fits {len(tied)} things equally ({names}); say which, for example by side.",
+            "ambiguous", f"'{phrase.text}' fits {names} equally; say which, for example by side."
         )
     plain = not phrase.colour or not tied[0].colour or meant_by(phrase.colour, [tied[0].colour])
     notes = () if plain else (f"Nothing is plainly {phrase.colour}; the {tied[0].label} was taken for it.",)

@@ -96,8 +96,12 @@ def combine(said: Sequence[Said]) -> Intent:
     if not skill:
         return replace(whole, trouble="it asks for several different actions; ask for one at a time")
     known, several = bool(named), (bool(named) and theme is None) or _goes_on(acting, skill)
-    for extra, ahead in _topics(said):
-        told = None if several else _with_topic(whole, known, extra, ahead)
+    first = next(k for k, s in enumerate(said) if s.intent.skill)
+    for k, extra in enumerate(said):
+        topic = None if extra.intent.skill else extra.intent.theme
+        if topic is None or not (topic.noun or topic.colour):
+            continue
+        told = None if several else _with_topic(whole, known, extra, topic, ahead=k < first)
         if told is not None:
             whole, known = told, True
         elif not extra.denied:
@@ -123,17 +127,8 @@ def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
     )
 
 
-def _topics(said: Sequence[Said]) -> list[tuple[Said, bool]]:
-    """The clauses that only name something, and whether they stand ahead of the first action."""
-    first = next(k for k, s in enumerate(said) if s.intent.skill)
-    topics = [(s, k < first, s.intent.theme) for k, s in enumerate(said) if not s.intent.skill]
-    return [(s, ahead) for s, ahead, theme in topics if theme is not None and (theme.noun or theme.colour)]
-
-
-def _with_topic(whole: Intent, named: bool, extra: Said, ahead: bool) -> Intent | None:
+def _with_topic(whole: Intent, named: bool, extra: Said, topic: Phrase, *, ahead: bool) -> Intent | None:
     """The intent with what a clause without a verb adds to it; None where that is something else."""
-    topic = extra.intent.theme
-    assert topic is not None
     if not (ahead or extra.joint == "stop") or (extra.means and whole.skill != "press"):
         return None
     if ahead and named and whole.goal is not None and whole.goal.pronoun:

@@ -59,8 +59,8 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i, bool(colour))]
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
-    said = lexicon.WISHING | lexicon.SHINING
-    after = [t for t in rest[specific[-1][0] + 1 :] if _is_content(t) and t not in said] if specific else []
+    after = rest[specific[-1][0] + 1 :] if specific else []
+    after = [t for t in after if _is_content(t) and t not in lexicon.WISHING | lexicon.SHINING]
     if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
         nouns, specific, noun = [], [], ""
     owner, before = None, specific[:-1]
@@ -68,17 +68,9 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
         owner = Phrase(rest[before[0][0]], before[0][1])
     taken = {i for i, _ in nouns}
     unknown = tuple(t for i, t in enumerate(rest) if i not in taken and _is_content(t))
-    bare = not (noun or unknown or colour)
-    return Phrase(
-        text=" ".join(tokens),
-        noun=noun,
-        colour=colour,
-        unknown=unknown,
-        selectors=tuple(selectors),
-        owner=owner,
-        pronoun=bare and any(t in lexicon.PRONOUNS for t in tokens),
-        kinds=tuple(rest[i] for i, kind in before if kind != noun and owner is None),
-    )
+    pronoun = not (noun or unknown or colour) and bool(lexicon.PRONOUNS & set(tokens))
+    kinds = tuple(rest[i] for i, kind in before if kind != noun and owner is None)
+    return Phrase(" ".join(tokens), noun, colour, unknown, tuple(selectors), None, owner, pronoun, kinds)
 
 
 def _is_noun(tokens: Sequence[str], i: int, coloured: bool) -> bool:

@@ -82,9 +82,8 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
         return goal
     if intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
         return Abstention("other", why)
-    relation = cast(Relation, intent.relation)
-    aimed_call = replace(call, goal=goal.object.id, relation=relation, direction=None)
-    return Reading((aimed_call,), (*notes, *goal.notes))
+    call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
+    return Reading((call,), (*notes, *goal.notes))
 
 
 def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:

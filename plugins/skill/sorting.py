@@ -75,10 +75,9 @@ def _into(tokens: Sequence[str]) -> int:
     return next((i for i in range(len(tokens)) if phrase_at(tokens, i, INTO)), len(tokens))
 
 
-def _unlike(thing: SceneObject, container: SceneObject) -> float:
-    if thing.colour and thing.colour == container.colour:
-        return 0.0
-    return 1.0 + float(colour_distance(tuple(thing.rgb), tuple(container.rgb)))
+def _unlike(thing: SceneObject, container: SceneObject) -> tuple[bool, float]:
+    off = float(colour_distance(tuple(thing.rgb), tuple(container.rgb)))
+    return not thing.colour or thing.colour != container.colour, off
 
 
 def _segments(tokens: Sequence[str]) -> list[list[str]]:

@@ -12,7 +12,6 @@ from gvla2_plugins.skill import lexicon
 
 _TOKEN = re.compile(r"\d+(?:\.\d+)?|'s\b|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
-VOWELS = "aeiou"
 
 
 def tokenise(sentence: str) -> list[str]:
@@ -36,11 +35,10 @@ def _verb_forms() -> dict[str, frozenset[str]]:
     for base in bases:
         stem = base[:-1] if base.endswith("e") else base
         inflected = [base, base + "s", stem + "ed", stem + "ing"]
-        if base.endswith(("s", "sh", "ch", "x", "z", "o")):
-            inflected.append(base + "es")
-        if len(base) > 2 and base[-1] not in VOWELS + "wxy" and base[-2] in VOWELS:
+        inflected += [base + "es"] * base.endswith(("s", "sh", "ch", "x", "z", "o"))
+        if len(base) > 2 and base[-1] not in "aeiouwxy" and base[-2] in "aeiou":
             inflected += [base + base[-1] + "ed", base + base[-1] + "ing"]
-        if base.endswith("y") and base[-2] not in VOWELS:
+        if base.endswith("y") and base[-2] not in "aeiou":
             inflected += [base[:-1] + "ies", base[:-1] + "ied"]
         for form in inflected:
             forms.setdefault(form, set()).add(base)
