@@ -14,7 +14,6 @@ from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, 
 
 DYNAMIC = frozenset((*lexicon.RELATIONS["to"], "onto", "on to", "into", "in to")) - {"at"}
 """Wordings that always tell where something goes, not where it is."""
-
 MEANS, OWNED = ("handle", "knob"), ("lid", "handle", "drawer")
 
 
@@ -153,8 +152,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)
     words = [t for t in tokens if t.isalpha()]
-    known_only = all(t in lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS for t in words)
-    if known_only and amount is None and direction is None and goal is None:
+    dull = set(words) <= lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS
+    if dull and amount is None and direction is None and goal is None:
         return None
     if theme is None and goal is not None and lexicon.LOOKING & set(tokens):
         theme, goal, relation = goal, None, ""  # "go to the cube"

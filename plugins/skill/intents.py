@@ -189,9 +189,7 @@ def settle(intent: Intent) -> Intent:
 
 def _one_skill(skills: Sequence[str]) -> str:
     """The one skill that does all of them, or ""."""
-    asked = set(skills)
-    if asked == {"pick", "place", "push"}:
-        return ""
+    asked = set(skills) if len(set(skills)) < 3 or "push" not in skills else {"", *skills}
     return next((s for s in sorted(asked) if asked - {s} <= ABSORBS.get(s, frozenset())), "")
 
 

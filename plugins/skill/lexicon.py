@@ -118,39 +118,44 @@ RELATIONS = {key.rstrip("_"): wordings for key, wordings in RELATIONS.items()}
 UNTIL = _phrases("""until|till it is|sits|rests|lies|lands, so it is|sits|lies, so it ends up, so that it is|sits|rests|lies,
     so that it ends up, to be|lie|sit|rest, to end up, ends up, end up""")
 """Wordings before a relation that add nothing to it."""
-_AIMS = _table(
-    left="to the|your left, leftward|leftwards|left",
-    right="to the|your right, rightward|rightwards|right",
-    away="away from you|yourself, away from the robot, to the front, forward|forwards|ahead|away, straight on",
-    back="toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot, to the back, backward|backwards|back",
-)
-_TOWARDS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "away": (1.0, 0.0), "back": (-1.0, 0.0)}
-DIRECTIONS = {wording: _TOWARDS[key] for key, wordings in _AIMS.items() for wording in wordings}
+_AIMS = {
+    (0.0, 1.0): "to the|your left, leftward|leftwards|left",
+    (0.0, -1.0): "to the|your right, rightward|rightwards|right",
+    (
+        1.0,
+        0.0,
+    ): "away from you|yourself, away from the robot, to the front, forward|forwards|ahead|away, straight on",
+    (
+        -1.0,
+        0.0,
+    ): """toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot,
+        to the back, backward|backwards|back""",
+}
+DIRECTIONS = {wording: aim for aim, listed in _AIMS.items() for wording in _phrases(listed)}
 """Directions in the robot's frame: x forward, y left."""
 UNITS: dict[str, float] = {
     "mm": 0.001, "millimetre": 0.001, "millimeter": 0.001, "cm": 0.01, "centimetre": 0.01, "centimeter": 0.01,
     "dm": 0.1, "m": 1.0, "metre": 1.0, "meter": 1.0, "inch": 0.0254, "inche": 0.0254, "in": 0.0254,
 }  # fmt: skip
 """Length units in metres; a plural s is taken off."""
-NUMBERS: dict[str, float] = {
-    "half": 0.5, "a": 1, "an": 1, "one": 1, "two": 2, "three": 3, "four": 4, "five": 5, "six": 6, "seven": 7,
-    "eight": 8, "nine": 9, "ten": 10, "eleven": 11, "twelve": 12, "fifteen": 15, "twenty": 20, "thirty": 30,
-    "forty": 40, "fifty": 50,
-}  # fmt: skip
+_COUNTED = "one two three four five six seven eight nine ten eleven twelve".split()
+NUMBERS: dict[str, float] = {word: n for n, word in enumerate(_COUNTED, 1)}
+NUMBERS |= {"half": 0.5, "a": 1, "an": 1, "fifteen": 15, "twenty": 20, "thirty": 30, "forty": 40, "fifty": 50}
 """Number words."""
 PRONOUNS = frozenset(("it", "them", "this", "that"))
 DETERMINERS = frozenset(
     "a an the this that these those my your its his her our their another single only".split()
 )
 FILLERS = frozenset(
-    """please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would will i me us
-    want like need must should to be is are was so which that colored coloured color colour shaped looking there here
-    of for go ahead up down high higher lower along across vertically horizontally safely firmly simply also all way
-    s it its way again little bit few lying standing located sitting placed side edge rim own has have some
-    help task try until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away further make sure ok okay hey hi well let let's lets we off table standing being by entire
-    whole very rather completely fully nicely direction distance about around roughly approximately exactly at marked painted
-    highlighted outlined designated indicated namely meaning as among find locate spot see notice identify look search
-    reach approach head come begin keep continue use using via want wants""".split()
+    """please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would
+    will i me us want like need must should to be is are was so which that colored coloured color colour shaped
+    looking there here of for go ahead up down high higher lower along across vertically horizontally safely firmly
+    simply also all way s it its again little bit few lying standing located sitting placed side edge rim own has have
+    some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away
+    further make sure ok okay hey hi well let let's lets we off table being by entire whole very rather fully nicely
+    direction distance about around roughly approximately exactly at marked painted highlighted outlined designated
+    indicated namely meaning as among find locate spot see notice identify look search reach approach head come begin
+    keep continue use using via wants""".split()
 )
 """Words that carry nothing for us."""
 LOOKING = frozenset("find locate spot see notice identify look search reach approach head come go".split())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import cast
 
 import numpy as np
@@ -22,7 +22,6 @@ from gvla2_plugins.skill.sorting import sorting
 
 SLACK = 0.002
 """By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
-
 MOVING = ("pick", "fetch", "place", "pull")
 """Skills that take a thing from where it is."""
 
@@ -40,10 +39,8 @@ class SkillPlanner:
 
     def __init__(self, config: SkillConfig) -> None:
         self.config = config
-        self.options = SkillOptions(
-            config.lift_height, config.push_distance, config.speed, config.contact_speed,
-            config.tries, config.explore, config.explore_seed,
-        )  # fmt: skip
+        names = (f.name for f in fields(SkillOptions))
+        self.options = SkillOptions(**{name: getattr(config, name) for name in names})
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
@@ -59,7 +56,7 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     pairs = sorting(sentence, scene, spelling)
     if isinstance(pairs, Abstention):
         return pairs
-    if pairs is not None:
+    if pairs:
         return Reading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
     intent = parse(sentence, [o.label for o in scene.objects], spelling)
     if refusal := _not_understood(intent, sentence):

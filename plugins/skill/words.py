@@ -84,11 +84,10 @@ def vocabulary() -> frozenset[str]:
 def spell(
     tokens: Iterable[str], threshold: float, known: frozenset[str] = frozenset()
 ) -> tuple[list[str], list[str]]:
-    """Tokens with misspelt words replaced, and one sentence a replacement.
+    """Tokens with misspelt words replaced, and one sentence a replacement; ``known`` are further words that are right.
 
     A word of five letters or more is read as the one known word of the same initial that is so much alike; shorter
     ones only where they have the same letters (``pcik``), since one other letter makes another word (``pack``).
-    ``known`` are further words that are right (labels of the scene).
     """
     out, notes = [], []
     words = vocabulary() | known
