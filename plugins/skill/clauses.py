@@ -11,16 +11,12 @@ from gvla2_plugins.skill.words import noun_class, verbs_of
 STOPS = frozenset(",.;:!?")
 
 Clause = tuple[list[str], str, bool]
-"""Words between two cuts; the cut before them ("" for the first, "and" for a conjunction, "stop" for a stop, "verb"
-where another verb begins); and whether a negation follows, so that what they only name ("the blue one must not
-be lifted") is nothing to act on.
-"""
+"""Words between two cuts; the cut before them ("", "and", "stop", or "verb" where another verb begins); and whether a
+negation follows, so that what they only name ("the blue one must not be lifted") is nothing to act on."""
 
 
 def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]:
-    """Clauses, parted at stops, at "and", "then", "by pushing" and "to press"; and apart from them the words that say
-    what is not to be done, or not to what.
-    """
+    """Clauses, parted at stops, "and", "by pushing", "to press"; and the words of what is not to be done or meant."""
     found: list[Clause] = []
     words: list[str] = []
     joint = ""

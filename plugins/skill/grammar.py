@@ -148,6 +148,8 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
         if goal.landmark is not None:
             return Intent(trouble="what lies where, and what goes where, is not told apart")
         return Intent("place", "want", theme, goal, relation, amount, direction)
+    if lexicon.LETTING & set(tokens) and lexicon.SUPPORTS & set(tokens) and not _aloft(chunks):
+        return Intent("unsupported", "keep")  # "... but keep it on the table"
     out = any(c.relation == "from" and not c.phrase.empty for c in chunks[1:])
     if wish and theme is not None and (_aloft(chunks) or out):
         return Intent("pick", "want", theme, amount=amount)

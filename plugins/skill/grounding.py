@@ -40,11 +40,7 @@ Fits = list[tuple[SceneObject, float]]
 def ground(
     phrase: Phrase, scene: Scene, *, movable: bool = False, exclude: frozenset[str] = frozenset()
 ) -> Grounded | Abstention:
-    """The one object of the scene that a phrase means.
-
-    ``movable`` leaves painted regions out; ``exclude`` are ids it cannot be. Abstains with ``nothing_matches`` or
-    ``ambiguous``.
-    """
+    """The one object that a phrase means; ``movable`` leaves painted regions out, ``exclude`` are ids it cannot be."""
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
     noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
     fits = _fits(phrase, noun, pool)
@@ -148,9 +144,7 @@ def _parts_of(owners: Fits, fits: Fits) -> Fits:
 
 
 def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
-    """The fits of the phrase's colour and of its owner. Where no part is so coloured, the colour is its whole's: "the
-    red lid", "the red jar lid".
-    """
+    """The fits of the phrase's colour and owner; the colour may be a part's or its whole's: "the red jar lid"."""
     coloured = _coloured(phrase.colour, fits)
     if phrase.owner is None:
         wholes = _coloured(phrase.colour, [(o, 1.0) for o in scene.objects if not o.parent])

@@ -41,8 +41,8 @@ class Intent:
 
 @dataclass(frozen=True)
 class Said:
-    """What one clause says. ``joint`` is how it follows the one before; ``means``: its theme is what to do it with
-    ("use the button to ..."); ``denied``: what it names is not to be acted on.
+    """What a clause says, and how it follows the one before; ``means``: its theme is what to do it with ("use ...");
+    ``denied``: what it names is not to be acted on.
     """
 
     intent: Intent

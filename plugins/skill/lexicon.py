@@ -184,9 +184,7 @@ NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather
 EACH = frozenset("all any every each everything anything both".split())
 SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
 """Words of sentences about several things."""
-MISHAPS = tuple(
-    "toppl knock tip drop spill break damag touch hit bump disturb crush scratch collid upset fall".split()
-)
+MISHAPS = tuple("toppl knock tip drop spill break damag touch hit bump disturb crush scratch fall".split())
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
 BACKGROUND = re.compile(
     r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"

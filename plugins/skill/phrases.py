@@ -12,12 +12,11 @@ from gvla2_plugins.skill.words import noun_class
 
 @dataclass(frozen=True)
 class Phrase:
-    """What a noun phrase asks for.
-
-    ``noun`` is a class of the lexicon, "" when no noun was understood; ``unknown`` are its words that are in no
-    list; ``colour`` a colour word of perception or ""; ``selectors`` single one out ("left", "big"); ``landmark``
-    places it at another thing; ``owner`` is what it is a part of; ``pronoun``: it stands for what was named before;
-    ``kinds`` are nouns before the noun that say which kind of it is meant ("knife" of a knife block).
+    """What a noun phrase asks for: ``noun`` is a class of the lexicon, "" when no noun was understood; ``unknown`` are
+    its words that are in no list; ``colour`` a colour word of perception or ""; ``selectors`` single one out
+    ("left", "big"); ``landmark`` places it at another thing; ``owner`` is what it is a part of; ``pronoun``: it
+    stands for what was named before; ``kinds`` are nouns before the noun that say which kind of it is meant
+    ("knife" of a knife block).
     """
 
     text: str

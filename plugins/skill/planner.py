@@ -148,7 +148,7 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
 def _apart(denial: Denial, intent: Intent) -> bool:
     """Whether a denial that names nothing leaves what is asked as it is: it is of another skill, and says no more."""
     words = set(denial.text.split())
-    if not denial.verbs:
+    if words & lexicon.LETTING or not denial.verbs:
         return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
     skills = [s for s, phrases in lexicon.VERBS.items() if {p.split()[0] for p in phrases} & denial.verbs]
     asked = {*MOVING} if intent.skill in MOVING else {intent.skill}

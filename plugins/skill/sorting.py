@@ -26,7 +26,6 @@ ALIKE = re.compile(
 """Wordings that send each thing to the container of its colour."""
 
 Pair = tuple[SceneObject, SceneObject]
-"""A thing and the container that it goes into."""
 
 
 def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] | Abstention | None:
