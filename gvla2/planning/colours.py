@@ -38,7 +38,7 @@ SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
 """Other words that people use for the same colours."""
 
 FAMILIES: dict[str, tuple[str, ...]] = {
-    **{name: () for name in COLOURS},
+    **dict.fromkeys(COLOURS, ()),
     "blue": ("azure", "navy"), "light blue": ("azure", "cyan"), "sky blue": ("azure", "cyan"),
     "dark blue": ("navy",), "navy blue": ("navy",), "azure blue": ("azure",), "bright blue": ("blue", "azure"),
     "green": ("lime", "olive"), "light green": ("lime",), "bright green": ("lime",), "lime green": ("lime",),
