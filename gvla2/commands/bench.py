@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -117,7 +118,13 @@ def _write_result(
 
 
 def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 bench [overrides]``; the process's exit status."""
+    """Entry of ``gvla2 bench [suite] [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("bench", job, argv)
+    return launch("bench", job, with_suite(argv))
+
+
+def with_suite(argv: list[str]) -> list[str]:
+    """The arguments with a leading word, as in ``gvla2 bench robot``, told as the choice of a suite."""
+    word = argv[0] if argv else ""
+    return [f"suite={word}", *argv[1:]] if re.fullmatch(r"\w+", word) else argv

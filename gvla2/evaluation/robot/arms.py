@@ -45,15 +45,18 @@ class Frozen:
 class Shuffled(Frozen):
     """A frozen memory that is always asked about another task: what comes back was learnt there.
 
-    The control for "any memory would have helped": as many records, as much text, the wrong lessons.
+    The control for "any memory would have helped": as many records, as much text, the wrong lessons. Where no other
+    task left any experience (``asked`` is None) nothing comes back, and never the task's own.
     """
 
-    def __init__(self, memory: Memory, asked: MemoryTask) -> None:
+    def __init__(self, memory: Memory, asked: MemoryTask | None) -> None:
         super().__init__(memory)
         self._asked = asked
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """What the memory recalls for the other task."""
+        if self._asked is None:
+            return MemoryContext((), "", "no other task left experience")
         return super().recall(self._asked)
 
 

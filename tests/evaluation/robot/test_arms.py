@@ -25,7 +25,7 @@ def experience(
         f"{skill} a small box: this grasp depth {'succeeded' if verdict is GOOD else 'failed'}.",
         Effect.from_json(effect).to_json(),
     )
-    task = MemoryTask(query, {"objects": 2.0}, skill)
+    task = MemoryTask(query, {"objects": 2.0}, skill, ("red cube box",))
     return Experience(skill, seed, MemoryEpisode(task, (lesson,), source=f"{skill}-{seed}"), verdict)
 
 
