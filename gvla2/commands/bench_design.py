@@ -211,7 +211,7 @@ def _episodes(
     common: dict[str, str | int] = {
         kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")
     }
-    common |= {"planner": planner_label(config), "language": _model(config, registry)}
+    common |= {"planner": planner_label(config), "model": _model(config, registry)}
     common |= {"depth_noise": config.depth_noise.kind, "scale": str(config.scale)}
     plan = []
     for task in tasks:

@@ -48,13 +48,13 @@ def columns_of(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     """The cells by planner, its language model where there are several, and arm where there are others than ``off``."""
     models: dict[str, set[str]] = {}
     for cell in cells:
-        models.setdefault(str(cell.factors["planner"]), set()).add(str(cell.factors.get("language", "")))
+        models.setdefault(str(cell.factors["planner"]), set()).add(str(cell.factors.get("model", "")))
     several = any(arm != "off" for arm in arms_of(cells))
     columns: dict[str, list[Cell]] = {}
     for arm in arms_of(cells):
         for cell in cells:
             if arm_of(cell) == arm:
-                planner, model = str(cell.factors["planner"]), str(cell.factors.get("language", ""))
+                planner, model = str(cell.factors["planner"]), str(cell.factors.get("model", ""))
                 asked = f" by {model}" if model and len(models[planner]) > 1 else ""
                 named = f"{planner}{asked}, memory {arm}" if several else f"{planner}{asked}"
                 columns.setdefault(named, []).append(cell)
@@ -68,14 +68,15 @@ def planner_sheet(
     profile: str,
     title: str,
     runs: tuple[int, ...],
+    costs: bool = True,
 ) -> Sheet:
-    """Tasks down, planners across, a row of means, then what an episode costs."""
+    """Tasks down, planners across, a row of means, then, with ``costs``, what an episode costs."""
     found = {name: [c for c in some if c.factors.get("profile") == profile] for name, some in columns.items()}
     sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in found.items()}
     rows = []
     for task in tasks:
         of_task = [[c for c in found[name] if c.factors["task"] == task] for name in columns]
-        rows.append(SheetRow(task, tuple(_cell(cells) for cells in of_task)))
+        rows.append(SheetRow(task, tuple(_cell(cells, costs) for cells in of_task)))
     rows.append(SheetRow("mean over tasks", tuple(_mean(some, tasks) for some in sound.values())))
 
     def add(label: str, tell: Callable[[Sequence[Cell]], str]) -> None:
@@ -84,32 +85,37 @@ def planner_sheet(
         )
 
     everything = [cell for some in sound.values() for cell in some]
-    add("planning seconds, median", lambda some: _seconds(some).removesuffix(" s"))
-    add("calls an episode", lambda some: f"{_average(some, 'calls') or 0:.1f}")
-    add("prompt + answer tokens an episode", lambda some: _tokens(some).removesuffix(" tokens"))
-    if any(cell.measures.get("cached") for cell in everything):
+    if costs:
+        add("planning seconds, median", lambda some: _seconds(some).removesuffix(" s"))
+        add("calls an episode", lambda some: f"{_average(some, 'calls') or 0:.1f}")
+        add("prompt + answer tokens an episode", lambda some: _tokens(some).removesuffix(" tokens"))
+    if costs and any(cell.measures.get("cached") for cell in everything):
         add("answers from the cache", lambda some: f"{sum(c.measures.get('cached') or 0 for c in some):.0f}")
     if any(cell.notes.get("fallback") for cell in everything):
         add("episodes with the fallback", lambda some: f"{_fallbacks(some)} of {len(some)}")
     add("episodes", lambda some: str(len(some)))
-    models = sorted({str(cell.factors.get("language", "")) for cell in everything} - {""})
+    models = sorted({str(cell.factors.get("model", "")) for cell in everything} - {""})
     asked = f"; language model {', '.join(models)}" if models else ""
     footnote = f"{len(tasks)} tasks{asked}; runs {', '.join(map(str, runs))} of the results database."
     return Sheet(title, tuple(columns), tuple(rows), footnote, PLANNERS)
 
 
-def _cell(cells: Sequence[Cell]) -> SheetCell:
+def _cell(cells: Sequence[Cell], costs: bool) -> SheetCell:
     sound = [cell for cell in cells if not unmeasured(cell)]
     gaps = f"{len(cells) - len(sound)} not measured" if len(sound) < len(cells) else ""
     if not sound:
         return SheetCell((gaps,), none=True) if gaps else NONE
-    lines = [*success_lines(sound), _seconds(sound)]
-    cached = sum(cell.measures.get("cached") or 0 for cell in sound)
-    if calls := _average(sound, "calls"):
-        lines += [f"{calls:.1f} {'call' if calls == 1 else 'calls'}", _tokens(sound)]
+    lines = [*success_lines(sound), *(_costs(sound) if costs else ()), gaps]
+    return SheetCell(tuple(line for line in lines if line))
+
+
+def _costs(cells: Sequence[Cell]) -> list[str]:
+    lines = [_seconds(cells)]
+    if calls := _average(cells, "calls"):
+        lines += [f"{calls:.1f} {'call' if calls == 1 else 'calls'}", _tokens(cells)]
+    cached = sum(cell.measures.get("cached") or 0 for cell in cells)
     lines += [f"{cached:.0f} from the cache"] if cached else []
-    lines += [f"fallback in {_fallbacks(sound)}"] if _fallbacks(sound) else []
-    return SheetCell(tuple(line for line in (*lines, gaps) if line))
+    return lines + ([f"fallback in {_fallbacks(cells)}"] if _fallbacks(cells) else [])
 
 
 def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:

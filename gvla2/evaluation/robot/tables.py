@@ -26,7 +26,7 @@ from gvla2.evaluation.statistics import mean_and_deviation
 
 HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale")
 """Factors that planners must have in common to be compared."""
-PLANNER = ("planner", "language")
+PLANNER = ("planner", "model")
 """Factors that the arms of a table have in common besides."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
@@ -116,7 +116,7 @@ def _of_house(cells: Sequence[Cell], layout: RobotLayout) -> list[RobotTable]:
         title = f"{layout.title} ({_said(cells[0], HOUSE)})"
         columns = columns_of(cells)
         sheets += [
-            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", runs)
+            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", runs, profile == "eased")
             for profile in PROFILES
         ]
         sheets.append(_failures(columns, tasks, f"{title}: failures", runs))
