@@ -95,8 +95,12 @@ def failure_class(record: EpisodeRecord) -> str:
     """Where an episode that did not reach its goal went wrong, in one of ten words; "" for no failure.
 
     ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and saw for itself.
+    ``unavailable`` whatever became of it where the planner's model answered nothing: the plan, if any, was another's.
     """
     failure = record.failure
+    asked = record.language.get("plan", {})
+    if asked.get("failed") and not asked.get("calls") and not asked.get("cached"):
+        return "unavailable"
     if failure is None:
         return ""
     if failure.kind in NOT_MEASURED:

@@ -69,3 +69,6 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         assert not learned.merged
         assert frozen.recall(asked).text == before.text
         assert any("press" in item.content for item in shuffled.recall(asked).items)
+        nothing = Shuffled(memory, None).recall(asked)
+        assert not nothing.items
+        assert nothing.abstained
