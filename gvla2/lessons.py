@@ -14,6 +14,8 @@ import gvla2
 from gvla2.diagnosis import approach_of, diagnose, theme_of
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import Effect, sides_of
+from gvla2.planning.programs import calls_program, kind_of, waypoints_program
+from gvla2.planning.relative import relative_steps
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.record.contents import EpisodeRecord
 from gvla2.skills.skill import Skill
@@ -46,7 +48,7 @@ def memory_task(record: EpisodeRecord) -> MemoryTask:
     if theme is not None:
         width, length = sorted(float(v) for v in theme.extents[:2])
         signature |= {"theme_length": length, "theme_width": width, "theme_height": float(theme.extents[2])}
-    return MemoryTask(record.instruction, signature, skill)
+    return MemoryTask(record.instruction, signature, skill, tuple(map(kind_of, record.scene.objects)))
 
 
 def memory_episode(
@@ -137,8 +139,9 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
     chosen = [n for n in ranked if n in usable][:MOST_PARAMETERS]
     if not chosen:
         stages = list(dict.fromkeys(w.stage for w in trajectory))
-        return [Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")]
-    return [
+        hint = Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")
+        return [hint, *_programs(record, subject)]
+    hints = [
         Lesson(
             "procedural_hint",
             f"{subject}: this {name.replace('_', ' ')} succeeded.",
@@ -147,6 +150,27 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
             .to_json(),
         )
         for name in chosen
+    ]
+    return [*hints, *_programs(record, subject)]
+
+
+def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
+    """What worked as a program: as the planner meant it, and in the other languages as it was carried out."""
+    assert record.plan is not None
+    assert record.scene is not None
+    plan, names = record.plan, {o.id: o.id for o in record.scene.objects}
+    about = {"roles": plan.roles, "skill": plan.skill, "instruction": record.instruction}
+    found = {plan.program.language: plan.program} if plan.program is not None else {}
+    if "calls" not in found and plan.calls:
+        found["calls"] = calls_program([str(call) for call in plan.calls], names, record.scene, **about)
+    if "waypoints" not in found and plan.trajectory is not None:
+        steps = relative_steps(plan.trajectory, record.scene, plan.roles)
+        if steps and not plan.remaining:
+            found["waypoints"] = waypoints_program(steps, record.scene, **about)
+    words = {"calls": "this program of calls succeeded", "waypoints": "these waypoints of the hand succeeded"}
+    return [
+        Lesson("procedural_hint", f"{subject}: {words[language]}.", program.to_json())
+        for language, program in found.items()
     ]
 
 

@@ -97,6 +97,8 @@ def _line(thing: SceneObject, name: str, scene: Scene, sizes: bool, positions: b
         words.append(f"at {_mm(thing.centre[0])},{_mm(thing.centre[1])}")
         if not flat and 1e3 * bottom > RAISED:
             words.append(f"up {_mm(bottom)}")
+    if positions and (place := _place_among(thing, scene)):
+        words.append(f"({place})")
     if thing.confidence < UNSURE:
         words.append("(unsure)")
     if points > 0:
@@ -104,6 +106,16 @@ def _line(thing: SceneObject, name: str, scene: Scene, sizes: bool, positions: b
         some = [",".join(str(_mm(v)) for v in p) for p in spread_points(thing.points, points) - low]
         words.append("points " + " ".join(some))
     return " ".join(words)
+
+
+def _place_among(thing: SceneObject, scene: Scene) -> str:
+    """Whether it is the left, right or middle one of several whole things of its kind, seen from the robot."""
+    kind = thing.label.rpartition(" ")[2]
+    alike = [o for o in scene.objects if o.label.rpartition(" ")[2] == kind and not o.parent]
+    if thing.parent or not 2 <= len(alike) <= 3:
+        return ""
+    order = [o.id for o in sorted(alike, key=lambda o: -float(o.centre[1]))].index(thing.id)
+    return ("left", "right")[order] if len(alike) == 2 else ("left", "middle", "right")[order]
 
 
 def _sizes(thing: SceneObject) -> tuple[int, int, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -15,6 +15,8 @@ from gvla2.planning.scene import Box, SceneObject
 
 MOST_VOXELS = 400_000
 """About half a second for one way."""
+FINER = 4
+"""A peak is looked for again on a grid so much finer, twice."""
 WORTH = 1.02
 """A straight line may cost this much more than the way that it replaces: a grid's ways are jagged."""
 
@@ -61,6 +63,24 @@ class VoxelGrid:
             return np.full(self.shape, np.inf)
         return np.asarray(distance_transform_edt(~taken, sampling=self.size))
 
+    def peak(self, values_at: Callable[[FloatArray], FloatArray], avoided: FloatArray) -> FloatArray:
+        """(3,) where ``values_at`` (points (..., 3) to values (...)) is highest, on this grid and then on finer ones.
+
+        Of several such places it is the least ``avoided`` (X, Y, Z), and of these the one in their middle. Raises
+        :class:`ValueError` where all values are the same.
+        """
+        centres = self.centres()
+        values = values_at(centres)
+        if float(np.ptp(values)) == 0.0:
+            raise ValueError("The values are the same everywhere; say where to go.")
+        top = _highest(values)
+        best = _middle(centres[top & (avoided <= avoided[top].min() + 1e-9)])
+        for step in (self.size, self.size / FINER):
+            offsets = step * np.arange(-FINER, FINER + 1) / FINER
+            around = best + np.stack(np.meshgrid(offsets, offsets, offsets), axis=-1)
+            best = _middle(around[_highest(values_at(around))])
+        return best
+
     def route(self, costs: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
         """(N, 3) points of the cheapest way from ``start`` to ``goal`` (3,), both in it; ``costs`` (X, Y, Z) > 0."""
         # Half a second that only such planners pay.
@@ -90,3 +110,12 @@ class VoxelGrid:
         count = max(2, int(np.ceil(2.0 * length / self.size)) + 1)
         at = self.indices(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
         return length * float(costs[tuple(at.T)].mean())
+
+
+def _highest(values: FloatArray) -> np.ndarray:
+    return np.asarray(values >= values.max() - 1e-9 * max(1.0, float(np.ptp(values))))
+
+
+def _middle(points: FloatArray) -> FloatArray:
+    """(3,) of points (N, 3) the one nearest to their mean."""
+    return np.asarray(points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))])

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import Any
+
+import numpy as np
 
 from gvla2.errors import PlanningError
 from gvla2.language import LanguageModel, UnusableAnswerError, ask_typed
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.pixels import object_at
+from gvla2.planning.programs import Program, waypoints_program
+from gvla2.planning.scene import Scene
 from gvla2.skills.lifting import PathPoint, lift
 
+AT_HAND = 0.02
+"""A hand that closes no farther than this from a thing takes hold of it, metres."""
 LONGEST_WORDS = 600
 """Characters of an instruction, or of what spoke against an answer, that a prompt takes over."""
 
@@ -63,12 +70,12 @@ def ask_for_path(
         problems = []
         for path in read(text):
             try:
-                plan = lift(_one_hold(path), request)
+                plan = lift(_pushing(_one_hold(path), request.scene), request)
             except PlanningError as error:
                 problems.append(str(error))
                 continue
             if plan.abstention is None:
-                return plan
+                return replace(plan, program=_program(path, plan, request))
             refused.append(plan.abstention)
             problems.append(plan.abstention.message)
         raise ValueError(problems[0])
@@ -81,6 +88,26 @@ def ask_for_path(
         )
         return Plan(None, abstention=why, transcript=error.transcript)
     return replace(found.answer, transcript=(*found.transcript, *found.answer.transcript))
+
+
+def _pushing(path: Sequence[PathPoint], scene: Scene) -> Sequence[PathPoint]:
+    """A path whose hand closes in the open is to push or press: the way there is left to the skill."""
+    closes = next((k for k, point in enumerate(path) if point.closed), None)
+    if closes is None or object_at(path[closes].array, scene, within=AT_HAND):
+        return path
+    return list(takewhile(lambda point: point.closed, path[closes:]))
+
+
+def _program(path: Sequence[PathPoint], plan: Plan, request: PlanRequest) -> Program:
+    """The path as memory keeps it: each point by the thing, theme or goal, that it is nearest to, seen from above."""
+    things = [request.scene[i] for role, i in plan.roles.items() if role in ("theme", "goal")]
+    steps = []
+    for point in path:
+        near = min(things, key=lambda o: float(np.linalg.norm((point.array - o.centre)[:2])))
+        dx, dy, up = (round(1e3 * float(v)) for v in point.array - [*near.centre[:2], near.top])
+        steps.append((near.id, dx, dy, up, round(point.gripper, 2)))
+    about = {"roles": plan.roles, "skill": plan.skill, "instruction": request.instruction}
+    return waypoints_program(steps, request.scene, **about)
 
 
 def _one_hold(points: Sequence[PathPoint]) -> Sequence[PathPoint]:

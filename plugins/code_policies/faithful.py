@@ -1,9 +1,11 @@
 """Faithfulness: where a program and the words of its wish go apart. Doubts are reasons to ask the model again."""
 
+# ruff: noqa: SIM905 - word lists read best as words
+
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from gvla2.planning.calls import SkillCall
@@ -11,67 +13,97 @@ from gvla2.planning.colours import colours_in
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.parts import root_of
 
+SELECTING = frozenset(
+    "left right leftmost rightmost middle centre center near nearest far farthest furthest close closest front back "
+    "behind beside between other another not except but only first second third last big bigger biggest small smaller "
+    "smallest tall taller tallest short shorter shortest high higher highest low lower lowest any either both all each "
+    "every one top bottom outer inner".split()
+)
+"""Words that may tell things of one kind apart, or say that it does not matter."""
 NEAR = 0.015
 """Things whose boxes are no farther apart touch, metres."""
-MOVING = ("pick", "place", "push", "insert")
-"""Skills that move a whole thing, where a part is named that comes off."""
 
 
 @dataclass(frozen=True)
-class Doubt:
-    """One reason, for the program's author, and the names that another program should be ``about``: its first call
-    handles one of them, or (``handled`` False) is about one of them in any role.
+class Named:
+    """Something that a wish names: the ``reason`` why a program without it is doubtful, and the names of the scene that
+    would be ``about`` it. ``handled``: one of them is what is to be moved.
     """
 
     reason: str
     about: frozenset[str]
     handled: bool = False
 
-
-def overlooked(
-    calls: Sequence[SkillCall], instruction: str, scene: Scene, names: Mapping[str, str]
-) -> list[Doubt]:
-    """What the wish names and no call is about; a thing stands for its parts and for its whole.
-
-    A colour whose bearers are all left out; a part that is named where its whole is moved; nothing that is named
-    handled; and a goal that is named before what goes there.
-    """
-    return list(_doubts(calls, instruction, scene, names))
+    def met(self, calls: Sequence[SkillCall], names: Mapping[str, str]) -> bool:
+        """Whether one of the calls is about it."""
+        return any(
+            names[i] in self.about for c in calls for i in (c.theme, "" if self.handled else c.goal) if i
+        )
 
 
-def _doubts(
-    calls: Sequence[SkillCall], instruction: str, scene: Scene, names: Mapping[str, str]
-) -> Iterator[Doubt]:
-    used = {root_of(scene[i], scene).id for call in calls for i in (call.theme, call.goal) if i}
-    words = re.findall(r"[a-z]+", instruction.casefold())
+def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> list[Named]:
+    """The colours, parts and things that the words of a wish name; a thing stands for its parts and its whole."""
+    words = set(re.findall(r"[a-z]+", instruction.casefold()))
+    found = []
     for colour in dict.fromkeys(colours_in(instruction)):
-        bearers = [o for o in scene.objects if o.colour == colour]
-        if bearers and not any(root_of(o, scene).id in used for o in bearers):
-            listed = [names[o.id] for o in bearers]
-            yield Doubt(
-                f"The task names something {colour}; use {' or '.join(listed)}.", _kin(bearers, scene, names)
-            )
-    for call in calls:
-        parts = [p for p in scene.parts_of(call.theme) if _noun(p) in words and call.skill in MOVING]
-        if parts and _noun(scene[call.theme]) != _noun(parts[0]):
-            listed = [names[p.id] for p in parts]
-            reason = f"The task names {' or '.join(listed)}, not all of {names[call.theme]}."
-            yield Doubt(reason, frozenset(listed), handled=True)
-    for thing in scene.objects:
-        alike = [o for o in scene.objects if _noun(o) == _noun(thing)]
-        if len(alike) > 1 or _noun(thing) not in words or root_of(thing, scene).id in used:
-            continue
-        if any(_touching(thing, scene[call.theme]) for call in calls):
-            continue  # where it is taken from
-        yield Doubt(f"The task names {names[thing.id]}; use it.", _kin([thing], scene, names))
+        if bearers := [o for o in scene.objects if o.colour == colour]:
+            listed = " or ".join(names[o.id] for o in bearers)
+            found.append(Named(f"The task names something {colour}: {listed}.", _kin(bearers, scene, names)))
+    for noun in sorted({_noun(o) for o in scene.objects} & words):
+        alike = [o for o in scene.objects if _noun(o) == noun]
+        if all(o.parent for o in alike):
+            listed = " or ".join(names[o.id] for o in alike)
+            found.append(Named(f"The task names {listed}.", frozenset(names[o.id] for o in alike)))
+        elif len(alike) == 1:
+            found.append(Named(f"The task names {names[alike[0].id]}.", _kin(alike, scene, names)))
+    return found
+
+
+def doubts(
+    calls: Sequence[SkillCall], instruction: str, scene: Scene, names: Mapping[str, str]
+) -> list[Named]:
+    """What the wish names and no call is about, but for where the thing is taken from; and, last, a goal that is
+    named before what goes there.
+    """
+    about = {names[i] for call in calls for i in _beside(call.theme, scene)}
+    found = [
+        n for n in named_things(instruction, scene, names) if not n.met(calls, names) and not n.about & about
+    ]
     if len(calls) == 1 and calls[0].goal:
         theme, goal = scene[calls[0].theme], scene[calls[0].goal]
         first, second = _named_at(theme, scene, instruction), _named_at(goal, scene, instruction)
         if 0 <= second < first and goal.shape != "region":
             name = names[goal.id]
-            yield Doubt(
-                f"{name} is named first: it goes to {names[theme.id]}.", frozenset({name}), handled=True
+            found.append(
+                Named(f"{name} is named first: it goes to {names[theme.id]}.", frozenset({name}), True)
             )
+    return found
+
+
+def unclear(calls: Sequence[SkillCall], instruction: str, scene: Scene) -> str:
+    """Why it is not clear which of several things a wish means: it names their kind and nothing that tells them apart;
+    "" where it is clear, or names no kind.
+    """
+    words = set(re.findall(r"[a-z]+", instruction.casefold()))
+    if words & SELECTING or len(calls) != 1:
+        return ""
+    said = set(colours_in(instruction))
+    for thing in (scene[i] for i in (calls[0].theme, calls[0].goal) if i):
+        if _noun(thing) not in words:
+            continue
+        alike = [o for o in scene.objects if _noun(o) == _noun(thing) and o.shape == thing.shape]
+        told = [o for o in alike if said & {scene[i].colour for i in (o.id, root_of(o, scene).id)}] or alike
+        if len(told) > 1:
+            return f"There are {len(told)} things called {_noun(thing)}: {', '.join(o.label for o in told)}."
+    return ""
+
+
+def _beside(object_id: str, scene: Scene) -> list[str]:
+    """Other whole things that touch it: it may be taken from there."""
+    own = root_of(scene[object_id], scene).id
+    return [
+        o.id for o in scene.obstacles(frozenset({own})) if not o.parent and _touching(o, scene[object_id])
+    ]
 
 
 def _kin(things: Sequence[SceneObject], scene: Scene, names: Mapping[str, str]) -> frozenset[str]:

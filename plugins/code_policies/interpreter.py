@@ -18,6 +18,14 @@ from gvla2.planning.calls import RELATIONS, SkillCall
 from gvla2.planning.scene import Scene
 from gvla2.skills.skill import Skill
 
+DECLINE = "decline"
+"""The call by which a program says that the wish is not for this scene: ``decline(absent)``, and why."""
+WHY: Mapping[str, tuple[str, str]] = {
+    "absent": ("nothing_matches", "What the wish is about is not there."),
+    "unclear": ("ambiguous", "It is not clear which thing is meant."),
+    "impossible": ("other", "No skill does what the wish asks for."),
+}
+"""Reasons to decline, each with the kind and the words of an abstention."""
 MOST_STEPS, MOST_CALLS, LONGEST = 400, 12, 4000
 """Statements carried out, calls made, and characters of a program."""
 WAYS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
@@ -28,6 +36,14 @@ _COMPARE: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
     ast.GtE: operator.ge, ast.In: lambda a, b: a in b, ast.NotIn: lambda a, b: a not in b,
 }  # fmt: skip
+
+
+class Declined(Exception):  # noqa: N818 - an answer, not an error
+    """The program declines; ``reason`` is one of :data:`WHY`."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
 
 
 @dataclass
@@ -42,7 +58,9 @@ class Interpreter:
     steps: int = 0
 
     def run(self, text: str) -> tuple[SkillCall, ...]:
-        """The calls that the program makes. Raises :class:`ValueError` with a sentence for its author."""
+        """The calls that the program makes. Raises :class:`ValueError` with a sentence for its author, and
+        :class:`Declined` where the program says that there is nothing to do.
+        """
         source = _IN.sub("'in'", code_in(text))
         try:
             tree = ast.parse(source)
@@ -83,6 +101,9 @@ class Interpreter:
 
     def _call(self, call: ast.Call) -> None:
         name = call.func.id if isinstance(call.func, ast.Name) else ast.unparse(call.func)[:40]
+        if name == DECLINE:
+            why = self._value(call.args[0]) if call.args else ""
+            raise Declined(why if why in WHY else "impossible")
         if name not in self.skills:
             raise ValueError(f"There is no skill '{name}'; there are {', '.join(self.skills)}.")
         given = [self._value(a) for a in call.args]

@@ -15,8 +15,8 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
-from gvla2_plugins.code_policies.faithful import Doubt, overlooked
-from gvla2_plugins.code_policies.interpreter import Interpreter
+from gvla2_plugins.code_policies.faithful import Named, doubts, named_things, unclear
+from gvla2_plugins.code_policies.interpreter import WHY, Declined, Interpreter
 from gvla2_plugins.code_policies.prompt import Fitting, correction, fitting, grammar, messages
 
 BACK = 2
@@ -62,23 +62,28 @@ class CodePolicies:
             asked += correction(request.rejections, _last_answer(request.rejected))
         said: tuple[Mapping[str, Any], ...] = ()
         kept: tuple[float, Plan] | None = None
-        settle: list[Doubt] = []
+        named: list[Named] = []
         for turn in range(1 + BACK):
             try:
-                written = self._ask(asked, request, skills, can, brief, turn, settle)
+                written = self._ask(asked, request, skills, can, brief, turn, named)
             except UnusableAnswerError as error:
                 said += tuple(error.transcript)
                 break
             said += written.transcript
-            plan, doubts = self._carried_out(written, request, brief)
-            against = len(doubts) + 10.0 * (plan.abstention is not None)
+            plan, doubtful = self._carried_out(written, request, brief)
+            declined = not written.calls or (
+                plan.abstention is not None and plan.abstention.kind == "ambiguous"
+            )
+            against = len(doubtful) + 10.0 * (plan.abstention is not None and not declined)
             if kept is None or against < kept[0]:
                 kept = against, plan
             if not against:
                 break
             reasons = [plan.abstention.message] if plan.abstention is not None else []
-            asked += correction([*reasons, *(d.reason for d in doubts)], written.text)
-            settle += [d for d in doubts if d not in settle] if len(written.calls) == 1 else []
+            asked += correction([*reasons, *(d.reason for d in doubtful)], written.text)
+            if len(written.calls) == 1:
+                all_named = named_things(request.instruction, request.scene, brief.names)
+                named = [*(d for d in doubtful if d.handled), *all_named]
         if kept is None:
             nothing = "The model wrote no program that can be read."
             return Plan(None, abstention=Abstention("other", nothing), transcript=said)
@@ -92,17 +97,20 @@ class CodePolicies:
         can: Fitting,
         brief: SceneBrief,
         turn: int,
-        settle: Sequence[Doubt],
+        named: Sequence[Named],
     ) -> _Written:
         def parse(text: str) -> tuple[tuple[SkillCall, ...], str]:
-            return Interpreter(request.scene, brief.ids, skills).run(text), text.strip()
+            try:
+                return Interpreter(request.scene, brief.ids, skills).run(text), text.strip()
+            except Declined as declined:
+                return (), declined.reason
 
         answered: Answered[tuple[tuple[SkillCall, ...], str]] = ask_typed(
             self._language,
             asked,
             parse,
             purpose="plan",
-            grammar=grammar(skills, can, settle),
+            grammar=grammar(skills, can, request.instruction, named),
             tries=self.config.tries,
             samples=self.config.samples,
             same=lambda found: repr(found[0]),
@@ -115,20 +123,25 @@ class CodePolicies:
 
     def _carried_out(
         self, written: _Written, request: PlanRequest, brief: SceneBrief
-    ) -> tuple[Plan, list[Doubt]]:
+    ) -> tuple[Plan, list[Named]]:
         """The plan of a program, and what makes it doubtful."""
         if written.share < self.config.agreement:
             split = f"Only {written.share:.0%} of the model's answers agree on a program."
             return Plan(None, abstention=Abstention("ambiguous", split)), []
-        doubts = overlooked(written.calls, request.instruction, request.scene, brief.names)
+        if not written.calls:
+            kind, words = WHY[written.text]
+            return Plan(None, abstention=Abstention(kind, words)), []
+        if several := unclear(written.calls, request.instruction, request.scene):
+            return Plan(None, abstention=Abstention("ambiguous", several)), []
+        doubtful = doubts(written.calls, request.instruction, request.scene, brief.names)
         plan = carry_out(written.calls, request, self._options)
         if plan.abstention is not None:
-            return plan, doubts
+            return plan, doubtful
         program = calls_program(
             written.text.splitlines(), brief.ids, request.scene, roles=plan.roles, skill=plan.skill,
             instruction=request.instruction,
         )  # fmt: skip
-        return replace(plan, program=program), doubts
+        return replace(plan, program=program), doubtful
 
 
 def _last_answer(plan: Plan | None) -> str:

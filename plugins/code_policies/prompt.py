@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 
 from gvla2.language import Message
@@ -11,11 +12,32 @@ from gvla2.planning.programs import told
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.affordances import goals, themes
 from gvla2.skills.examples import EXAMPLES
-from gvla2.skills.skill import Skill
-from gvla2_plugins.code_policies.faithful import Doubt
+from gvla2.skills.skill import Example, Skill
+from gvla2_plugins.code_policies.faithful import Named
+from gvla2_plugins.code_policies.interpreter import WHY
 
 LAST = ("pick",)
 """Skills named last, which small models else begin everything with."""
+ONTO = ("on", "in")
+SIDES = re.compile(r"\b(left|right|behind|front|beside|besides|next|near|nearer|side|by|close|closer)\b")
+"""Words of a wish that may speak of a goal's sides."""
+REFUSALS = (
+    Example(
+        "green_ball 60x60x60 at 200,50\nwhite_box 200x100x80 at 300,-100",
+        "bring me the hammer",
+        "decline(absent)",
+    ),
+    Example(
+        "green_ball_1 60x60x60 at 200,90\ngreen_ball_2 60x60x60 at 210,-80",
+        "pick up the ball",
+        "decline(unclear)",
+    ),
+    Example(
+        "green_ball 60x60x60 at 200,50\nwhite_box 200x100x80 at 300,-100",
+        "paint the ball",
+        "decline(impossible)",
+    ),
+)
 BEGIN = "You write the program of a robot hand. It can call:"
 END = """\
 Answer with calls only, one a line, with the names listed under Objects, as few as possible: mostly one is enough. \
@@ -46,7 +68,10 @@ def messages(
 ) -> list[Message]:
     """The question: the skills that fit, an example or two of each, what was remembered, what is there."""
     table = [f"{skills[s].signature(brief=True)}: {skills[s].description}" for s in can]
-    examples = [e for s in can for e in skills[s].examples or EXAMPLES.get(s, ())]
+    table.append(
+        "decline(absent|unclear|impossible): what is wished for is not there, not clear, or none of these"
+    )
+    examples = [*REFUSALS, *(e for s in can for e in skills[s].examples or EXAMPLES.get(s, ()))]
     blocks = [_block(e.things, e.wish, e.call) for e in examples]
     if remembered := _remembered(request, brief, programs):
         blocks.append(remembered)
@@ -58,24 +83,27 @@ def messages(
     return asked
 
 
-def grammar(skills: Mapping[str, Skill], can: Fitting, doubts: Sequence[Doubt] = ()) -> str:
+def grammar(skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequence[Named] = ()) -> str:
     """llama.cpp's grammar of a program: calls by line, each skill with what it fits.
 
-    The first call is such as to settle the ``doubts`` about the program before, as far as any call does.
+    Sides of a goal are there where the wish speaks of sides. The first call is about all that is ``named``, as far as
+    there is such a call.
     """
-    calls = [_rule(skills[s], theme, to) for s, each in can.items() for theme, to in each.items()]
-    first = calls
-    for doubt in doubts:
+    sides = bool(SIDES.search(wish.casefold()))
+    calls = [_rule(skills[s], theme, to, sides) for s, each in can.items() for theme, to in each.items()]
+    first, held = calls, list[Named]()
+    for one in named:
         narrowed = [
-            _rule(skills[s], theme, wanted)
+            _rule(skills[s], theme, wanted, sides)
             for s, each in can.items()
             for theme, to in each.items()
-            if (wanted := _settling(theme, to, doubts[: doubts.index(doubt) + 1])) is not None
+            if (wanted := _about(theme, to, [*held, one])) is not None
         ]
-        first = narrowed or first
+        if narrowed:
+            first, held = narrowed, [*held, one]
     rules = (
         'root ::= first ("\\n" call){0,5} "\\n"?',
-        f"first ::= {' | '.join(first)}",
+        f"first ::= {' | '.join(first)}" + ("" if named else f' | "decline(" ({_choice(list(WHY))}) ")"'),
         f"call ::= {' | '.join(calls)}",
         'way ::= "left" | "right" | "forward" | "back"',
         "amount ::= [1-9] [0-9]{0,2}",
@@ -83,22 +111,22 @@ def grammar(skills: Mapping[str, Skill], can: Fitting, doubts: Sequence[Doubt] =
     return "\n".join(rules) + "\n"
 
 
-def _settling(theme: str, to: Sequence[str], doubts: Sequence[Doubt]) -> Sequence[str] | None:
-    """The goals with which a call on the theme settles all doubts; None where it does not."""
-    for doubt in doubts:
-        if theme in doubt.about:
+def _about(theme: str, to: Sequence[str], named: Sequence[Named]) -> Sequence[str] | None:
+    """The goals with which a call on the theme is about all that is named; None where it is not."""
+    for one in named:
+        if theme in one.about:
             continue
-        to = [] if doubt.handled else [g for g in to if g in doubt.about]
+        to = [] if one.handled else [g for g in to if g in one.about]
         if not to:
             return None
     return to
 
 
-def _rule(skill: Skill, theme: str, to: Sequence[str]) -> str:
+def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool) -> str:
     """One skill on one theme, with the goals that it may have."""
     goal, aims = skill.role("goal"), []
     if to and goal is not None:
-        relations = [r for r in goal.relations if r != "to"] if len(goal.relations) > 3 else []
+        relations = [r for r in goal.relations if r in ONTO or (sides and r != "to")]
         how = f' ", " ({_choice(relations)})' if relations and skill.aimed else ""
         aims.append(f'", " ({_choice(to)}){how}')
     if skill.free and skill.aimed:

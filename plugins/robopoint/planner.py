@@ -19,7 +19,7 @@ from gvla2.planning.pointing import check_scale, read_points
 from gvla2.skills.asked_paths import nothing_to_ask, told
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
-from gvla2_plugins.robopoint.reading import Task, form, question, read_answer, read_simply
+from gvla2_plugins.robopoint.reading import form, question, read_answer, read_simply
 
 if TYPE_CHECKING:
     from gvla2_plugins.robopoint import RoboPointConfig
@@ -60,11 +60,9 @@ class RoboPointPlanner:
         asking = _Asking(self.config, self._language, request)
         try:
             found = asking.call()
-        except PlanningError as error:
+        except (PlanningError, UnusableAnswerError) as error:
             found = Abstention("other", str(error))
-        except UnusableAnswerError as error:
-            found = Abstention("other", str(error))
-            asking.said += error.transcript
+            asking.said += getattr(error, "transcript", ())
         if isinstance(found, Abstention):
             return Plan(None, abstention=found, transcript=tuple(asking.said))
         plan = carry_out((found,), request)
@@ -89,44 +87,36 @@ class _Asking:
         if task.skill == "none":
             return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
         theme = self._thing(task.theme)
-        if isinstance(theme, Abstention) or not task.goal:
-            return (
-                theme
-                if isinstance(theme, Abstention)
-                else SkillCall(task.skill, theme, relation=task.relation)
-            )
-        return self._aimed(task, theme)
-
-    def _aimed(self, task: Task, theme: str) -> SkillCall | Abstention:
-        if task.relation not in BESIDES:
+        goal: str | Abstention = ""
+        if task.goal and isinstance(theme, str) and task.relation not in BESIDES:
             goal = self._thing(task.goal)
-            if isinstance(goal, str) or not self._skills[task.skill].free or goal.kind == "ambiguous":
-                return goal if isinstance(goal, Abstention) else SkillCall(
-                    task.skill, theme, goal=goal, relation=task.relation
-                )  # fmt: skip
+            if isinstance(goal, Abstention) and goal.kind == "nothing_matches" and skills[task.skill].free:
+                goal = ""  # what was not perceived as a thing may still be a place
+        for refusal in (theme, goal):
+            if isinstance(refusal, Abstention):
+                return refusal
+        if goal or not task.goal:
+            return SkillCall(task.skill, str(theme), goal=str(goal), relation=task.relation)
         where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
         seen = self._point(f"Find some spots within the vacant space {where}.")
-        open_ = [s.point for s in seen if abs(s.point[2] - self._request.scene.table_height) < LEVEL]
-        if len(open_) < self._config.agreement * len(seen):
+        free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
+        if len(free) < self._config.agreement * len(seen):
             return Abstention(
                 "no_goal", f"Where the model pointed for a place {where}, the table is not free."
             )
-        x, y = (float(v) for v in np.median(open_, axis=0)[:2])
-        return SkillCall(task.skill, theme, xy=(x, y))
+        x, y = (float(v) for v in np.median(free, axis=0)[:2])
+        return SkillCall(task.skill, str(theme), xy=(x, y))
 
     def _thing(self, words: str) -> str | Abstention:
         """The id of the object that most points lie on."""
         seen = self._point(f"Locate several points on the {words}.")
         votes = Counter(s.object for s in seen if s.object).most_common(2)
+        where = f"Where the model pointed for '{words}'"
         if not votes:
-            return Abstention(
-                "nothing_matches", f"Where the model pointed for '{words}', no object was perceived."
-            )
+            return Abstention("nothing_matches", f"{where}, no object was perceived.")
         (best, count), rest = votes[0], votes[1:]
         if count < self._config.agreement * len(seen) or any(other == count for _, other in rest):
-            return Abstention(
-                "ambiguous", f"The model's points for '{words}' lie on several things, or beside them."
-            )
+            return Abstention("ambiguous", f"{where}, there are several things, or none at most points.")
         return best
 
     def _point(self, words: str) -> list[Sighting]:
@@ -150,13 +140,8 @@ class _Asking:
 
         return self._ask([{"role": "user", "content": content}], parse)
 
-    def _ask(
-        self,
-        messages: list[dict[str, Any]],
-        parse: Callable[[str], T],
-        schema: Mapping[str, Any] | None = None,
-    ) -> T:
+    def _ask(self, messages: list[dict[str, Any]], parse: Callable[[str], T], **schema: Any) -> T:
         tries = self._config.tries
-        found = ask_typed(self._language, messages, parse, purpose="plan", schema=schema, tries=tries)
+        found = ask_typed(self._language, messages, parse, purpose="plan", tries=tries, **schema)
         self.said += found.transcript
         return found.answer

@@ -27,10 +27,9 @@ _WHERE: Mapping[str, Relation] = {
     "beside": "beside", "to the left of": "left_of", "left of": "left_of", "to the right of": "right_of",
     "right of": "right_of", "behind": "behind", "in front of": "front_of",
 }  # fmt: skip
+_PLACES = "|".join(sorted(_WHERE, key=len, reverse=True))
 _PLACING = re.compile(
-    rf"(?:put|place|set|lay)\s+(?P<theme>.+?)\s+(?P<where>{'|'.join(sorted(_WHERE, key=len, reverse=True))})\s+"
-    r"(?P<goal>.+)",
-    re.IGNORECASE,
+    rf"(?:put|place|set|lay)\s+(?P<theme>.+?)\s+(?P<where>{_PLACES})\s+(?P<goal>.+)", re.IGNORECASE
 )
 _PICKING = re.compile(
     r"(?:pick\s+up|lift(?:\s+up)?|grasp|grab)\s+(?P<theme>.+?)(?:\s+(?:off|from)\s+the\s+table)?",
@@ -51,9 +50,7 @@ def read_simply(instruction: str) -> Task | None:
         return None
     if found := _PLACING.fullmatch(words):
         # "the cup on the tray on the box" has two ways to be read.
-        if len(
-            re.findall(rf"\b(?:{'|'.join(_WHERE)})\b", found["goal"] + " " + found["theme"], re.IGNORECASE)
-        ):
+        if re.search(rf"\b(?:{_PLACES})\b", f"{found['goal']} {found['theme']}", re.IGNORECASE):
             return None
         return Task("place", _bare(found["theme"]), _bare(found["goal"]), _WHERE[found["where"].lower()])
     if found := _PICKING.fullmatch(words):

@@ -41,7 +41,7 @@ class _Chunk:
         return read_phrase(self.tokens, self.selectors)
 
 
-def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.7) -> Intent:
+def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)

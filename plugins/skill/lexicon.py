@@ -327,7 +327,7 @@ MISHAPS: tuple[str, ...] = (
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
     r"|swap|exchange|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
-    r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12})\b"
+    r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
 

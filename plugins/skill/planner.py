@@ -49,7 +49,7 @@ class SkillPlanner:
         return replace(made, notes=(*found.notes, *made.notes))
 
 
-def read(sentence: str, scene: Scene, spelling: float = 0.8) -> Reading | Abstention:
+def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abstention:
     """The skill calls of a sentence; an abstention where it cannot be read with certainty."""
     pairs = sorting(sentence, scene, spelling)
     if isinstance(pairs, Abstention):

@@ -39,7 +39,7 @@ Pair = tuple[SceneObject, SceneObject]
 """A thing and the container that it goes into."""
 
 
-def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | Abstention | None:
+def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] | Abstention | None:
     """The pairs of a sentence about several things, None for any other sentence."""
     known = frozenset(word for o in scene.objects for word in tokenise(o.label)) | MATCHING | EACH | GOING
     tokens, _ = spell(tokenise(sentence), spelling, known)

@@ -121,14 +121,18 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    near = [w for w in vocabulary() if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")]
-    near = [w for w in get_close_matches(token, near, n=4, cutoff=threshold) if threshold < 1.0]
-    if len(token) == 4:
-        near = [w for w in near if sorted(w) == sorted(token)]
+    negations = {word for phrase in lexicon.NEGATIONS for word in phrase.split()}
+    telling = vocabulary() - lexicon.FILLERS - lexicon.DETERMINERS - lexicon.PRONOUNS - negations
+    near = [w for w in telling if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")]
+    mixed = sorted(w for w in near if sorted(w) == sorted(token))
+    if mixed and threshold < 1.0:
+        return mixed[0]
+    near = get_close_matches(token, near, n=4, cutoff=threshold) if len(token) > 4 and threshold < 1.0 else []
     best = near[0] if near else token
     rivals = [w for w in near if not (w.startswith(best) or best.startswith(w))]
-    margin = _alike(token, best) - max((_alike(token, w) for w in rivals), default=0.0)
-    return best if margin > 0.05 or sorted(best) == sorted(token) else token
+    return (
+        best if _alike(token, best) > max((_alike(token, w) for w in rivals), default=0.0) + 0.05 else token
+    )
 
 
 def _alike(one: str, other: str) -> float:

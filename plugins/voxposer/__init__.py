@@ -1,8 +1,5 @@
 """VoxPoser: a language model writes value maps over the space, and a planner finds the way through them.
-
-After Huang et al., "VoxPoser: Composable 3D Value Maps for Robotic Manipulation with Language Models" (2023): maps of
-affordance, avoidance, rotation, gripper and speed, composed of the perceived objects by what the model writes. Here
-that is a small language of array expressions which is parsed and interpreted, never run.
+After Huang et al., "VoxPoser: Composable 3D Value Maps for Robotic Manipulation with Language Models" (2023).
 """
 
 from __future__ import annotations
@@ -21,9 +18,8 @@ if TYPE_CHECKING:
 class VoxPoserConfig(ComponentConfig):
     """Options of the ``voxposer`` planner; the run's ``language`` writes the maps.
 
-    ``voxel`` is the grid's step in metres. On the way, being at something costs ``obstacles`` times the way itself,
-    falling off over ``margin`` metres, and a full avoidance ``avoidance`` times. An answer that cannot be used is
-    asked for anew, with the reason, ``tries`` times in all.
+    ``voxel`` is the grid's step in metres. Being at something costs ``obstacles`` times the way itself, less within
+    ``margin`` metres of it, and a full avoidance ``avoidance`` times. There are ``tries`` answers in all.
     """
 
     voxel: float = 0.02

@@ -1,17 +1,14 @@
-"""Value maps: moves of the hand and the expressions of their maps, over points of the world.
+"""Value maps: a program of moves, ``move("grasp", affordance=at(ball), gripper=0)``, and what its maps are worth.
 
-    move("grasp", affordance=at(ball), gripper=0)
-    move("over the bowl", affordance=above(bowl, 120), avoidance=near(lamp, 80), speed=0.5)
-
-``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names stand for objects.
+``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names stand for things.
 """
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,12 +21,11 @@ LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
 """Characters, nodes of its tree, variables and moves of a program: what bounds its time and memory."""
 
 
-@dataclass(frozen=True)
-class Program:
+class Program(NamedTuple):
     """The expressions of each move's maps, in order, and the variables that they use."""
 
     stages: tuple[Mapping[str, ast.expr], ...]
-    variables: Mapping[str, ast.expr] = field(default_factory=dict)
+    variables: Mapping[str, ast.expr]
 
 
 def read_program(text: str) -> Program:

@@ -9,7 +9,16 @@ from gvla2.errors import PlanningError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import Views
-from gvla2.planning.pixels import Pixel, depth_at, object_at, path_in_air, pixel_at, sight, view_of
+from gvla2.planning.pixels import (
+    Pixel,
+    depth_at,
+    object_at,
+    object_near,
+    path_in_air,
+    pixel_at,
+    sight,
+    view_of,
+)
 from gvla2.testing import inputs
 
 TOP = {b.label: b.world_from_block[:3] @ [0, 0, 0.5 * b.side, 1] for b in (inputs.RED, inputs.BLUE)}
@@ -169,3 +178,12 @@ def test_what_leaves_the_workspace_has_no_place(scene):
     camera = front(a, distance=3.0)
     found = path_in_air(camera, [Pixel("front", 0.5, 199.0)], {}, scene, a)
     assert np.isnan(found).all()
+
+
+def test_a_near_miss_finds_the_thing_beside_it(observation, scene):
+    view = observation.views[0]
+    on = pixel_of(view, TOP["red cube"])
+    beside = Pixel(view.name, on.u - 8, on.v)
+    assert object_near(on, view, scene, 4.0) == "red_cube"
+    assert object_near(beside, view, scene, 8.0) == "red_cube"
+    assert object_near(beside, view, scene, 1.0) == ""

@@ -58,3 +58,21 @@ def test_clearance_is_the_distance_to_the_grown_box():
 def test_grids_that_cannot_be_searched_are_refused(size):
     with pytest.raises(ConfigurationError, match="grid"):
         VoxelGrid.over(Box(np.zeros(3), np.ones(3)), size)
+
+
+def test_a_peak_is_found_finer_than_the_grid():
+    wanted = np.array([0.413, 0.277, 0.133])
+    found = GRID.peak(lambda p: -np.linalg.norm(p - wanted, axis=-1), np.zeros(GRID.shape))
+    assert np.linalg.norm(found - wanted) < 0.15 * GRID.size
+
+
+def test_of_equal_peaks_the_least_avoided_is_taken_and_its_middle():
+    def high(points):
+        return np.where(np.abs(points[..., 0] - 0.5) > 0.3, 1.0, 0.0)
+
+    avoided = np.zeros(GRID.shape)
+    avoided[:25] = 1.0
+    found = GRID.peak(high, avoided)
+    np.testing.assert_allclose(found, [0.9, 0.3, 0.2], atol=0.03)
+    with pytest.raises(ValueError, match="the same everywhere"):
+        GRID.peak(lambda p: np.zeros(p.shape[:-1]), avoided)

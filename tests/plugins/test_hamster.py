@@ -11,7 +11,7 @@ from gvla2.language import AskingOptions, Endpoint, EndpointOptions, ModelUnavai
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Advice
 from gvla2.testing import check_component, check_planner, inputs
-from gvla2.testing.language import LocalModel, Reply, said
+from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2_plugins.hamster import HamsterConfig, gvla2_planners
 from gvla2_plugins.hamster.drawn import MOST, thinned
 
@@ -208,11 +208,14 @@ def test_labels_never_reach_the_model_and_memory_comes_as_data(request_, drawing
     assert "<quest>lift the red cube</quest>" in words
 
 
-def test_a_server_that_dies_in_the_middle_is_a_failure_of_the_model(request_):
-    with (
-        LocalModel(lambda _: Reply(answer((0.5, 0.5)), cut=20)) as model,
-        pytest.raises(ModelUnavailableError),
-    ):
+def test_a_server_that_dies_in_the_middle_moves_nothing(request_):
+    with LocalModel(lambda _: Reply(answer((0.5, 0.5)), cut=20)) as model:
+        plan = planner(model).plan(request_)
+    assert (plan.trajectory, plan.abstention.kind) == (None, "other")
+
+
+def test_a_server_that_fails_is_a_failure_of_the_model(request_):
+    with LocalModel(lambda _: refused(503, "busy")) as model, pytest.raises(ModelUnavailableError):
         planner(model).plan(request_)
 
 

@@ -16,7 +16,7 @@ from gvla2.testing import check_component, check_planner, inputs
 from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins.voxposer import VoxPoserConfig, gvla2_planners
 from gvla2_plugins.voxposer.maps import read_program
-from gvla2_plugins.voxposer.stops import stops
+from gvla2_plugins.voxposer.planner import stops
 
 LIFT = """move("grasp", affordance=at(red_cube), gripper=0)
 move("raise", affordance=above(red_cube, 150), speed=0.5)"""
