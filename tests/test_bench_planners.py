@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands import bench_robot
-from gvla2.commands.bench import run_bench, with_suite
+from gvla2.commands.bench import run_bench, as_overrides
 from gvla2.commands.bench_design import designs
 from gvla2.commands.bench_episodes import Outcome, spent_on
 from gvla2.commands.primary import PRIMARY
@@ -205,10 +205,24 @@ def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
 
 
 def test_a_leading_word_is_the_suite():
-    assert with_suite(["robot", "tasks=[lamp_on]"]) == ["suite=robot", "tasks=[lamp_on]"]
-    assert with_suite(["--help"]) == ["--help"]
-    assert with_suite(["suite=memory"]) == ["suite=memory"]
-    assert with_suite([]) == []
+    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["suite=robot", "tasks=[lamp_on]"]
+    assert as_overrides(["--help"]) == ["--help"]
+    assert as_overrides(["suite=memory"]) == ["suite=memory"]
+    assert as_overrides([]) == []
+
+
+def test_options_by_name_need_no_plus(capsys):
+    from gvla2.commands.bench import main
+
+    given = [
+        "planner_options.code_policies.samples=3",
+        "arm_options.on.admission=false",
+        "+arm_options.on.top_k=2",
+    ]
+    assert main(["robot", BOTH, *given, "--cfg", "job"]) == 0
+    told = OmegaConf.create(capsys.readouterr().out)
+    assert (told.suite, told.planner_options) == ("robot", {"code_policies": {"samples": 3}})
+    assert told.arm_options == {"on": {"admission": False, "top_k": 2}}
 
 
 def test_what_an_episode_cost_is_counted_over_attempts_and_parts():
