@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.commands import bench_robot
-from gvla2.commands.bench import run_bench, as_overrides
+from gvla2.commands.bench import as_overrides, run_bench
 from gvla2.commands.bench_design import designs
 from gvla2.commands.bench_episodes import Outcome, spent_on
 from gvla2.commands.primary import PRIMARY
