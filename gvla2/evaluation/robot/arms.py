@@ -69,11 +69,10 @@ class BestTheta:
 
     def __init__(self, experiences: Sequence[Experience]) -> None:
         won = [e for e in experiences if e.verdict.outcome == "verified_success"]
-        told = [Effect.from_json(lesson.effect) for e in won for lesson in e.episode.lessons if lesson.effect]
+        told = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
         tried: dict[tuple[str, str], list[Effect]] = {}
-        for effect in told:
-            if effect.kind == "prior":
-                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        for effect in (Effect.from_json(one) for one in told if one.get("kind") == "prior"):
+            tried.setdefault((effect.skill, effect.parameter), []).append(effect)
         self._best = [
             replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
             for some in tried.values()

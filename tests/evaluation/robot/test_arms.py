@@ -2,6 +2,7 @@
 
 import json
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 
@@ -35,7 +36,18 @@ def test_experience_survives_json():
 
 
 def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default():
-    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD)])
+    program = {
+        "kind": "program",
+        "skill": "pick",
+        "language": "calls",
+        "roles": {},
+        "steps": ["pick({theme})"],
+    }
+    told = experience(3, 0.5, GOOD)
+    told = replace(
+        told, episode=replace(told.episode, lessons=(Lesson("workflow", "What was done.", program),))
+    )
+    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), told])
     context = arm.recall(MemoryTask("lift the red cube"))
     (item,) = context.items
     effect = Effect.from_json(item.effect, source=item.id)
