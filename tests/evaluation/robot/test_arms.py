@@ -45,7 +45,7 @@ def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default()
     }
     told = experience(3, 0.5, GOOD)
     told = replace(
-        told, episode=replace(told.episode, lessons=(Lesson("workflow", "What was done.", program),))
+        told, episode=replace(told.episode, lessons=(Lesson("procedural_hint", "What was done.", program),))
     )
     arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), told])
     context = arm.recall(MemoryTask("lift the red cube"))
