@@ -37,43 +37,43 @@ EXAMPLE_PATH = {
 
 
 def messages(request: PlanRequest, brief: SceneBrief, *, bare: bool, programs: int) -> list[Message]:
-    """The question. Memory stands between marks, as data: it can advise, and the checks hold whatever it says."""
-    blocks = [_block(EXAMPLE_THINGS[bare], EXAMPLE_TASK, EXAMPLE_PATH[bare])]
-    remembered, about = _remembered(request, brief, programs if not bare else 0)
-    things = "\n".join(filter(None, (_by_relevance(brief, request.instruction, about), remembered)))
-    blocks.append(_block(things, _one_line(request.instruction), ""))
-    asked: list[Message] = [
-        {"role": "system", "content": BARE if bare else RELATIVE},
-        {"role": "user", "content": "\n\n".join(blocks)},
+    """The question, after examples that were answered: one of the form, then remembered paths, with the names and
+    sizes of now. What memory says in words stands between marks, as data: the checks hold whatever it says.
+    """
+    paths, about = _remembered(request, brief, programs if not bare else 0)
+    things = _by_relevance(brief, request.instruction, about)
+    turns = [
+        (_question(EXAMPLE_THINGS[bare], EXAMPLE_TASK), EXAMPLE_PATH[bare]),
+        *((_question(things, task), path) for task, path in paths),
     ]
+    asked: list[Message] = [{"role": "system", "content": BARE if bare else RELATIVE}]
+    for question, path in turns:
+        asked += [{"role": "user", "content": question}, {"role": "assistant", "content": path}]
+    text = request.advice.text.strip()
+    remembered = f"<memory>\n{text}\n</memory>\n" if text else ""
+    asked.append({"role": "user", "content": remembered + _question(things, _one_line(request.instruction))})
     return asked
 
 
-def _block(things: str, task: str, path: str) -> str:
-    lines = ["Things (name, length x width x height in mm):", things, f"Task: {task}", "Path:"]
-    return "\n".join([*lines, path] if path else lines)
+def _question(things: str, task: str) -> str:
+    return f"Things (name, length x width x height in mm):\n{things}\nTask: {task}"
 
 
-def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> tuple[str, list[str]]:
-    """What succeeded before, in the form of the question, and what else memory says, between marks, as data; and the
-    names that these paths are about.
-    """
-    blocks: list[str] = []
+def _remembered(
+    request: PlanRequest, brief: SceneBrief, programs: int
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Task and path of what succeeded before, the best last, next to the question; and the names in them."""
+    paths: list[tuple[str, str]] = []
     about: list[str] = []
     for program in request.advice.programs:
-        if program.language != "waypoints" or len(blocks) == programs:
+        if program.language != "waypoints" or len(paths) == programs:
             continue
         steps = told(program, request.scene, brief.names, request.instruction)
         if steps is not None:
             about += [part for step in steps for part in step[:2] if isinstance(part, str)]
             path = json.dumps([list(s) for s in steps], separators=(",", ":"))
-            blocks.append(
-                f"Task: {_one_line(program.instruction)}\nPath (succeeded, with the names of now):\n{path}"
-            )
-    text = request.advice.text.strip()
-    if not blocks and not text:
-        return "", []
-    return "\n".join(["<memory>", *([text] if text else []), *blocks, "</memory>"]), about
+            paths.insert(0, (_one_line(program.instruction), path))
+    return paths, about
 
 
 def _by_relevance(brief: SceneBrief, instruction: str, about: Sequence[str]) -> str:
