@@ -19,7 +19,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.storage.location import settled
+from gvla2.memory.storage.addresses import settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig
@@ -70,7 +70,7 @@ class GovernedMemory:
 
     def _bank(self) -> KnowledgeBank:
         if self._opened is None:
-            self._opened = KnowledgeBank.open(
+            self._opened = KnowledgeBank(
                 self.url,
                 bank=self._config.bank,
                 retriever=self._retriever,
@@ -79,7 +79,6 @@ class GovernedMemory:
                 verifier=self._verifier,
                 options=self._options,
                 busy_seconds=self._config.busy_seconds,
-                snapshot=self._config.snapshot,
             )
         return self._opened
 

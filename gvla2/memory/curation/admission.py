@@ -5,19 +5,18 @@ Decisions on plain data.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
+from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
 from gvla2.memory.curation.likeness import words_of
+from gvla2.memory.curation.trust import Origin
 from gvla2.memory.screening.instructions import effect_reads_like_instructions, reads_like_instructions
 
 QUARANTINED = "quarantined: "
 """How the note of a record begins that no verdict can make active."""
 ECHO = 0.9
-SAME_SCORE = 0.01
-"""Scores that differ by no more than this are one: a verifier that always says yes may dither a little."""
+OURS = Origin(True, "")
 _FAILED, _SUCCEEDED = 0.35, 0.70
 
 
@@ -27,10 +26,18 @@ class Decision:
 
     state: LifecycleState | None
     note: str = ""
+    trust: Trust = "own"
 
 
 def admit(
-    lesson: Lesson, verdict: Verdict, *, query: str = "", admission: bool = True, failures: bool = True
+    lesson: Lesson,
+    verdict: Verdict,
+    *,
+    origin: Origin = OURS,
+    query: str = "",
+    admission: bool = True,
+    failures: bool = True,
+    grounds: str = "",
 ) -> Decision:
     """Decide on one lesson.
 
@@ -49,48 +56,22 @@ def admit(
             None, "A recipe from a failed episode was left out: failures teach constraints alone."
         )
     if reads_like_instructions(lesson.content) or effect_reads_like_instructions(lesson.effect):
-        return Decision("provisional", f"{QUARANTINED}the text reads like instructions")
+        return Decision("provisional", f"{QUARANTINED}the text reads like instructions", "screened")
+    trust: Trust = "own" if origin.own else "foreign"
+    if grounds:
+        return Decision("provisional", grounds, trust)
     if not lesson.effect and query and repeats(lesson.content, query):
-        return Decision("provisional", f"{QUARANTINED}the text only repeats the task")
+        return Decision("provisional", f"{QUARANTINED}the text only repeats the task", trust)
     if not admission or failed or verdict.outcome == "verified_success":
-        return Decision("active")
+        return Decision("active", "", trust)
     why = "could not be judged" if verdict.outcome == "unavailable" else "is uncertain"
-    return Decision("provisional", f"the outcome {why}")
+    return Decision("provisional", f"the outcome {why}", trust)
 
 
 def repeats(content: str, query: str) -> bool:
     """Whether a text says hardly more than the task that it would be found by."""
     said, asked = words_of(content), words_of(query)
     return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
-
-
-@dataclass(frozen=True)
-class SourceCount:
-    """What a source has active in the bank by now: records of late, and how many of those are like the candidate."""
-
-    recent: int = 0
-    alike: int = 0
-
-
-def within_cap(count: SourceCount, per_source: int, per_source_copies: int) -> Decision:
-    """Whether a source may have one more active record; provisional otherwise, with the reason."""
-    if count.alike >= per_source_copies:
-        return Decision(
-            "provisional", f"its source has {count.alike} records like it already, as many as one may have"
-        )
-    if count.recent >= per_source:
-        return Decision(
-            "provisional", f"its source brought {count.recent} records of late, as many as one may"
-        )
-    return Decision("active")
-
-
-@dataclass(frozen=True)
-class Streak:
-    """How often in a row a verifier has given the same success: the ``criteria`` of the first, and the ``length``."""
-
-    criteria: Mapping[str, float]
-    length: int = 0
 
 
 def believed(verdict: Verdict) -> tuple[Verdict, str]:
@@ -113,31 +94,3 @@ def believed(verdict: Verdict) -> tuple[Verdict, str]:
         )
         return replace(verdict, outcome="uncertain"), note
     return verdict, ""
-
-
-def streak_of(verdict: Verdict, before: Streak | None) -> Streak:
-    """The verifier's streak with this verdict; anything but an equal success starts it anew."""
-    criteria = {name: round(float(value), 6) for name, value in sorted(verdict.criteria.items())}
-    criteria["R"] = round(float(verdict.quality), 6)
-    if verdict.outcome != "verified_success":
-        return Streak(criteria, 0)
-    if before is None or not before.length or not _alike(before.criteria, criteria):
-        return Streak(criteria, 1)
-    return Streak(before.criteria, before.length + 1)
-
-
-def _alike(first: Mapping[str, float], second: Mapping[str, float]) -> bool:
-    return first.keys() == second.keys() and all(
-        abs(first[name] - second[name]) <= SAME_SCORE for name in first
-    )
-
-
-def tempered(verdict: Verdict, streak: Streak, *, longest: int, confidence: float) -> tuple[Verdict, str]:
-    """The verdict with its confidence capped where the verifier always says the same yes, and a note on it."""
-    if streak.length <= longest or verdict.confidence <= confidence:
-        return verdict, ""
-    note = (
-        f"The verifier '{verdict.verifier or 'unnamed'}' has given {streak.length} equal successes in a row: its "
-        f"confidence counts {confidence:.2f} at most."
-    )
-    return replace(verdict, confidence=confidence), note
