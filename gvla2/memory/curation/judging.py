@@ -63,7 +63,12 @@ def open_suspicions(links: Iterable[tuple[str, str, str]]) -> list[Pair]:
 
 
 def decide(
-    judge: Judge, pairs: Sequence[Pair], records: Mapping[str, Record], done: Judged, *, limit: int | None = None
+    judge: Judge,
+    pairs: Sequence[Pair],
+    records: Mapping[str, Record],
+    done: Judged,
+    *,
+    limit: int | None = None,
 ) -> list[Ruling]:
     """What a judge makes of ``pairs``, in batches; those whose records are both live are asked about, ``limit`` at most."""
     asked = [

@@ -19,7 +19,7 @@ EXACT = frozenset(("port", "version", "pin", "channel", "id", "seed"))
 """Bare numbers of these agree only when they are equal."""
 FEATURES = (
     *SIGNS, "like", "held", "contained", "own_words", "own_things", "own_given", "same_task", "task_apart", "like_task", "contained_task",
-    "named_task", "side_task", "number_task", "agree_number", "agree_side", "names", "when", "two_signs", "steps", "replaced", "other_case", "known_apart", "number_named", "label_same", "label_apart",
+    "named_task", "side_task", "number_task", "agree_number", "agree_side", "names", "when", "two_signs", "steps", "replaced", "known_apart", "number_named", "label_same", "label_apart",
     "shared", "one_figure",
 )  # fmt: skip
 
@@ -91,14 +91,13 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
         "when": _cases(a, b),
         "replaced": min(own, 2) / 2 * (shared / max(shared + len(left) + len(right), 1)),
         "known_apart": float(bool(left & KNOWN) and bool(right & KNOWN)),
-        "other_case": float(any(word[:-1] + _OTHER.get(word[-1], "?") in b.when for word in a.when)),
     }
 
 
 def _signs(a: Clause, b: Clause) -> tuple[dict[str, float], dict[str, float]]:
     """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing; and what they agree in."""
     found: dict[str, float] = {}
-    if a.open or b.open:
+    if a.open or b.open or _other_case(a, b):
         return {}, {}
     differ, agree = _figures(a.figures, b.figures, exact=not EXACT.isdisjoint(a.words | b.words))
     if differ is not None:
@@ -108,7 +107,7 @@ def _signs(a: Clause, b: Clause) -> tuple[dict[str, float], dict[str, float]]:
     named = bool(turned(a.named, b.named) or turned(a.sides, theirs) or turned(mine, b.sides))
     if a.forbidden == b.forbidden:
         found |= {name: 1.0 for name, holds in (("side", opposed), ("named", named and not opposed)) if holds}
-        if _reversed(a.words, b.words):
+        if _reversed(a.words, b.words) or (_exchanged(a, b) and not opposed):
             found["reverse"] = 1.0
     elif not opposed and not named:  # "don't leave it open" and "close it" agree
         rule, act = (a, b) if a.forbidden else (b, a)
@@ -177,6 +176,26 @@ def _unshared(mine: Words, theirs: Words) -> tuple[Words, Words]:
 
 def _names(said: Reading) -> set[str]:
     return {name for clause in said.clauses for name in clause.names}
+
+
+def _other_case(a: Clause, b: Clause) -> bool:
+    """Whether two clauses hold in opposite cases, "at night" and "during the day"."""
+    return any(
+        _opposite(word) in b.when and word not in b.when and _opposite(word) not in a.when for word in a.when
+    )
+
+
+def _opposite(word: str) -> str:
+    if word[-1] in _OTHER:
+        return word[:-1] + _OTHER[word[-1]]
+    return word.removeprefix("no_") if word.startswith("no_") else f"no_{word}"
+
+
+def _exchanged(a: Clause, b: Clause) -> bool:
+    """Whether two things took each other's place: "the acid into the water", "the water into the acid"."""
+    mine, theirs = dict((thing, place) for place, thing in a.roles), dict((t, p) for p, t in b.roles)
+    moved = [thing for thing in mine.keys() & theirs.keys() if mine[thing] != theirs[thing]]
+    return a.words == b.words and len(moved) == 2 and mine[moved[0]] == theirs[moved[1]]
 
 
 def _cases(a: Clause, b: Clause) -> float:

@@ -24,7 +24,7 @@ _NAMED = (
     "|highway|route|bus|flight"
 )
 _NO_BOUND = (
-    r"(?!\s*(?:[%°]|or\b|and (?:above|up|later|newer)|[a-z]+/|mm|cm|ms\b|kg|\+"
+    r"(?!\s*(?:[%°]|or\b|and (?:above|up|later|newer)|[a-z]+/|mm|cm|m?s\b|[mn]\b|kg|\+"
     r"|(?:sec|min|hour|day|week|times|second)[a-z]*\b))"
 )
 _NO_MEASURE = (

@@ -36,7 +36,7 @@ including: include / exclude
 installing: install / uninstall
 adding: add insert append / remove delete erase take-away
 order: ascending oldest-first / descending newest-first
-axis: vertical vertically / horizontal horizontally flat
+axis: vertical vertically / horizontal horizontally
 sequence: parallel concurrently simultaneously / sequential sequentially serially
 timing: synchronous / asynchronous
 truth: true yes / false no-value
@@ -64,7 +64,6 @@ safety: safe harmless / dangerous hazardous unsafe
 need: necessary required mandatory must-have / unnecessary optional needless
 validity: valid / invalid
 sharpness: sharp / blunt dull
-grain: coarse / fine
 width: wide broad / narrow
 depthwise: deep / shallow
 stiffness: stiff rigid / flexible compliant loose-limbed

@@ -40,7 +40,8 @@ _SOFT = word_set(
     each every some both one two who which what where why how than per least most up_ out off_ on_ of to in at by for
     from with within onto into upon toward towards via through during as a an the and or but nor if when while until
     i we you he she my our your his her us me were was is are been being am did does done got
-    found find turned needed"""
+    found find turned needed belong belongs come comes stand stands lie lies sit sits stay stays look looks suffice suffices
+    plenty begin begins happen happens hang hangs fit fits"""
 )
 _NEGATORS = word_set(
     """not never no don't dont doesn't mustn't shouldn't can't cannot won't isn't aren't avoid refrain skip omit nothing
@@ -90,18 +91,34 @@ _BEHIND = re.compile(r"\b(?:after|once|as soon as|following|when_)\b")
 _FIRST = re.compile(r"\b(?:first|to begin with|at first)\b")
 _LATER = re.compile(r"\b(?:afterwards?|after that|later|last|next|finally|subsequently)\b")
 _EVERY = re.compile(r"\b(?:every|each|per)\s*$")
-_FRONTED = re.compile(r"\s*(?P<case>(?:on|in|at|for|with|inside|near|under|from|by|during) [^,]+),(?=.*\w)")
+_FRONTED = re.compile(
+    r"\s*(?P<case>(?:on|in|at|for|without|with|inside|near|under|from|by|during) [^,]+),(?=.*\w)"
+)
 _ONCE = re.compile(r"\bonce (?:a|per|every|each) (second|minute|hour|day|week|month|year)\b")
 _FULL = re.compile(
     r"\b(?:full|whole|good|entire|solid) (?=(?:seconds?|minutes?|hours?|turns?|met(?:re|er)s?)\b|\d)"
 )
+_FINE = re.compile(r"\b(is|are|was) right\b(?!-| (?:of|side|hand|next|at)\b)")
+_DOES = (
+    r"(?:goes|is|are|was|were|has|have|had|must|should|may|can|needs?|belongs?|takes?|gets?|stands?|hangs?|comes?|stays?"
+    r"|works?|holds?|slips?|beats?|go|runs?|listens?|looks?|sits?)\b"
+)
+_NUMBERED = re.compile(
+    r"(?P<name>(?:^|(?<=[.;,:] )|(?<=\bon )|(?<=\bat )|(?<=\bthe ))[a-z]{3,}) (?P<number>\d{1,4})"
+    rf" (?={_DOES})"
+)
+"""A number behind a noun and before what it does names one of several: "waypoint 3 was reached"."""
+_SUBJECT = re.compile(rf"\s*(?P<who>(?:\w+ ){{0,2}}?\w+) (?={_DOES})")
 _COMMA = "xcommax"
 _PARTICLES = ("on", "off", "out", "alone")
 _DETERMINERS = word_set("the a an its their your each this that")
 _PLACES = word_set("side height depth inside ends daytime")
 """Axes whose words may stand alone behind an article: "on the left"; others are nouns there ("the light")."""
 _ENDING = word_set("stop quit cease")
-_BEING = word_set("is are was were be seems")
+_WITH_UP = word_set(
+    "is are give roll back set clean clear warm heat cool start speed slow fill follow end shut wind wake tidi"
+)
+"""Stems of verbs that "up" and "down" are a part of."""
 _PREPOSITIONS = word_set(
     "of to in at by for from with into onto on under near inside through along against between"
 )
@@ -118,7 +135,7 @@ class Clause:
     """One statement: ``words`` are stems of what it is about, ``names`` those of single things ("nr12"), ``sides``
     its opposing words by axis, ``when`` the stems of its conditions (sides as "axis+").
 
-    ``labels`` are those near a figure, ``things`` those words that come behind an article or a preposition. ``named`` are sides that tell which thing is meant ("the left drawer"), ``lacks`` what it does without. ``forbidden``: the text says not to; ``open``: it need not be.
+    ``labels`` are those near a figure, ``roles`` the prepositions that things stand behind, ``things`` those words that come behind an article or a preposition. ``named`` are sides that tell which thing is meant ("the left drawer"), ``lacks`` what it does without. ``forbidden``: the text says not to; ``open``: it need not be.
     """
 
     words: Words
@@ -129,6 +146,7 @@ class Clause:
     when: Words
     things: Words = frozenset()
     labels: Words = frozenset()
+    roles: tuple[tuple[str, str], ...] = ()
     lacks: Words = frozenset()
     forbidden: bool = False
     open: bool = False
@@ -162,7 +180,8 @@ def read(text: str) -> Reading:
     clauses: list[Clause] = []
     orders: list[Order] = []
     choices: list[Order] = []
-    plain = _FULL.sub("", _ONCE.sub(r"every 1 \1", _IDIOMS.sub(_positive, plain_text(text[:MAX_READ]))))
+    plain = _NUMBERED.sub(r"\g<name> nr\g<number> ", _FINE.sub(r"\1 fine", plain_text(text[:MAX_READ])))
+    plain = _FULL.sub("", _ONCE.sub(r"every 1 \1", _IDIOMS.sub(_positive, plain)))
     for sentence in _SENTENCE.split(plain):
         said = _told(sentence)
         sequence = _FIRST.search(said) or _LATER.search(said)
@@ -225,9 +244,11 @@ def _clause(step: str, left: str) -> tuple[Clause, Order | None]:
     """The clause of a step; what it leaves out (``left``) is no part of it."""
     text = step.replace(left, " ") if left else step
     if left:
-        text = re.sub(r"\b(?:rather than|instead of|in place of|not|never)\b", " ", text)
+        text = re.sub(r"\b(?:rather than|instead of|in place of|not|never|don't|do|avoid)\b", " ", text)
     fronted = _FRONTED.match(text)
     case = _content(fronted["case"]) if fronted is not None else frozenset()
+    if fronted is not None and fronted["case"].startswith("without"):
+        case = frozenset(f"no_{root}" for root in case)
     text = text[fronted.end() :] if fronted is not None and not quantities(fronted["case"]) else text
     open_ = _NEEDLESS.search(text) is not None
     order, main, side = _ordered(text)
@@ -247,27 +268,34 @@ def _clause(step: str, left: str) -> tuple[Clause, Order | None]:
     lacks: set[str] = set()
     when: set[str] = set(side | case)
     negations = 0
-    within = lacking = False
+    within = lacking = denied = False
     named: list[tuple[str, int]] = []
     things: set[str] = set()
+    roles: list[tuple[str, str]] = []
+    place = ""
     noun = False
     joined = [*_joined(_WORD.findall(main.replace(",", f" {_COMMA} "))), ""]
     for before, word, behind in zip(["", *joined], joined, joined[1:], strict=False):
         noun = word in _DETERMINERS or word in _PREPOSITIONS or (noun and word not in FUNCTION_WORDS)
         if noun and word not in FUNCTION_WORDS:
             _take(word, things, [])
+            roles += [(place, word)] if word not in _PREPOSITIONS and word not in _DETERMINERS else []
+        place = word if word in _PREPOSITIONS else place
         if word == _COMMA:
-            within = lacking = False
+            within = lacking = denied = False
         elif word == "without":
             lacking = True
         elif word in _CONDITIONS:
             within = True
         elif word in _NEGATORS or (word in _ENDING and behind.endswith("ing")):
             negations += not within
-        elif word == "right" and before in _BEING:
+            denied = within
+        elif word in ("up", "down") and stem(before) in _WITH_UP:
             continue
         elif within or lacking:
-            _take(word, when if within else lacks, None)
+            taken: set[str] = set()
+            _take(word, taken, None)
+            (when if within else lacks).update(f"no_{root}" if denied else root for root in taken)
         elif before in _DETERMINERS and behind and behind not in FUNCTION_WORDS | {_COMMA}:
             _take(word, words, named)
         elif before in _DETERMINERS:
@@ -280,8 +308,14 @@ def _clause(step: str, left: str) -> tuple[Clause, Order | None]:
         forbidden = False
     if forbidden and _AHEAD.search(text):  # "not before it is dry" asks for it afterwards
         order, forbidden = (order[1], order[0]) if order else None, False
+    if forbidden and "unless" in text:  # "not unless it is on" asks for it when it is on
+        forbidden = False
     if forbidden and lacks:  # "don't solder without flux" asks for flux
         words, lacks, forbidden = words | lacks, set(), False
+    subject = _SUBJECT.match(main)
+    if subject is not None:
+        things |= _content(subject["who"])
+    labels &= things
     names = frozenset(word for word in words if not word.isalpha() and any(map(str.isdigit, word)))
     clause = Clause(
         frozenset(words),
@@ -292,6 +326,7 @@ def _clause(step: str, left: str) -> tuple[Clause, Order | None]:
         frozenset(when),
         frozenset(things),
         frozenset(labels),
+        tuple(roles),
         frozenset(lacks | _content(left)),
         forbidden,
         open_,
@@ -344,6 +379,10 @@ def _take(
         return
     if word[:2] == "un" and len(word) > 6:
         root = "un" + stem(word[2:])
+        reverse = [(axis, -sign) for axis, sign in SIDES.get(stem(word[2:]), ())]
+        if reverse and sides is not None:
+            sides.extend(reverse)
+            return
     if word not in _SOFT and word not in FUNCTION_WORDS and len(word) > 1:
         words.add(CANONICAL.get(root, root))
 

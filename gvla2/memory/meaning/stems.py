@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from snowballstemmer import EnglishStemmer
+import Stemmer
 
 _IRREGULAR = """
 begin: began begun / bend: bent / blow: blew blown / break: broke broken / bring: brought / build: built / burn: burnt
@@ -23,7 +23,7 @@ _VERB = {
     for verb, _, forms in [entry.partition(":")]
     for form in forms.split()
 }
-_STEMMER = EnglishStemmer()
+_STEMMER = Stemmer.Stemmer("english")
 
 
 @lru_cache(maxsize=32768)

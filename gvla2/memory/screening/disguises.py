@@ -40,7 +40,9 @@ def sanitised(text: str) -> str:
     plain = text
     if not (text.isascii() and text.isprintable()):
         plain = "".join(
-            letter for letter in unicodedata.normalize("NFKC", text) if letter in "\n\t" or not invisible(letter)
+            letter
+            for letter in unicodedata.normalize("NFKC", text)
+            if letter in "\n\t" or not invisible(letter)
         )
     for _ in range(3):  # a frame may be hidden in another
         stripped = _FRAMES.sub(" ", plain)
