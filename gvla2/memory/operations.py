@@ -118,7 +118,8 @@ class Operations:
     def writing(self, actor: str) -> Iterator[Ledger]:
         """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
         with self._store.writing(self._index.bank, actor=actor, now=self._clock()) as transaction:
-            self._index.refresh()  # nobody else can write from here on
+            if self._index.rev != transaction.rev - 1:
+                self._index.refresh()  # nobody else can write from here on
             ledger = Ledger(transaction, self._index, self._embedder)
             yield ledger
             ledger.write()

@@ -52,12 +52,14 @@ class Origin:
 def trust_of(origins: Iterable[Origin], *, screened: bool = False) -> Trust:
     """What a text with these verified origins is trusted; ``screened`` (it reads like orders) takes a level off.
 
-    One verified episode of ours makes a text ours. Foreign sources are counted once each, and only by their names:
-    ten episodes of one are one. What is screened and foreign is never believed, however many repeat it.
+    One verified episode of ours makes a text ours; a screened one needs two. Foreign sources are counted once each, and
+    only by their names: ten episodes of one are one. What is screened and foreign is never believed, however many
+    repeat it.
     """
     known = list(origins)
-    if any(origin.own for origin in known):
-        return "foreign" if screened else "own"
+    ours = {origin.source for origin in known if origin.own}
+    if ours:
+        return "own" if not screened else "confirmed" if len(ours) >= CONFIRMING else "foreign"
     if screened:
         return "screened"
     named = {origin.witness for origin in known}
