@@ -21,6 +21,7 @@ from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     Embedder,
     Inducer,
+    Judge,
     Learned,
     Lesson,
     LifecycleState,
@@ -33,6 +34,7 @@ from gvla2.memory.contracts import (
 )
 from gvla2.memory.curation.governance import Governed
 from gvla2.memory.curation.induction import RulesInducer
+from gvla2.memory.curation.judging import Judged
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.indexing.index import SERVED, Index
 from gvla2.memory.operations import Operations
@@ -45,9 +47,11 @@ from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.audit import foreign_vectors
 from gvla2.memory.storage.store import Event, Link, Problem, Store
 
-__all__ = ["BankOptions", "Governed", "Hit", "KnowledgeBank", "Replayed"]
+__all__ = ["BankOptions", "Governed", "Hit", "Judged", "KnowledgeBank", "Replayed"]
 CHUNK = 256
 """Lessons that one transaction of :meth:`KnowledgeBank.admit_many` takes."""
+JUDGED = 16
+"""Suspicions that are decided after each episode."""
 FROZEN = "The bank is frozen: nothing was learnt."
 
 
@@ -56,8 +60,8 @@ class KnowledgeBank:
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already; ""
     is the user's own memory. It is created where there is none. By default it ranks by words, vectors, quality and
-    geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes again; ``clock`` gives seconds
-    since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
+    geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes again, ``judge`` who decides
+    whether texts that are suspected of it contradict each other; ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
     it as a memory turns that into a degraded answer. Options that cannot be raise
@@ -73,6 +77,7 @@ class KnowledgeBank:
         embedder: Embedder | None = None,
         inducer: Inducer | None = None,
         verifier: Verifier | None = None,
+        judge: Judge | None = None,
         options: BankOptions | None = None,
         busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
@@ -80,7 +85,7 @@ class KnowledgeBank:
         self.bank = bank
         self.options = options or BankOptions()
         self.options.check()
-        self._clock, self._verifier = clock, verifier
+        self._clock, self._verifier, self._judge = clock, verifier, judge
         self._embedder = embedder or HashEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
@@ -147,6 +152,8 @@ class KnowledgeBank:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
             learned = self._operations.learn(episode, verdict)
+            if self._judge is not None and self.options.governance and self.options.replay_per_episode:
+                self._operations.judge(self._judge, limit=JUDGED)
             if self._verifier is not None and self.options.replay and self.options.replay_per_episode:
                 limit = self.options.replay_per_episode
                 self._operations.replay(self._verifier, limit=limit, but=episode.source)
@@ -195,11 +202,30 @@ class KnowledgeBank:
         )
 
     def govern(self) -> Governed:
-        """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted."""
+        """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
+
+        Where a judge was given, it decides all suspicions first.
+        """
         if not self.options.governance or self.options.frozen:
             return Governed()
         with self._lock:
-            return self._operations.govern()
+            judged = self.judge() if self._judge is not None else Judged()
+            done = self._operations.govern()
+            done.replaced += judged.archived
+            return done
+
+    def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
+        """Let ``judge``, or the bank's own, decide which suspicions are contradictions; ``limit`` pairs at most.
+
+        The less trusted, or else the less borne out, of two that contradict each other is archived.
+        """
+        chosen = judge or self._judge
+        if chosen is None:
+            return Judged(notes=["Nobody was given to judge anything."])
+        if not self.options.governance or self.options.frozen:
+            return Judged(notes=["Governance is switched off."])
+        with self._lock:
+            return self._operations.judge(chosen, limit=limit)
 
     def replay(self, verifier: Verifier | None = None, *, limit: int | None = None) -> Replayed:
         """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from gvla2.errors import Gvla2Error
@@ -13,6 +14,7 @@ from gvla2.memory.contracts import (
     TYPES,
     Embedder,
     Inducer,
+    Judge,
     Learned,
     Lesson,
     MemoryContext,
@@ -24,11 +26,14 @@ from gvla2.memory.contracts import (
 from gvla2.memory.curation import replay
 from gvla2.memory.curation.admission import Decision, admit, believed
 from gvla2.memory.curation.governance import SECONDS_PER_DAY, Governed, Governing
+from gvla2.memory.curation.grounding import ungrounded
+from gvla2.memory.curation.induction import RulesInducer
+from gvla2.memory.curation.judging import Judged, decide, open_suspicions
 from gvla2.memory.curation.learning import Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
-from gvla2.memory.curation.trust import Origin
-from gvla2.memory.indexing.index import Index
+from gvla2.memory.curation.trust import Origin, least
+from gvla2.memory.indexing.index import SERVED, Index
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
 from gvla2.memory.storage.store import Store, StoredEpisode
 
@@ -40,6 +45,7 @@ LARGEST = 1e9
 MAX_TAUGHT = 256
 """Ids of records that a stored episode names; a record names its episodes, too."""
 
+NOTHING: Mapping[str, str] = MappingProxyType({})
 Brought = tuple[MemoryEpisode, Verdict, bool]
 """An episode, its verdict, and whether it is one of ours."""
 
@@ -66,12 +72,15 @@ class Operations:
         verdict, note = believed(verdict)
         outcome.note(note)
         episode = replace(episode, source=clean(episode.source, MAX_SOURCE))
+        told = {*map(id, episode.lessons)}
         try:
             episode = replace(episode, lessons=tuple(self._inducer.induce(episode, verdict)))
         except Gvla2Error as error:
             outcome.note(f"The inducer failed, so the episode's own lessons were taken: {error}")
+        written = [lesson for lesson in episode.lessons if id(lesson) not in told]
         brought = (episode, verdict, True)
-        candidates = self._weigh([brought], outcome, self._options.max_per_episode)
+        unsure = _unsure(written, episode, verdict)
+        candidates = self._weigh([brought], outcome, self._options.max_per_episode, unsure)
         with self.writing("learn") as ledger:
             self._credit(ledger, episode.recalled, verdict)
             self._bring_in(ledger, [brought], candidates, outcome)
@@ -84,7 +93,9 @@ class Operations:
         for lesson, said, task, source, trusted in items:
             verdict, note = believed(said)
             outcome.note(note)
-            brought.append((MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE)), verdict, trusted))
+            brought.append(
+                (MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE)), verdict, trusted)
+            )
         candidates = self._weigh(brought, outcome, 1)
         with self.writing("admit") as ledger:
             self._bring_in(ledger, brought, candidates, outcome)
@@ -112,6 +123,31 @@ class Operations:
                 done.notes += [reason for reason in verdict.reasons[:1] if reason not in done.notes]
                 continue
             self._revise(episode.source, verdict, done)
+        return done
+
+    def judge(self, judge: Judge, *, limit: int | None = None) -> Judged:
+        """Let suspicions be decided; the judge works outside any transaction."""
+        done = Judged()
+        with self._store.reading() as view:
+            pairs = open_suspicions((x.source, x.kind, x.target) for x in view.links(self._index.bank))
+            named = {id for pair in pairs for id in pair}
+            records = {record.id: record for record in view.records(self._index.bank, SERVED, named)}
+        rulings = decide(judge, pairs, records, done, limit=limit) if pairs else []
+        if not rulings:
+            return done
+        with self.writing("judge") as ledger:
+            for ruling in rulings:
+                pair = [ledger.get(id) for id in (ruling.first, ruling.second)]
+                if any(record is None or record.state not in SERVED for record in pair):
+                    continue  # changed meanwhile
+                ledger.link(ruling.first, ruling.kind, ruling.second, ruling.why)
+                for record in pair:
+                    if record is not None and record.id == ruling.loser:
+                        winner = ruling.second if record.id == ruling.first else ruling.first
+                        note = f"contradicted by {winner}"
+                        ledger.put(replace(record, state="archive", note=note), "JUDGED", note)
+                        ledger.link(winner, "replaces", record.id, ruling.why)
+                        done.archived.append(record.id)
         return done
 
     @contextmanager
@@ -206,9 +242,14 @@ class Operations:
 
     # Before a transaction -----------------------------------------------------------------------------------------
 
-    def _weigh(self, brought: Sequence[Brought], outcome: Outcome, most: int) -> list[list[Candidate]]:
-        """Which lessons of each episode may be stored; embedded in one go, outside the transaction."""
-        decided = [self._decide(*one, outcome, most) for one in brought]
+    def _weigh(
+        self, brought: Sequence[Brought], outcome: Outcome, most: int, unsure: Mapping[str, str] = NOTHING
+    ) -> list[list[Candidate]]:
+        """Which lessons of each episode may be stored; embedded in one go, outside the transaction.
+
+        ``unsure`` are texts that a model wrote, each with why it is not to be believed at once.
+        """
+        decided = [self._decide(*one, outcome, most, unsure) for one in brought]
         asked = [
             f"{' '.join(clean(episode.task.query, MAX_QUERY).split())} {lesson.content}"
             for (episode, _, _), admitted in zip(brought, decided, strict=True)
@@ -217,20 +258,28 @@ class Operations:
         vectors = iter(self._embedder.embed(asked) if asked else ())
         return [
             [
-                Candidate(lesson, d.state or "provisional", d.trust, key, next(vectors), d.note, d.trust == "screened")
+                Candidate(lesson, d.state or "provisional", d.trust, key, next(vectors), d.note, d.screened)
                 for key, (lesson, d) in admitted.items()
             ]
             for admitted in decided
         ]
 
     def _decide(
-        self, episode: MemoryEpisode, verdict: Verdict, own: bool, outcome: Outcome, most: int
+        self,
+        episode: MemoryEpisode,
+        verdict: Verdict,
+        own: bool,
+        outcome: Outcome,
+        most: int,
+        unsure: Mapping[str, str],
     ) -> dict[str, tuple[Lesson, Decision]]:
         """Which lessons may be stored, by key, and what is decided on each."""
         admitted: dict[str, tuple[Lesson, Decision]] = {}
         for lesson in episode.lessons:
             if lesson.type not in TYPES:
-                outcome.note(f"A lesson of the type '{lesson.type}' was left out: there are {', '.join(TYPES)}.")
+                outcome.note(
+                    f"A lesson of the type '{lesson.type}' was left out: there are {', '.join(TYPES)}."
+                )
                 continue
             bounded = replace(lesson, content=clean(lesson.content, MAX_CONTENT))
             if not _sound(bounded.effect):
@@ -246,6 +295,7 @@ class Operations:
                 query=episode.task.query,
                 admission=self._options.admission,
                 failures=self._options.failures,
+                ungrounded=unsure.get(lesson.content, ""),
             )
             key = dedup_key(bounded.type, bounded.content, episode.task.skill, bounded.effect)
             if decision.state is None:
@@ -290,6 +340,22 @@ class Operations:
                 listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
                 listed[revision.action].append(record.id)
             ledger.keep(replay.with_verdict(episode, verdict))
+
+
+def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict) -> dict[str, str]:
+    """Of lessons that an inducer wrote, those that are not believed at once, with the reason; rules are."""
+    if not written:
+        return {}
+    by_rule = {lesson.content for lesson in RulesInducer().induce(replace(episode, lessons=()), verdict)}
+    sighted = least(item.trust for item in episode.recalled.items) != "own"
+    found = {}
+    for lesson in written:
+        why = "" if lesson.content in by_rule else ungrounded(lesson, episode)
+        if not why and lesson.content not in by_rule and sighted and not lesson.effect:
+            why = "it was written with text from outside in sight"
+        if why:
+            found[lesson.content] = why
+    return found
 
 
 def _wrong_numbers(effect: Mapping[str, Any]) -> str:

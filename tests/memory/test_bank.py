@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.evidence import pooled_effects
+from gvla2.memory.curation.ledger import Ledger
 
 BOUND = {"kind": "bound", "parameter": "grasp_depth", "value": 0.03, "op": ">=", "sd": 0.0, "count": 0,
          "skill": "pick", "source": ""}  # fmt: skip

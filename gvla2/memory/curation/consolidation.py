@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import Trust
 from gvla2.memory.curation.contesting import SUSPECT, compare, same_lesson
-from gvla2.memory.curation.evidence import stronger
+from gvla2.memory.curation.evidence import evidence
+from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.summaries import alike_but_for_numbers
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import Record
@@ -58,7 +58,8 @@ def consolidate(
         elif found.suspicion is not None and found.suspicion >= SUSPECT:
             suspected.append((rival.id, f"suspected by {found.suspicion:.2f}"))
         elif rival.state == "active" and (
-            rival.dedup_key == candidate.dedup_key or (cosine >= options.match and same_lesson(candidate, rival))
+            rival.dedup_key == candidate.dedup_key
+            or (cosine >= options.match and same_lesson(candidate, rival))
         ):
             same.append((rival, cosine))
     doubts = tuple(suspected)
@@ -82,12 +83,13 @@ def _settled(
         return Edit("ADD", listed[0][0], f"it contradicts {listed[0][0]}", 0.0, listed, doubts)
     strongest = rivals[0]
     for rival in rivals[1:]:
-        strongest = rival if stronger(rival, strongest) else strongest
-    prevails = stronger(candidate, strongest) and all(_rank(candidate.trusted) >= _rank(r.trusted) for r in rivals)
-    word = "outweighs" if prevails else "is outweighed by"
+        strongest = rival if prevails(rival, strongest) else strongest
+    # Of two that weigh the same, the later one.
+    wins = not prevails(strongest, candidate) or _weight(strongest) == _weight(candidate)
+    word = "outweighs" if wins else "is outweighed by"
     why = f"it contradicts and {word} {strongest.id}"
-    return Edit("REPLACE" if prevails else "DISCARD", strongest.id, why, 0.0, listed, doubts)
+    return Edit("REPLACE" if wins else "DISCARD", strongest.id, why, 0.0, listed, doubts)
 
 
-def _rank(trust: Trust) -> int:
-    return LEVELS.index(trust)
+def _weight(record: Record) -> tuple[int, float]:
+    return LEVELS.index(record.trusted), evidence(record)

@@ -110,11 +110,15 @@ def support(record: Record) -> float:
     return 1.0 - record.quality if failed else record.quality
 
 
+def evidence(record: Record) -> float:
+    """How much speaks for a record: its support times the episodes behind it."""
+    return round(support(record) * max(record.count, 1), 6)
+
+
 def stronger(first: Record, second: Record) -> bool:
-    """Whether the first record prevails: more evidence (support times episodes), then later, then the smaller id."""
-    one, two = (round(support(record) * max(record.count, 1), 6) for record in (first, second))
-    if one != two:
-        return one > two
+    """Whether the first record prevails: more evidence, then later, then the smaller id."""
+    if evidence(first) != evidence(second):
+        return evidence(first) > evidence(second)
     return (first.updated, second.id) > (second.updated, first.id)
 
 
@@ -187,4 +191,3 @@ def _sound(effect: Mapping[str, Any]) -> bool:
     except (KeyError, TypeError, ValueError):
         return False
     return all(map(math.isfinite, numbers))
-

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import OUTCOMES, TYPES
 from gvla2.memory.curation.contesting import SUSPECT, compare
-from gvla2.memory.curation.evidence import stronger, support
+from gvla2.memory.curation.evidence import evidence
+from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.summaries import alike_but_for_numbers, summary_of, tasks_of
+from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.indexing.index import SERVED
 from gvla2.memory.meaning.words import topic_words
 from gvla2.memory.records import Record
@@ -119,12 +121,14 @@ class Governing:
                 about = [str(effect.get(name, "")) for name in ("parameter", "object", "region")]
                 groups[record.type, record.skill, *about].append(record)
         for group in groups.values():
-            ranked = sorted(group, key=lambda r: (-support(r) * max(r.count, 1), -r.updated, r.id))
+            ranked = sorted(group, key=lambda r: (-LEVELS.index(r.trusted), -evidence(r), -r.updated, r.id))
             for place, loser in enumerate(ranked):
                 for winner in ranked[:place]:
-                    alive = self._ledger.latest(winner).state == "active" and stronger(winner, loser)
+                    alive = self._ledger.latest(winner).state == "active" and prevails(winner, loser)
                     if alive and (found := compare(winner, loser)).effect:
-                        self._archive(loser, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}")
+                        self._archive(
+                            loser, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}"
+                        )
                         for kind in ("replaces", "conflict"):
                             self._ledger.link(winner.id, kind, loser.id, found.effect)
                         self.done.replaced.append(loser.id)
@@ -139,7 +143,7 @@ class Governing:
                 kinds = sorted(f"{k}={v}" for k, v in roles.items()) if isinstance(roles, dict) else []
                 groups[str(program.get("skill")), record.type, *kinds].append(record)
         for group in groups.values():
-            group.sort(key=lambda r: (-support(r) * max(r.count, 1), -r.usage, -r.updated, r.id))
+            group.sort(key=lambda r: (-evidence(r), -r.usage, -r.updated, r.id))
             kept: dict[tuple[str, ...], Record] = {}
             for record in group:
                 kind = steps_of(_program(record) or {})

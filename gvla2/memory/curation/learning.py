@@ -87,7 +87,9 @@ class Learning:
         fresh = replace(fresh, trust=trust)
         if not believed(trust) and self._options.admission:
             note = candidate.note or "no two independent sources have borne it out"
-            self._unverified(replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin)
+            self._unverified(
+                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin
+            )
         elif known is not None and known.state in SERVED:
             self._confirm(known, fresh, candidate, "one more episode says the same")
         elif known is not None and known.state == "archive" and counted(known, self._episode):
@@ -97,7 +99,9 @@ class Learning:
 
     # What is not believed -----------------------------------------------------------------------------------------
 
-    def _unverified(self, candidate: Candidate, fresh: Record, known: Record | None, origin: str = "") -> None:
+    def _unverified(
+        self, candidate: Candidate, fresh: Record, known: Record | None, origin: str = ""
+    ) -> None:
         if known is None:
             self._provisional(replace(fresh, note=candidate.note), "PROVISIONAL", origin, candidate.vector)
         elif known.state == "archive":
@@ -143,7 +147,9 @@ class Learning:
         options = self._options
         if options.admission and self._recent() >= options.per_source:
             note = f"its source brought {options.per_source} records of late, as many as one may"
-            self._unverified(replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin)
+            self._unverified(
+                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin
+            )
             return
         record = fresh
         if known is not None and known.state == "provisional":
@@ -156,7 +162,9 @@ class Learning:
         if edit.action == "MERGE" or (edit.action == "DISCARD" and not edit.conflicts):
             self._fold(record, fresh, candidate, edit)
         elif edit.action == "DISCARD":
-            self._store(replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._origin)
+            self._store(
+                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._origin
+            )
             self._outcome.discarded += 1
             self._outcome.note(f"{record.id} was archived: {edit.why}.")
         else:

@@ -78,7 +78,9 @@ def revise(
     if verdict.outcome == "unavailable" or record.state not in ("provisional", "active"):
         return None
     lesson = Lesson(record.record_type, record.content, record.effect_json())
-    decision = admit(lesson, verdict, query=episode.task.query, failures=options.failures)
+    decision = admit(
+        lesson, verdict, trust=record.trusted, query=episode.task.query, failures=options.failures
+    )
     if record.state == "provisional":
         return _reconsidered(record, verdict, decision.state == "active", now)
     contradicted = verdict.outcome != "uncertain" and verdict.outcome != record.outcome

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
 from gvla2.memory.indexing.candidates import RowCandidates, Served
 from gvla2.memory.indexing.rows import STATES, Entry, Rows
@@ -39,9 +36,7 @@ class Index:
     damaged or does not belong to this bank. Not safe among threads.
     """
 
-    def __init__(
-        self, store: Store, bank: str, embedder: Embedder
-    ) -> None:
+    def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank = bank
         self.rev = -1
         self._store, self._embedder = store, embedder

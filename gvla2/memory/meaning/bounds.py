@@ -24,9 +24,9 @@ max|max.|below|under|underneath|beneath|within|not above|not over|not exceeding|
 less than or equal to|capped at|limited to|<=|≤|<
 """
 _ABOUT = frozenset(
-    "about around roughly approximately approx approx. circa ca. ca ~ ≈ some nearly almost".split()
+    ["about", "around", "roughly", "approximately", "approx", "approx.", "circa", "ca.", "ca", "~", "≈", "some", "nearly", "almost"]
 )
-_LINKS = frozenset("of at to".split())
+_LINKS = frozenset(["of", "at", "to"])
 
 
 def _phrases() -> dict[str, int]:

@@ -6,7 +6,6 @@ little probability, not a decision.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -53,12 +53,18 @@ def foreign_vectors(view: View, bank: str, embedder: Embedder) -> list[Problem]:
 
     Only who has the embedder can tell.
     """
-    rows = [row for row in view.vector_rows(bank) if row.model == embedder.model and row.state not in (None, FORGOTTEN)]
+    rows = [
+        row
+        for row in view.vector_rows(bank)
+        if row.model == embedder.model and row.state not in (None, FORGOTTEN)
+    ]
     problems = []
     for start in range(0, len(rows), _TOGETHER):
         some = {row.id: vector_of(row.dimension, row.vector) for row in rows[start : start + _TOGETHER]}
         records = [record for record in view.records(bank, ids=some) if some[record.id] is not None]
-        made = np.asarray(embedder.embed([record.text for record in records])) if records else np.zeros((0, 1))
+        made = (
+            np.asarray(embedder.embed([record.text for record in records])) if records else np.zeros((0, 1))
+        )
         for record, own in zip(records, made, strict=True):
             stored = np.asarray(some[record.id])
             length = np.linalg.norm(stored) * np.linalg.norm(own)

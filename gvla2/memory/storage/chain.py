@@ -79,7 +79,12 @@ class Chain:
     ) -> None:
         """The next event; written together with later ones, by :meth:`flush`."""
         salt = os.urandom(16)
-        payload = (clean(why, MAX_WHY), dump(finite(scores)) if scores else "{}", change, clean(origin, MAX_WHY))
+        payload = (
+            clean(why, MAX_WHY),
+            dump(finite(scores)) if scores else "{}",
+            change,
+            clean(origin, MAX_WHY),
+        )
         digest = payload_digest(salt, payload)
         self.seq += 1
         header = (self.bank, self.seq, self.rev, self.now, self.actor, clean(action, 64), record, target)

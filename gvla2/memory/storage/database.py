@@ -218,7 +218,9 @@ def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
 
 def count_of(connection: Connection, table: Any, bank: str) -> int:
     """How many rows of a bank a table has."""
-    return int(connection.execute(select(func.count()).select_from(table).where(table.c.bank == bank)).scalar_one())
+    return int(
+        connection.execute(select(func.count()).select_from(table).where(table.c.bank == bank)).scalar_one()
+    )
 
 
 @contextmanager

@@ -117,8 +117,14 @@ def _sources(provenance: object) -> list[str]:
 
 def _free_heirs(chain: Chain, rows: dict[str, Row[Any]], links: Iterable[Link], done: Forgotten) -> None:
     """Take instructions and sources that came with a merged record out of the one that took it in, and on."""
-    due = [(x.source, x.target) for x in links if x.kind == "merged" and x.target in rows and x.source not in rows]
-    given = {id: (str(row.query).split("\n"), _sources(row.provenance), row.verifier) for id, row in rows.items()}
+    due = [
+        (x.source, x.target)
+        for x in links
+        if x.kind == "merged" and x.target in rows and x.source not in rows
+    ]
+    given = {
+        id: (str(row.query).split("\n"), _sources(row.provenance), row.verifier) for id, row in rows.items()
+    }
     seen: set[str] = set()
     while due:
         heir, taken = due.pop()
@@ -145,7 +151,9 @@ def _free_heirs(chain: Chain, rows: dict[str, Row[Any]], links: Iterable[Link], 
         done.also.append(f"{heir} had taken it in: it was freed of its wording.")
         given[heir] = given[taken]
         due += [(x.source, heir) for x in mine if x.kind == "merged" and x.target == heir]
-        _forget_summaries(chain, {x.source for x in mine if x.kind == "summary_of" and x.target == heir}, done)
+        _forget_summaries(
+            chain, {x.source for x in mine if x.kind == "summary_of" and x.target == heir}, done
+        )
 
 
 def _freed(
@@ -174,12 +182,16 @@ def _freed(
 def _forget_summaries(chain: Chain, ids: Collection[str], done: Forgotten) -> None:
     """Forget summaries that tell what was forgotten; their other members speak for themselves again."""
     for id in sorted(ids):
-        held = [x.target for x in chain.view.links(chain.bank, [id]) if x.kind == "summary_of" and x.source == id]
+        held = [
+            x.target for x in chain.view.links(chain.bank, [id]) if x.kind == "summary_of" and x.source == id
+        ]
         also = len(done.also)
         if not forget_many(chain, [id], "it told what was forgotten", done):
             continue
         del done.also[also:]
-        members = [r for r in chain.view.records(chain.bank, ["archive"], held) if r.note == f"{SUMMED_UP}{id}"]
+        members = [
+            r for r in chain.view.records(chain.bank, ["archive"], held) if r.note == f"{SUMMED_UP}{id}"
+        ]
         why = "no summary tells it any more"
         put_many(chain, [Put(replace(one, state="active", note=""), "RESTORE", why=why) for one in members])
         back = f"; active again: {', '.join(member.id for member in members)}" if members else ""
@@ -200,7 +212,9 @@ def scrub(database: Database, forgotten: Sequence[str] = ()) -> None:
     try:
         database.scrub()
         if asked:
-            with database.writing("") as sql:  # unless somebody has forgotten something since: he will clean, too
+            with database.writing(
+                ""
+            ) as sql:  # unless somebody has forgotten something since: he will clean, too
                 sql.execute(delete(META).where(META.c.key == PENDING, META.c.value == asked))
     except MemoryStoreError as error:
         if not asked:
@@ -211,4 +225,3 @@ def scrub(database: Database, forgotten: Sequence[str] = ()) -> None:
             f"{what}Bytes of what was forgotten may be left in {database.name} ({cause}). When that "
             "is out of the way, run `gvla2 memory compact` (Store.compact), or forget something else."
         ) from error
-

@@ -34,7 +34,9 @@ class PostgresDialect:
         try:
             parts = psycopg.conninfo.conninfo_to_dict(plain)
         except psycopg.Error as error:
-            raise ConfigurationError("Not a PostgreSQL address: give postgresql://user@host/database.") from error
+            raise ConfigurationError(
+                "Not a PostgreSQL address: give postgresql://user@host/database."
+            ) from error
         open_ones = {name: told for name, told in parts.items() if name not in ("password", "sslpassword")}
         self.name = f"postgresql({psycopg.conninfo.make_conninfo('', **open_ones)})"
 

@@ -76,11 +76,15 @@ def put_many(chain: Chain, puts: Sequence[Put]) -> list[Record]:
     chain.written.update(latest)
     chain.created.update(latest.keys() - stored.keys())
     for put, record, change in steps:
-        chain.event(put.action, record.id, why=put.why, scores=put.scores, change=dump(change), origin=put.origin)
+        chain.event(
+            put.action, record.id, why=put.why, scores=put.scores, change=dump(change), origin=put.origin
+        )
     return [record for _, record, _ in steps]
 
 
-def _next(chain: Chain, record: Record, before: Record | None, row: Row[Any] | None) -> tuple[Record, Record | None]:
+def _next(
+    chain: Chain, record: Record, before: Record | None, row: Row[Any] | None
+) -> tuple[Record, Record | None]:
     """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
     old = before
     if old is None and row is not None and row.state != FORGOTTEN and not damage_of(tuple(row)):
@@ -119,7 +123,11 @@ def _storable(value: Any, kind: type) -> Any:
     """Text without NUL and lone surrogates; NumPy's numbers, and an int for a float, as what they stand for."""
     if type(value) is str:
         return clean(value, MAX_TEXT)
-    if type(value) is not kind and kind is not str and isinstance(value, int | float | np.integer | np.floating):
+    if (
+        type(value) is not kind
+        and kind is not str
+        and isinstance(value, int | float | np.integer | np.floating)
+    ):
         return kind(value)
     return value
 
@@ -150,7 +158,9 @@ def _refuse_taken_keys(chain: Chain, latest: Mapping[str, Record], stored: Mappi
         if row is None or row.dedup_key != record.dedup_key:
             other = owners.setdefault(record.dedup_key, record.id)
             if other != record.id:
-                raise MemoryStoreError(f"Records '{other}' and '{record.id}' have one and the same dedup key.")
+                raise MemoryStoreError(
+                    f"Records '{other}' and '{record.id}' have one and the same dedup key."
+                )
     for id, key in chain.view.owners(chain.bank, owners).items():
         if owners[key] != id:
             raise MemoryStoreError(

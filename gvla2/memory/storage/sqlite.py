@@ -124,7 +124,9 @@ def new_file(path: Path) -> Iterator[Connection]:
         if _in_use(path):
             raise MemoryStoreError(f"The memory {path} is in use: write the copy to another file.")
         if path.is_dir():
-            raise MemoryStoreError(f"A copy cannot be written to {path}: it is a folder. Give the path of a file.")
+            raise MemoryStoreError(
+                f"A copy cannot be written to {path}: it is a folder. Give the path of a file."
+            )
         if path.exists() and path.stat().st_size:
             _version(path, "immutable=1", 0.0)
         try:
@@ -290,7 +292,9 @@ def _creation_lock(path: Path, busy_seconds: float) -> Iterator[None]:
                 break
             except BlockingIOError as error:
                 if time.monotonic() > deadline:
-                    raise MemoryStoreError(f"The memory {path} is being created by another process.") from error
+                    raise MemoryStoreError(
+                        f"The memory {path} is being created by another process."
+                    ) from error
                 time.sleep(0.01)
         yield  # closing the file lets go of the lock
 

@@ -74,10 +74,7 @@ LINK = Table(
 EVENT = Table(
     "memory_event",
     METADATA,
-    *(
-        _column(name, _NUMBERED.get(name, Text), key=name in ("bank", "seq"))
-        for name in EVENT_COLUMNS
-    ),
+    *(_column(name, _NUMBERED.get(name, Text), key=name in ("bank", "seq")) for name in EVENT_COLUMNS),
     Index("memory_event_by_record", "bank", "record"),
 )
 """The chain of decisions, column for column an :class:`gvla2.memory.storage.events.Event`."""
@@ -95,9 +92,7 @@ EPISODE = Table(
 one, by which events speak of it: what stands in their headers, as the source would, could never be forgotten.
 """
 
-TAUGHT = Table(
-    "memory_taught", METADATA, *(_column(name, key=True) for name in ("bank", "record", "source"))
-)
+TAUGHT = Table("memory_taught", METADATA, *(_column(name, key=True) for name in ("bank", "record", "source")))
 """Which episode taught which record, for forgetting; derived from the episodes."""
 
 TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)

@@ -118,7 +118,9 @@ class Transaction:
         chain = self._chain
         ends = {end for tie in ties for end in (tie.source, tie.target)}
         sound = chain.written | {record.id for record in self.records(ids=ends - chain.written)}
-        known = {(x.source, x.kind, x.target) for x in chain.view.links(self.bank, {tie.source for tie in ties})}
+        known = {
+            (x.source, x.kind, x.target) for x in chain.view.links(self.bank, {tie.source for tie in ties})
+        }
         made: dict[tuple[str, str, str], Tie] = {}
         for tie in ties:
             if tie.source == tie.target or not tie.kind or not {tie.source, tie.target} <= sound:
@@ -174,7 +176,13 @@ class Transaction:
             except (ValueError, TypeError, RecursionError) as error:
                 raise MemoryStoreError(f"The episode '{source}' is no sound JSON: {error}.") from error
             name = f"episode-{os.urandom(8).hex()}"
-            rows[source] = {"bank": self.bank, "source": source, "name": name, "at": float(episode.at), "data": data}
+            rows[source] = {
+                "bank": self.bank,
+                "source": source,
+                "name": name,
+                "at": float(episode.at),
+                "data": data,
+            }
             taught |= {(record, source) for record in episode.records}
         if not rows:
             return
@@ -185,7 +193,10 @@ class Transaction:
             chain.sql.execute(upsert(chain.sql, EPISODE, ("bank", "source")), list(rows.values()))
             chain.delete(TAUGHT, "source", rows)
             if taught:
-                pairs = [{"bank": self.bank, "record": record, "source": source} for record, source in sorted(taught)]
+                pairs = [
+                    {"bank": self.bank, "record": record, "source": source}
+                    for record, source in sorted(taught)
+                ]
                 chain.sql.execute(insert(TAUGHT), pairs)
         for source, row in rows.items():
             digest = episode_digest(float(str(row["at"])), str(row["data"]))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, Select, func, select, union
+from sqlalchemy import Connection, Row, Select, func, select
 
 from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
 from gvla2.memory.storage.database import count_of, streamed
@@ -131,24 +132,21 @@ class View:
     # Links --------------------------------------------------------------------------------------------------------
 
     def conflicts(self, bank: str, ids: Collection[str]) -> dict[str, int]:
-        """How many others contradict each of these records, whichever end a link names; those with none left out."""
-        of, to = LINK.c.source, LINK.c.target
-        query = [LINK.c.bank == bank, LINK.c.kind == "conflict"]
-        found: dict[str, int] = {}
-        wanted = sorted(set(ids))
-        for start in range(0, len(wanted), len(wanted) if len(wanted) > _MANY else _CHUNK):
-            some = wanted[start : start + _CHUNK] if len(wanted) <= _MANY else None
-            either = union(
-                *(
-                    select(one.label("id"), other.label("other")).where(
-                        *query, *([one.in_(some)] if some is not None else [])
-                    )
-                    for one, other in ((of, to), (to, of))
-                )
-            ).subquery()
-            counted = select(either.c.id, func.count()).group_by(either.c.id)
-            found |= {id: int(count) for id, count in self._sql.execute(counted)}
-        return found
+        """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
+        end a link names; those with none left out.
+        """
+        query = select(LINK.c.source, LINK.c.kind, LINK.c.target).where(LINK.c.bank == bank)
+        query = query.where(LINK.c.kind.in_(("conflict", "suspicion", "dismissed")))
+        few = ids if len(ids) <= _MANY else None
+        rows = set(self._chunked(query, LINK.c.source, few))
+        if few is not None:
+            rows |= set(self._chunked(query, LINK.c.target, few))
+        pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
+        for source, kind, target in rows:
+            pairs[kind].add(frozenset((source, target)))
+        wanted = set(ids)
+        ends = [id for pair in pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"]) for id in pair]
+        return dict(Counter(id for id in ends if id in wanted))
 
     def links(self, bank: str, ids: Collection[str] | None = None) -> list[Link]:
         """The links of the bank, or those that name one of these records on either end; by source, kind, target."""
@@ -216,9 +214,7 @@ class View:
         rev, seq, hash_ = (head.rev, head.seq, head.hash) if head else (0, 0, "")
         return {**grouped, **counted, "rev": rev, "seq": seq, "hash": hash_}
 
-    def _chunked(
-        self, query: Select[Any], column: Any, wanted: Collection[str] | None
-    ) -> Iterator[Row[Any]]:
+    def _chunked(self, query: Select[Any], column: Any, wanted: Collection[str] | None) -> Iterator[Row[Any]]:
         """The rows of a query, those whose ``column`` is among the ``wanted``, asked for a few at a time."""
         if wanted is None:
             yield from self._sql.execute(query)

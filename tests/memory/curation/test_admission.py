@@ -133,7 +133,12 @@ def test_near_copies_of_one_source_end_provisional(open_bank: Open, verdicts: An
 def test_the_cap_outlives_the_process(open_bank: Open, verdicts: Any) -> None:
     for i, word in enumerate(["alpha", "beta", "gamma", "delta"]):
         found = open_bank(per_source=2).admit(
-            Lesson("tool_usage", f"{word * 3} needs {word * 2}"), verdicts["success"], task=word, source="one", trusted=True)
+            Lesson("tool_usage", f"{word * 3} needs {word * 2}"),
+            verdicts["success"],
+            task=word,
+            source="one",
+            trusted=True,
+        )
         assert bool(found.added) == (i < 2)
 
 
@@ -161,7 +166,9 @@ def test_the_streak_outlives_the_process_and_is_noted(open_bank: Open) -> None:
     words = ["ash", "birch", "cedar", "elm", "fir", "holly", "larch", "maple"]
     for i, word in enumerate(words):
         bank = open_bank(constant_verdicts=5)
-        learned = bank.admit(Lesson("tool_usage", f"{word * 3} needs {word * 2}"), YES, task=word, trusted=True)
+        learned = bank.admit(
+            Lesson("tool_usage", f"{word * 3} needs {word * 2}"), YES, task=word, trusted=True
+        )
         (record,) = [r for r in bank.records() if r.id in learned.added]
         assert record.confidence == (1.0 if i < 5 else 0.6)
         assert any("in a row" in note for note in learned.notes) == (i >= 5)
@@ -196,7 +203,9 @@ def test_a_verdict_is_believed_as_far_as_it_can_be_one(verdict: Verdict, outcome
 def test_impossible_scores_leave_the_bank_whole(open_bank: Open) -> None:
     bank = open_bank()
     for wrong in (Verdict("verified_success", float("nan"), 0.5), Verdict("verified_success", 5.0, 9.0)):
-        learned = bank.admit(Lesson("procedural_hint", f"Lift it {wrong.confidence} cm."), wrong, task="lift", trusted=True)
+        learned = bank.admit(
+            Lesson("procedural_hint", f"Lift it {wrong.confidence} cm."), wrong, task="lift", trusted=True
+        )
         assert learned.provisional
         assert "unavailable" in learned.notes[0]
     assert not bank.recall("lift").items

@@ -99,7 +99,9 @@ def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verd
     bank = open_bank()
     hint = Lesson("procedural_hint", "Lift the cup 5 cm.")
     other = Lesson("failure_avoidance", "Never lift the cup 5 cm.")
-    bank.admit_many([(hint, verdicts["success"], "lift the cup", ""), (other, verdicts["fail"], "cup", "")], trusted=True)
+    bank.admit_many(
+        [(hint, verdicts["success"], "lift the cup", ""), (other, verdicts["fail"], "cup", "")], trusted=True
+    )
     assert [link.kind for link in bank.links()] == ["conflict"]
     with Store.open(url) as store:
         first, second = (record.id for record in bank.records())

@@ -87,7 +87,9 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
             Lesson("procedural_hint", way),
             verdicts["success"],
             task=f"fix bug {i} of the parser",
-            source=f"s{i}", trusted=True)
+            source=f"s{i}",
+            trusted=True,
+        )
     (summary,) = bank.records(["summary"])
     members = bank.records(["archive"])
     assert len(members) == 3
@@ -98,7 +100,9 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
         i.id for i in bank.recall("fix a bug: read the failing test, trace the error").items
     ]
     # What is said again goes to the summary.
-    again = bank.admit(Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9", trusted=True)
+    again = bank.admit(
+        Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9", trusted=True
+    )
     assert again.merged == (summary.id,)
     assert bank.records(["summary"])[0].count == 4
     assert bank.verify() == []
@@ -113,7 +117,12 @@ def test_one_task_alone_makes_no_summary_and_effects_are_not_summed_up(
     for i, name in enumerate(("depth", "tilt", "height")):
         effect = {"kind": "prior", "parameter": name, "value": 1.0, "count": 1}
         content = f"Take the small box: this {name} succeeded."
-        bank.admit(Lesson("procedural_hint", content, effect), verdicts["success"], task=f"take box {i}", trusted=True)
+        bank.admit(
+            Lesson("procedural_hint", content, effect),
+            verdicts["success"],
+            task=f"take box {i}",
+            trusted=True,
+        )
     assert bank.govern().summaries == []
     assert not bank.records(["summary"])
 
@@ -122,8 +131,14 @@ def test_a_pass_settles_contradictions_that_came_in_unsettled(open_bank: Open, v
     lax = open_bank(governance=False)
     for n in (15, 5):
         lax.admit(
-            Lesson("procedural_hint", f"Lift the cup {n} cm."), verdicts["success"], task="lift the cup", trusted=True)
-    lax.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="lift it", trusted=True)
+            Lesson("procedural_hint", f"Lift the cup {n} cm."),
+            verdicts["success"],
+            task="lift the cup",
+            trusted=True,
+        )
+    lax.admit(
+        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="lift it", trusted=True
+    )
     assert len(lax.records(["active"])) == 2
     bank = open_bank()
     governed = bank.govern()

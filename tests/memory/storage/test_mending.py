@@ -45,9 +45,7 @@ def test_a_summary_goes_with_its_member_and_the_others_speak_again(
         assert t.forget("m-A")
     assert t.forgotten == ["m-A", "summary-1"]
     assert t.also == ["The summary summary-1 told it and was forgotten; active again: m-B, m-C, m-D."]
-    assert [(r.id, r.state, r.note) for r in store.records("b")] == [
-        (f"m-{x}", "active", "") for x in "BCD"
-    ]
+    assert [(r.id, r.state, r.note) for r in store.records("b")] == [(f"m-{x}", "active", "") for x in "BCD"]
     check_sound(store, "PASTEA")
 
 
@@ -69,7 +67,10 @@ def test_a_record_that_took_in_another_is_freed_of_its_wording(
     store: Store, record: Make, put: Callable[..., Record]
 ) -> None:
     mine, theirs = ('{"reasons":[],"verifier":"v"}', '{"reasons":["ZEBRA was there"],"verifier":"v"}')
-    put(record("heir-1", query="fold the towel", provenance='{"sources":["run/1"]}', verifier=mine), origin="own:run/1")
+    put(
+        record("heir-1", query="fold the towel", provenance='{"sources":["run/1"]}', verifier=mine),
+        origin="own:run/1",
+    )
     put(
         record("taken-1", state="archive", query="fold PATIENT's towel", provenance='{"sources":["run/PATIENT"]}',
                verifier=theirs, note="merged into heir-1"),
@@ -125,7 +126,9 @@ def test_instructions_that_are_the_heirs_own_stay(
     assert t.also == []
 
 
-def test_erasing_without_forgetting_is_still_found(store: Store, put: Callable[..., Record], record: Make) -> None:
+def test_erasing_without_forgetting_is_still_found(
+    store: Store, put: Callable[..., Record], record: Make
+) -> None:
     put(record("1"))
     with store._database.writing("b") as sql:
         sql.execute(EVENT.update().values(ERASED))

@@ -22,7 +22,9 @@ def changed(path: Path, script: str) -> None:
 def test_an_end_that_was_cut_off_is_found_by_a_head_kept_elsewhere(sqlite_url: str, tmp_path: Path) -> None:
     with KnowledgeBank(sqlite_url) as bank:
         for what in ("lift the cup", "fold the towel", "sort the bolts"):
-            bank.admit(Lesson("procedural_hint", f"To {what}, begin on the left."), GOOD, task=what, trusted=True)
+            bank.admit(
+                Lesson("procedural_hint", f"To {what}, begin on the left."), GOOD, task=what, trusted=True
+            )
         stats = bank.stats()
         head = f"{stats['seq']}:{stats['hash']}"
         assert bank.verify(head=head) == []

@@ -79,6 +79,8 @@ def test_any_order(seed: int, record: Callable[..., Record]) -> None:
             assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
             living = {r.id for r in store.records("b")}
             gone = set(t.forgotten) - living
-            assert not [e for e in store.events("b") if e.record in gone and e.change and e.action != "forget"]
+            assert not [
+                e for e in store.events("b") if e.record in gone and e.change and e.action != "forget"
+            ]
             summaries = {link.source for link in store.links("b") if link.kind == "summary_of"}
             assert summaries <= living

@@ -36,7 +36,9 @@ def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path)
         assert bank.verify() == []
         assert bank.history(record.id)
         for change in (
-            lambda: bank.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True),
+            lambda: bank.admit(
+                Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True
+            ),
             lambda: bank.forget(record.id),
             bank.compact,
         ):
@@ -97,7 +99,9 @@ def test_a_file_that_is_taken_away_takes_nothing_in(
             (tmp_path / "other.db").replace(filled)
         for _ in range(2):
             with pytest.raises(MemoryStoreError, match=r"was deleted or replaced while it was open"):
-                bank.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True)
+                bank.admit(
+                    Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True
+                )
     assert filled.exists() == (how == "replaced")
 
 

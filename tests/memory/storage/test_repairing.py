@@ -72,7 +72,9 @@ def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path)
         assert bank.verify() == []
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as again:
         assert {item.content for item in again.recall("lift the cup").items} <= set(SAID)
-        assert again.admit(Lesson("procedural_hint", "Wipe the plate."), GOOD, task="wipe", trusted=True).added
+        assert again.admit(
+            Lesson("procedural_hint", "Wipe the plate."), GOOD, task="wipe", trusted=True
+        ).added
 
 
 def test_a_row_that_nobody_created_is_forgotten(tampered):

@@ -369,9 +369,7 @@ def test_a_closed_store_says_so(store: Store) -> None:
         store.rev("b")
 
 
-@pytest.mark.parametrize(
-    "url", ["", "sqlite://", "sqlite:///:memory:", "mysql://host/x", "nosuch:x"]
-)
+@pytest.mark.parametrize("url", ["", "sqlite://", "sqlite:///:memory:", "mysql://host/x", "nosuch:x"])
 def test_other_addresses_are_errors_of_the_configuration(url: str) -> None:
     with pytest.raises(ConfigurationError, match="sqlite:///path"):
         Store.open(url)

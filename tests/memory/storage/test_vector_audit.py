@@ -13,7 +13,9 @@ GOOD = Verdict.from_criteria({"done": 1.0})
 def test_swapped_vectors_are_found(tmp_path: Path) -> None:
     with KnowledgeBank(tmp_path / "memory.db") as bank:
         for what in ("lift the cup", "fold the towel", "sort the bolts"):
-            bank.admit(Lesson("procedural_hint", f"To {what}, begin on the left."), GOOD, task=what, trusted=True)
+            bank.admit(
+                Lesson("procedural_hint", f"To {what}, begin on the left."), GOOD, task=what, trusted=True
+            )
         first, second, third = (record.id for record in bank.records())
         assert bank.verify() == []
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other:
