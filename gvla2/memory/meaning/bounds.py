@@ -24,7 +24,22 @@ max|max.|below|under|underneath|beneath|within|not above|not over|not exceeding|
 less than or equal to|capped at|limited to|<=|≤|<
 """
 _ABOUT = frozenset(
-    ["about", "around", "roughly", "approximately", "approx", "approx.", "circa", "ca.", "ca", "~", "≈", "some", "nearly", "almost"]
+    [
+        "about",
+        "around",
+        "roughly",
+        "approximately",
+        "approx",
+        "approx.",
+        "circa",
+        "ca.",
+        "ca",
+        "~",
+        "≈",
+        "some",
+        "nearly",
+        "almost",
+    ]
 )
 _LINKS = frozenset(["of", "at", "to"])
 

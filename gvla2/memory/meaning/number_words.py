@@ -31,23 +31,119 @@ _PARTS = {"half": 0.5, "halves": 0.5, "quarter": 0.25, "quarters": 0.25, "third"
           "fifth": 0.2, "fifths": 0.2, "tenth": 0.1, "tenths": 0.1}  # fmt: skip
 _ARTICLES = frozenset(("a", "an", "one"))
 _SHARED = frozenset(
-    ["speed", "power", "pressure", "force", "throttle", "volume", "load", "strength", "width", "height", "length", "throughput", "full", "empty", "way"]
+    [
+        "speed",
+        "power",
+        "pressure",
+        "force",
+        "throttle",
+        "volume",
+        "load",
+        "strength",
+        "width",
+        "height",
+        "length",
+        "throughput",
+        "full",
+        "empty",
+        "way",
+    ]
 )
 _ONCE_UNITS = frozenset(
-    ["minute", "hour", "day", "week", "month", "metre", "meter", "kilometre", "kilometer", "centimetre", "centimeter", "millimetre", "millimeter", "litre", "liter", "kilo", "kilogram", "gram", "turn", "revolution", "newton", "degree", "volt", "percent"]
+    [
+        "minute",
+        "hour",
+        "day",
+        "week",
+        "month",
+        "metre",
+        "meter",
+        "kilometre",
+        "kilometer",
+        "centimetre",
+        "centimeter",
+        "millimetre",
+        "millimeter",
+        "litre",
+        "liter",
+        "kilo",
+        "kilogram",
+        "gram",
+        "turn",
+        "revolution",
+        "newton",
+        "degree",
+        "volt",
+        "percent",
+    ]
 )
-_SECOND_ENDS = frozenset(["before", "after", "between", "and", "then", "or", "until", "in", "for", "at", "to", "with", "per"])
+_SECOND_ENDS = frozenset(
+    ["before", "after", "between", "and", "then", "or", "until", "in", "for", "at", "to", "with", "per"]
+)
 _HANDS = frozenset(["hands", "arms", "grippers", "fingers"])
 _HAND = frozenset(["hand", "arm", "gripper", "finger"])
 _DEFINITE = frozenset(("the", "these", "those"))
-_NOT_ONE = frozenset(["each", "every", "any", "this", "that", "which", "no", "the", "other", "another", "same"])
+_NOT_ONE = frozenset(
+    ["each", "every", "any", "this", "that", "which", "no", "the", "other", "another", "same"]
+)
 _BEFORE_ONE = frozenset(
-    ["with", "by", "at", "for", "in", "only", "just", "exactly", "use", "using", "put", "take", "add", "place", "keep", "need", "needs", "within", "after", "than", "least", "most", "to", "wait", "hold", "of"]
+    [
+        "with",
+        "by",
+        "at",
+        "for",
+        "in",
+        "only",
+        "just",
+        "exactly",
+        "use",
+        "using",
+        "put",
+        "take",
+        "add",
+        "place",
+        "keep",
+        "need",
+        "needs",
+        "within",
+        "after",
+        "than",
+        "least",
+        "most",
+        "to",
+        "wait",
+        "hold",
+        "of",
+    ]
 )
 _NO_THING = frozenset(
-    ["of", "by", "at", "another", "should", "must", "can", "may", "needs", "has", "is", "was", "more", "that", "which", "who", "to", "and", "or", "the", "way"]
+    [
+        "of",
+        "by",
+        "at",
+        "another",
+        "should",
+        "must",
+        "can",
+        "may",
+        "needs",
+        "has",
+        "is",
+        "was",
+        "more",
+        "that",
+        "which",
+        "who",
+        "to",
+        "and",
+        "or",
+        "the",
+        "way",
+    ]
 )
-_ONCE_ENDS = frozenset(["per", "every", "before", "and", "then", "when", "daily", "a", "an", "for", "at", "or", "with", "until"])
+_ONCE_ENDS = frozenset(
+    ["per", "every", "before", "and", "then", "when", "daily", "a", "an", "for", "at", "or", "with", "until"]
+)
 _STEMS = frozenset(
     {
         *_VALUES,
