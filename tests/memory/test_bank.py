@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, MemoryTask
+from gvla2.memory.curation.evidence import pooled_effects
 from gvla2.memory.curation.ledger import Ledger
-from gvla2.memory.curation.merging import merge_effects
 
 BOUND = {"kind": "bound", "parameter": "grasp_depth", "value": 0.03, "op": ">=", "sd": 0.0, "count": 0,
          "skill": "pick", "source": ""}  # fmt: skip
@@ -385,11 +385,11 @@ def test_pooling_does_not_depend_on_the_grouping(values: list[float], cut: int) 
     def pooled(part: list[float]) -> dict[str, Any]:
         effect: dict[str, Any] | None = None
         for value in part:
-            effect = merge_effects(effect, prior(value))
+            effect = pooled_effects(effect, prior(value))
         assert effect is not None
         return effect
 
-    whole, parts = pooled(values), merge_effects(pooled(values[:cut]), pooled(values[cut:]))
+    whole, parts = pooled(values), pooled_effects(pooled(values[:cut]), pooled(values[cut:]))
     assert parts is not None
     assert parts["count"] == whole["count"] == len(values)
     assert parts["value"] == pytest.approx(np.mean(values), abs=1e-9)

@@ -13,7 +13,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.curation.induction import RulesInducer
-from gvla2.memory.storage.location import default_url
+from gvla2.memory.storage.addresses import settled
 from gvla2.testing.component import check_component
 from gvla2_plugins import governed, hash_embedder, hybrid
 from gvla2_plugins.governed import GovernedConfig
@@ -142,9 +142,9 @@ def test_a_lock_taken_in_mid_run_stores_nothing_of_the_episode(memory: GovernedM
 
 
 def test_where_the_bank_lives_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert default_url({"GVLA2_HOME": "/a", "XDG_DATA_HOME": "/b"}) == "sqlite:////a/memory.db"
-    assert default_url({"XDG_DATA_HOME": "/b"}) == "sqlite:////b/gvla2/memory.db"
-    assert default_url({}) == f"sqlite:///{Path.home() / '.local/share/gvla2/memory.db'}"
+    assert settled("", {"GVLA2_HOME": "/a", "XDG_DATA_HOME": "/b"}) == "sqlite:////a/memory.db"
+    assert settled("", {"XDG_DATA_HOME": "/b"}) == "sqlite:////b/gvla2/memory.db"
+    assert settled("", {}) == f"sqlite:///{Path.home() / '.local/share/gvla2/memory.db'}"
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
     memory = build()
     memory.learn(EPISODE, SUCCESS)
@@ -183,7 +183,7 @@ def test_switches_reach_the_bank(path: Path) -> None:
     ours = {name: field.default for name, field in GovernedConfig.__dataclass_fields__.items()}
     theirs = {name: field.default for name, field in BankOptions.__dataclass_fields__.items()}
     assert {
-        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds", "snapshot")
+        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds")
     } == theirs
 
 

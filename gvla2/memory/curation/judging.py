@@ -70,7 +70,7 @@ def decide(
     *,
     limit: int | None = None,
 ) -> list[Ruling]:
-    """What a judge makes of ``pairs``, in batches; asked about are those whose records are both live, at most ``limit``."""
+    """What a judge makes of ``pairs``, in batches; of those with two live records, at most ``limit``."""
     asked = [
         (records[one], records[two])
         for one, two in pairs

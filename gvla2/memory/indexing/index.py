@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
 from gvla2.memory.indexing.candidates import RowCandidates, Served
 from gvla2.memory.indexing.rows import STATES, Entry, Rows
-from gvla2.memory.indexing.snapshot import discard, load, save
 from gvla2.memory.indexing.vectors import sound
 from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
@@ -40,14 +36,11 @@ class Index:
     damaged or does not belong to this bank. Not safe among threads.
     """
 
-    def __init__(
-        self, store: Store, bank: str, embedder: Embedder, *, snapshot: Path | str | None = None
-    ) -> None:
+    def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank = bank
         self.rev = -1
         self._store, self._embedder = store, embedder
         self._dimension = int(embedder.embed([""]).shape[1])
-        self._snapshot = Path(snapshot) if snapshot is not None else None
         self._rows = Rows(self._dimension)
         self._served: dict[tuple[tuple[str, ...], str], Served] = {}
         self._unsaved = 0
@@ -64,7 +57,7 @@ class Index:
         if rev == self.rev:
             return
         if self.rev < 0:
-            self._start(rev)
+            self.rev = 0
         if rev < self.rev:  # another database took the place of the one known
             self._rows, self.rev = Rows(self._dimension), 0
         if rev > self.rev:
@@ -86,8 +79,6 @@ class Index:
                 kept.append(change)
             else:
                 dropped.append(record.id)
-                if change.forgotten:
-                    self.discard_snapshot()
         usable = self._usable(kept)
         missing = [i for i in range(len(kept)) if not usable[i]]
         made = self._embed([kept[i].record for i in missing])
@@ -163,62 +154,6 @@ class Index:
     def vector(self, row: int) -> NDArray[np.float32]:
         """(D,) the embedding of a row."""
         return np.array(self._rows.vectors.exact[int(row)])
-
-    def keep_snapshot(self) -> None:
-        """Write the snapshot anew where that will save the next start some time; quietly none where it cannot be."""
-        if self._snapshot is None or self._unsaved < max(_WORTH_SAVING, len(self) // 8):
-            return
-        with suppress(Gvla2Error, OSError):
-            self._snapshot.parent.mkdir(parents=True, exist_ok=True)
-            self.save()
-
-    def save(self, path: Path | str | None = None) -> bool:
-        """Write the snapshot for a fast start; whether it was: not for an empty bank, nor while others write.
-
-        Raises :class:`~gvla2.errors.OutputError` when the file cannot be written; an older one is then still whole.
-        """
-        target = Path(path) if path is not None else self._snapshot
-        if target is None:
-            return False
-        self.refresh()
-        with self._store.reading() as view:
-            head = view.head(self.bank)
-        if head is None or head[0] != self.rev:  # nothing to save, or somebody writes at this very moment
-            return False
-        about = {
-            "bank": self.bank,
-            "model": self._embedder.model,
-            "rev": self.rev,
-            "seq": head[1],
-            "hash": head[2],
-        }
-        save(target, self._rows, about)
-        self._served.clear()
-        self._unsaved = 0
-        # What was forgotten while this was written must not live on in it.
-        if any(change.forgotten for change in self._store.changes(self.bank, self.rev)):
-            target.unlink(missing_ok=True)
-            return False
-        return True
-
-    def discard_snapshot(self) -> None:
-        """Delete the snapshot: it may hold the text of a record that is to be forgotten."""
-        if self._snapshot is not None:
-            discard(self._snapshot)
-
-    def _start(self, rev: int) -> None:
-        """From the snapshot where it is sound and not ahead of the store, else from nothing."""
-        self.rev = 0
-        if self._snapshot is None or not rev:
-            return
-        found = load(self._snapshot, self.bank, self._embedder.model, self._dimension)
-        if found is None:
-            return
-        rows, about = found
-        # The same event at the same place of the chain: not a snapshot of another database, or of a later state.
-        events = self._store.events(self.bank, int(about["seq"]) - 1, 1)
-        if int(about["rev"]) <= rev and events and events[0].hash == about["hash"]:
-            self._rows, self.rev = rows, int(about["rev"])
 
     def _of(self, states: Sequence[str], skill: str) -> Served:
         key = (tuple(sorted(set(states))), skill)

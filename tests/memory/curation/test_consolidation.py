@@ -138,9 +138,11 @@ def test_the_same_inputs_give_the_same_decision() -> None:
 def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
     (old,) = bank.admit(
-        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup"
+        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup", trusted=True
     ).added
-    learned = bank.admit(Lesson("procedural_hint", "Lift the cup 5 cm."), verdicts["success"], task="cup")
+    learned = bank.admit(
+        Lesson("procedural_hint", "Lift the cup 5 cm."), verdicts["success"], task="cup", trusted=True
+    )
     (new,) = learned.added
     assert {r.id: r.state for r in bank.records()} == {old: "archive", new: "active"}
     assert {(k.source, k.kind, k.target) for k in bank.links()} == {
@@ -150,7 +152,9 @@ def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, ve
     assert [k.kind for k in bank.conflicts()] == ["conflict"]
     assert any(old in note for note in learned.notes)
     # The loser is found again when it is said again, and comes back once it has more behind it.
-    first = bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup")
+    first = bank.admit(
+        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup", trusted=True
+    )
     assert first.merged == (old,)
     assert {r.id: r.state for r in bank.records()} == {old: "active", new: "archive"}
     assert bank.verify() == []
@@ -160,9 +164,9 @@ def test_a_merge_pools_evidence_and_keeps_the_other_wording(open_bank: Open, ver
     bank = open_bank()
     first = Lesson("procedural_hint", "Grip the mug by its handle near the top.")
     other = Lesson("procedural_hint", "Near the top, grip the mug by the handle.")
-    (kept,) = bank.admit(first, verdicts["success"], task="take the mug").added
-    assert bank.admit(other, verdicts["success"], task="fetch the mug").merged == (kept,)
-    assert bank.admit(other, verdicts["success"], task="bring the mug").merged == (kept,)
+    (kept,) = bank.admit(first, verdicts["success"], task="take the mug", trusted=True).added
+    assert bank.admit(other, verdicts["success"], task="fetch the mug", trusted=True).merged == (kept,)
+    assert bank.admit(other, verdicts["success"], task="bring the mug", trusted=True).merged == (kept,)
     (active,) = bank.records(["active"])
     (folded,) = bank.records(["archive"])
     assert active.count == 3
@@ -172,11 +176,13 @@ def test_a_merge_pools_evidence_and_keeps_the_other_wording(open_bank: Open, ver
 
 def test_an_unverified_repeat_of_a_loser_changes_nothing(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup")
-    bank.admit(Lesson("procedural_hint", "Lift the cup 5 cm."), verdicts["success"], task="cup")
+    bank.admit(
+        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup", trusted=True
+    )
+    bank.admit(Lesson("procedural_hint", "Lift the cup 5 cm."), verdicts["success"], task="cup", trusted=True)
     before = bank.records()
     assert bank.admit(
-        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["unavailable"], task="cup"
+        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["unavailable"], task="cup", trusted=True
     ).discarded
     assert [r.state for r in bank.records()] == [r.state for r in before]
 
@@ -191,7 +197,13 @@ def test_each_failure_is_found_on_its_own(open_bank: Open, verdicts: Any) -> Non
     )
     for i, cause in enumerate(causes):
         lesson = Lesson("failure_avoidance", f"Moving the jar {i}: failed because {cause}.")
-        bank.admit(lesson, verdicts["fail"], task=f"move the jar, {cause.split()[-1]}", source=f"run/{i}")
+        bank.admit(
+            lesson,
+            verdicts["fail"],
+            task=f"move the jar, {cause.split()[-1]}",
+            source=f"run/{i}",
+            trusted=True,
+        )
     for cause in causes:
         items = bank.recall(MemoryTask(f"move the jar, {cause}")).items
         assert any(cause in item.content and item.binding for item in items)
@@ -201,11 +213,13 @@ def test_one_candidate_among_many_takes_little_time(
     open_bank: Open, verdicts: Any, many_lessons: Any
 ) -> None:
     bank = open_bank()
-    bank.admit_many([(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(300)])
+    bank.admit_many(
+        [(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(300)], trusted=True
+    )
     rng = random.Random(5)
     times = []
     for lesson, task in many_lessons(20, seed=rng.randrange(10**6)):
         began = time.perf_counter()
-        bank.admit(lesson, verdicts["success"], task=task)
+        bank.admit(lesson, verdicts["success"], task=task, trusted=True)
         times.append(time.perf_counter() - began)
     assert sorted(times)[len(times) // 2] < 0.1  # the figure for an idle machine is in tests/benchmarks

@@ -88,6 +88,7 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
             verdicts["success"],
             task=f"fix bug {i} of the parser",
             source=f"s{i}",
+            trusted=True,
         )
     (summary,) = bank.records(["summary"])
     members = bank.records(["archive"])
@@ -99,7 +100,9 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
         i.id for i in bank.recall("fix a bug: read the failing test, trace the error").items
     ]
     # What is said again goes to the summary.
-    again = bank.admit(Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9")
+    again = bank.admit(
+        Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9", trusted=True
+    )
     assert again.merged == (summary.id,)
     assert bank.records(["summary"])[0].count == 4
     assert bank.verify() == []
@@ -110,11 +113,16 @@ def test_one_task_alone_makes_no_summary_and_effects_are_not_summed_up(
 ) -> None:
     bank = open_bank()
     for way in WAYS:
-        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task="fix the parser")
+        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task="fix the parser", trusted=True)
     for i, name in enumerate(("depth", "tilt", "height")):
         effect = {"kind": "prior", "parameter": name, "value": 1.0, "count": 1}
         content = f"Take the small box: this {name} succeeded."
-        bank.admit(Lesson("procedural_hint", content, effect), verdicts["success"], task=f"take box {i}")
+        bank.admit(
+            Lesson("procedural_hint", content, effect),
+            verdicts["success"],
+            task=f"take box {i}",
+            trusted=True,
+        )
     assert bank.govern().summaries == []
     assert not bank.records(["summary"])
 
@@ -123,9 +131,14 @@ def test_a_pass_settles_contradictions_that_came_in_unsettled(open_bank: Open, v
     lax = open_bank(governance=False)
     for n in (15, 5):
         lax.admit(
-            Lesson("procedural_hint", f"Lift the cup {n} cm."), verdicts["success"], task="lift the cup"
+            Lesson("procedural_hint", f"Lift the cup {n} cm."),
+            verdicts["success"],
+            task="lift the cup",
+            trusted=True,
         )
-    lax.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="lift it")
+    lax.admit(
+        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="lift it", trusted=True
+    )
     assert len(lax.records(["active"])) == 2
     bank = open_bank()
     governed = bank.govern()
@@ -141,7 +154,7 @@ def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, 
     items = [(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(150)]
     items += [(lesson, verdicts["uncertain"], task, "") for lesson, task in many_lessons(60, seed=1)]
     for start in range(0, len(items), 30):
-        bank.admit_many(items[start : start + 30])
+        bank.admit_many(items[start : start + 30], trusted=True)
         assert len(bank.records(["active", "summary"])) <= 40
         assert len(bank.records(["provisional"])) <= 15
         assert len(bank._index) <= 55  # what is archived takes no room in memory
@@ -152,7 +165,7 @@ def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, 
 def test_without_governance_nothing_of_it_happens(open_bank: Open, verdicts: Any, clock: Any) -> None:
     bank = open_bank(governance=False, active_budget=1)
     for i, way in enumerate(WAYS):
-        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task=f"task {i}")
+        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task=f"task {i}", trusted=True)
     clock.pass_days(30)
     assert bank.govern().changes == 0
     assert len(bank.records(["active"])) == 3
@@ -172,7 +185,7 @@ def test_the_same_history_gives_the_same_bank(
         bank = open_bank(name, active_budget=30)
         for lesson, task in lessons:
             clock.now += 60
-            bank.admit(lesson, verdicts["success"], task=task, source=task)
+            bank.admit(lesson, verdicts["success"], task=task, source=task, trusted=True)
         bank.govern()
         rows = [(r.content, r.state, r.count, r.confidence, r.note.partition(" ")[0]) for r in bank.records()]
         seen.append(sorted(rows))
@@ -184,7 +197,7 @@ def test_lessons_too_long_for_one_summary_stay_apart(open_bank: Open, verdicts: 
     rest = "and then look at the gauge again before going on with the next of the bolts " * 21
     for i, start in enumerate(("Tighten it slowly", "Slowly tighten it", "Tighten it, slowly")):
         lesson = Lesson("procedural_hint", f"{start} {rest}{i}")
-        bank.admit(lesson, verdicts["success"], task=f"task {i}", source=f"run/{i}")
+        bank.admit(lesson, verdicts["success"], task=f"task {i}", source=f"run/{i}", trusted=True)
     bank.govern()
     assert not bank.records(["summary"])
     assert bank.records(["active"])

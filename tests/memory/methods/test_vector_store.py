@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.methods.shelf import Draft, Shelf
+from gvla2.memory.methods.vector_store import Draft, VectorStore
 from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.memory.storage.store import Store
 
@@ -20,8 +20,8 @@ def store(tmp_path: Path):
         yield opened
 
 
-def shelf(store: Store, **options: object) -> Shelf:
-    return Shelf(store, "b", HashEmbedder(), clock=lambda: 1.8e9, **options)
+def shelf(store: Store, **options: object) -> VectorStore:
+    return VectorStore(store, "b", HashEmbedder(), clock=lambda: 1.8e9, **options)
 
 
 def episode(query: str, source: str = "run/1") -> MemoryEpisode:
@@ -114,7 +114,7 @@ def test_others_changes_are_followed_and_restarts_survived(store: Store):
 
 def test_vectors_of_another_model_are_made_anew(store: Store):
     shelf(store).add([Draft((lesson("one"),))], episode("lift the cup"), GOOD, actor="t")
-    coarse = Shelf(store, "b", HashEmbedder(64, 2, 3))
+    coarse = VectorStore(store, "b", HashEmbedder(64, 2, 3))
     (found,) = coarse.nearest("lift the cup", 1)
     assert found.similarity == pytest.approx(1.0, abs=1e-6)
 

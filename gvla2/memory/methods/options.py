@@ -1,4 +1,4 @@
-"""Options of memories that stand on a shelf; light to import, so that plugins can be listed at once."""
+"""Options of whole memory methods; light to import, so that plugins can be listed at once."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from gvla2.errors import ConfigurationError
 
 
 @dataclass(kw_only=True)
-class ShelfConfig(ComponentConfig):
-    """Options that every method on a shelf has.
+class VectorStoreConfig(ComponentConfig):
+    """Options that all of them have.
 
     ``url`` is a database address, "" the default one; ``bank`` names the bank in it; ``busy_seconds`` is how long to
     wait for other processes; ``top_k`` how many entries are recalled; ``frozen`` recalls and learns nothing;
