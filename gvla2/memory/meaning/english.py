@@ -52,7 +52,7 @@ _TELLING = word_set(
 )
 _FOREIGN = word_set(
     """der die das den dem des ein eine einen einem und nicht ist mit auf vor nach bei zu zum zur für von im wenn erst
-    statt le les des du une est pas avec pour dans sur avant après ne et au aux que qui en el los las una del con por
+    statt le la les des du une est pas avec pour dans sur avant après ne et au aux que qui en el los las una del con por
     antes después se hay para nunca siempre y o il gli della che non prima dopo di da em não depois het een van niet
     voor på och att ikke og jest nie się przed w z na"""
 )

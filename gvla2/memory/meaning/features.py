@@ -72,19 +72,21 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
     mine, theirs = a.words | _axes(a) | a.when, b.words | _axes(b) | b.when
     left, right = _unshared(mine, theirs)
     shared = len(mine) - len(left)
+    # Who says nothing of what it is about ("use 4 N") may speak of anything.
+    like = shared / (shared + len(left) + len(right)) if mine and theirs else 0.5
     own = min(len(left), len(right))
     own_given = min(len(left - given), len(right - given))
     things = _unshared(a.things, b.things)
     own_things = min(len(things[0] - given), len(things[1] - given), 2)
     return {
-        "like": shared / max(shared + len(left) + len(right), 1),
-        "held": shared / max(min(len(mine), len(theirs)), 1),
+        "like": like,
+        "held": shared / min(len(mine), len(theirs)) if mine and theirs else 1.0,
         "contained": 1.0 if own == 0 else 0.3 if own == 1 else 0.0,
         "own_words": min(own, 4) / 4,
         "own_things": own_things / 2,
         "own_given": min(own_given, 4) / 4,
         "when": _cases(a, b),
-        "replaced": min(own, 2) / 2 * (shared / max(shared + len(left) + len(right), 1)),
+        "replaced": min(own, 2) / 2 * like,
     }
 
 
