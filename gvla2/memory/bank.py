@@ -15,7 +15,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -37,14 +36,12 @@ from gvla2.memory.curation.governing import Governed
 from gvla2.memory.curation.induction import RulesInducer
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.indexing.index import SERVED, Index
-from gvla2.memory.indexing.snapshot import refuse_foreign
 from gvla2.memory.operations import Operations
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
-from gvla2.memory.storage.location import snapshot_path
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Event, Link, Problem, Store
 from gvla2.memory.storage.vector_audit import foreign_vectors
 
@@ -71,17 +68,16 @@ class KnowledgeBank:
         inducer: Inducer | None = None,
         verifier: Verifier | None = None,
         clock: Callable[[], float] = time.time,
-        snapshot: Path | str | None = None,
     ) -> None:
         self.bank = bank
         self.options = options or BankOptions()
         self.options.check()
         self._store, self._clock, self._verifier = store, clock, verifier
-        self._embedder = embedder or HashEmbedder()
+        self._embedder = embedder or StaticEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
-        self._index = Index(store, bank, self._embedder, snapshot=snapshot)
+        self._index = Index(store, bank, self._embedder)
         self._operations = Operations(
             store, self._index, self._embedder, inducer or RulesInducer(), self.options, clock
         )
@@ -100,25 +96,16 @@ class KnowledgeBank:
         options: BankOptions | None = None,
         busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
-        snapshot: bool | Path | str = True,
     ) -> KnowledgeBank:
         """The bank in the database at ``sqlite:///path`` or ``postgresql://…``, created where there is none.
 
-        By default it ranks by words, vectors, quality and geometry, embeds by character n-grams, and induces lessons
+        By default it ranks by words, vectors, quality and geometry, embeds by a table of token vectors, and induces lessons
         by rules. ``verifier`` is who judges stored episodes again. Waits for other processes at most
         ``busy_seconds`` at a time. Raises :class:`~gvla2.errors.ConfigurationError` for options that cannot be.
-
-        A large bank starts fast from a snapshot of its index, which :meth:`close` writes: a file beside the
-        database's, or in the user's cache folder where there is none. It is derived data, readable by its owner
-        alone and deleted by :meth:`forget`. ``snapshot`` names another file; False does without.
         """
-        if not isinstance(snapshot, bool):
-            refuse_foreign(Path(snapshot))
         store = Store.open(url, busy_seconds=busy_seconds)
-        place = snapshot_path(store.name, bank) if snapshot is True else snapshot or None
         return cls(
             store, retriever, embedder, options, bank=bank, inducer=inducer, verifier=verifier, clock=clock,
-            snapshot=place,
         )  # fmt: skip
 
     # The main job -------------------------------------------------------------------------------------------------
@@ -203,7 +190,6 @@ class KnowledgeBank:
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
         with self._lock:
-            self._index.discard_snapshot()
             with self._store.writing(self.bank, actor="forget", now=self._clock()) as transaction:
                 found = transaction.forget(id, why=why)
             self._index.refresh()
@@ -222,7 +208,7 @@ class KnowledgeBank:
             shown = (*SERVED, "provisional") if self.options.show_provisional else SERVED
             states = (*SERVED, "provisional") if provisional else shown
             served, found = (self._index.candidates(s, now=self._clock()) for s in (shown, states))
-            return search(_task(text), self._index, served, found, self._retriever, self._embedder, k)
+            return search(_task(text), served, found, self._retriever, self._embedder, k)
 
     def history(self, id: str) -> list[Event]:
         """All decisions about a record, oldest first."""
@@ -259,13 +245,11 @@ class KnowledgeBank:
         """Give space back; with ``archived_before``, forget archived records not updated since, and count them."""
         if archived_before is None:
             return self._store.compact()
-        self._index.discard_snapshot()
         return self._store.compact(self.bank, archived_before=archived_before, now=self._clock())
 
     def close(self) -> None:
-        """Keep the index for the next start where that is worth it, and release the store; safe to call twice."""
+        """Release the store; safe to call twice."""
         with self._lock:
-            self._index.keep_snapshot()
             self._store.close()
 
     def __enter__(self) -> KnowledgeBank:

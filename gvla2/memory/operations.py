@@ -31,7 +31,6 @@ from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.curation.streaks import Streaks
 from gvla2.memory.indexing.index import SERVED, Index
-from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
 from gvla2.memory.storage.store import Change, Store, StoredEpisode
 
@@ -310,7 +309,7 @@ class Operations:
     ) -> list[tuple[MemoryEpisode, Verdict, list[Candidate]]]:
         """Embedded in one go, outside the transaction: embedding may take its time."""
         asked = [
-            text_of(" ".join(clean(episode.task.query, MAX_QUERY).split()), lesson.content)
+            f"{' '.join(clean(episode.task.query, MAX_QUERY).split())} {lesson.content}"
             for episode, _, decided in weighed
             for lesson, _, _, _ in decided
         ]

@@ -74,6 +74,11 @@ class Record:
         """The outcome, as the contract spells it."""
         return cast(Outcome, self.outcome)
 
+    @property
+    def text(self) -> str:
+        """What is searched and embedded: its instructions and what it says."""
+        return f"{self.query} {self.content}"
+
     def effect_json(self) -> dict[str, Any] | None:
         """The typed effect, or None."""
         return load_object(self.effect) if self.effect else None

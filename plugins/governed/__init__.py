@@ -18,7 +18,7 @@ class GovernedConfig(BankOptions, ComponentConfig):
 
     ``url`` is ``sqlite:///path`` or ``postgresql://…``; "" is ``memory.db`` in ``$GVLA2_HOME``, else in
     ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``. ``bank`` names the bank in it. ``busy_seconds`` is how
-    long to wait for other processes. ``snapshot`` false keeps no copy of the index for a fast start of large banks.
+    long to wait for other processes.
     All other options are the bank's own; the ablations are ``admission``, ``replay``, ``governance`` and ``failures``
     false, and ``retrieval`` semantic.
     """
@@ -26,7 +26,6 @@ class GovernedConfig(BankOptions, ComponentConfig):
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
-    snapshot: bool = True
 
 
 def _build(

@@ -79,7 +79,6 @@ class GovernedMemory:
                 verifier=self._verifier,
                 options=self._options,
                 busy_seconds=self._config.busy_seconds,
-                snapshot=self._config.snapshot,
             )
         return self._opened
 

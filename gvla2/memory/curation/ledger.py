@@ -124,7 +124,7 @@ class Ledger:
         if len(self._index):
             rows, cosines = self._index.nearest(vector, k, SERVED)
             near = rows[: int(np.count_nonzero(cosines >= _UNLIKE))].tolist()
-            for place, record in enumerate(self._index.records_at(near)):
+            for place, record in enumerate(map(self._index.record, near)):
                 found.append((-float(cosines[place]), record.id, place, latest.get(record.id, record)))
         if self._near:
             alike = self._matrix[: len(self._near)] @ vector

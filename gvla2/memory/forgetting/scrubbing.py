@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Sequence
-from contextlib import suppress
-from pathlib import Path
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import dump, load
 from gvla2.memory.storage.database import Connection, Database, Uncleaned
-from gvla2.memory.storage.location import snapshot_path
 from gvla2.memory.storage.view import View
 
 PENDING = "scrub"
 """Key of ``memory_meta`` while bytes of something forgotten may be left: a random token, and the files' names."""
 _SET = "INSERT INTO memory_meta (key, value) VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value"
-_STRAY_SECONDS = 600.0
-"""Nobody takes so long to write an index."""
 
 
 def ask_for_scrubbing(sql: Connection) -> None:
@@ -38,15 +32,14 @@ def pending(noted: str) -> list[str]:
 
 
 def scrub(database: Database, forgotten: Sequence[str] = ()) -> None:
-    """Clean the database's files, the copies that a migration left beside it, and kept indices; to the last byte.
+    """Clean the database's files, and the copies that a migration left beside it; to the last byte.
 
     ``forgotten`` are the records that were forgotten just now. Raises :class:`~gvla2.errors.MemoryStoreError` that
     names the files that could not be cleaned: that stays noted, and the next time tries again.
     """
     with database.reading() as sql:
-        asked, banks = View(sql).meta(PENDING), View(sql).banks()
-    left = _delete(kept_indices(database.name, banks) if asked else strays(database.name, banks))
-    left += database.forget_in_copies(lambda: _forgotten(database))
+        asked = View(sql).meta(PENDING)
+    left = database.forget_in_copies(lambda: _forgotten(database))
     try:
         database.scrub()
     except MemoryStoreError as error:
@@ -65,39 +58,6 @@ def scrub(database: Database, forgotten: Sequence[str] = ()) -> None:
             f"{what} Bytes of what was forgotten may be left in {'; '.join(file.said for file in left)}. When that "
             "is out of the way, run `gvla2 memory compact` (Store.compact), or forget something else.".strip()
         )
-
-
-def strays(name: str, banks: Sequence[str], now: float | None = None) -> list[Path]:
-    """What processes left that were killed while they wrote an index, so long ago that none is still at it."""
-    from gvla2.memory.indexing.snapshot import (
-        strays_of,  # it compiles code on import, which few who open a store need
-    )
-
-    limit = (time.time() if now is None else now) - _STRAY_SECONDS
-    found = []
-    for bank in banks:
-        for path in strays_of(snapshot_path(name, bank)):
-            with suppress(OSError):
-                found += [path] if path.stat().st_mtime < limit else []
-    return found
-
-
-def kept_indices(name: str, banks: Sequence[str]) -> list[Path]:
-    """The snapshots of indices, and what killed processes left of some."""
-    from gvla2.memory.indexing.snapshot import strays_of
-
-    paths = [snapshot_path(name, bank) for bank in banks]
-    return [file for path in paths for file in (path, *strays_of(path))]
-
-
-def _delete(files: Sequence[Path]) -> list[Uncleaned]:
-    left = []
-    for file in files:
-        try:
-            file.unlink(missing_ok=True)
-        except OSError as error:
-            left.append(Uncleaned(str(file), f"{file} ({error.strerror or error})"))
-    return left
 
 
 def _forgotten(database: Database) -> list[tuple[str, str]]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from hashlib import blake2b
 from pathlib import Path
 
 from gvla2.memory.storage.addresses import database_path, scheme_of
@@ -31,20 +29,3 @@ def settled(url: str, environment: Mapping[str, str]) -> str:
     if scheme_of(address) == "postgresql":
         return address
     return f"sqlite:///{database_path(address)}"
-
-
-def snapshot_path(name: str, bank: str) -> Path:
-    """Where the index of a bank is kept for a fast start: beside a database's file, else in the user's cache folder.
-
-    ``name`` is the database's own (:attr:`gvla2.memory.storage.store.Store.name`). One file a bank, whatever the
-    embedder, so that forgetting knows what to delete.
-    """
-    if "://" not in name:
-        return Path(f"{name}.index-{_digest(bank)}")
-    folder = os.environ.get("XDG_CACHE_HOME", "")
-    cache = Path(folder) if Path(folder).is_absolute() else Path("~/.cache").expanduser()
-    return cache / "gvla2" / f"index-{_digest(name, bank)}"
-
-
-def _digest(*texts: str) -> str:
-    return blake2b("\n".join(texts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()

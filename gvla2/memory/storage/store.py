@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.forgetting.scrubbing import scrub, strays
+from gvla2.memory.forgetting.scrubbing import scrub
 from gvla2.memory.records import Record, clean
 from gvla2.memory.storage.audit import Problem, audit
 from gvla2.memory.storage.bank_names import wrong_bank_name
@@ -152,12 +152,6 @@ class Store:
         """
         with self.reading() as view:
             problems = audit(view, bank, head)
-            banks = view.banks()
-        for path in strays(self.name, banks):
-            what = (
-                "a process was killed that wrote an index into it, with texts of the bank: compact deletes it"
-            )
-            problems.append(Problem("file", str(path), what))
         return problems
 
     def stats(self, bank: str) -> dict[str, Any]:

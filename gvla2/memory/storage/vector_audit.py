@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import MAX_PHRASINGS, Record
 from gvla2.memory.storage.audit import Problem
 from gvla2.memory.storage.view import View, vector_of
@@ -58,7 +57,7 @@ def _phrased(records: Sequence[Record], vectors: Numbers, own: Numbers, embedder
         if len(lines) >= MAX_PHRASINGS:
             best[place] = 1.0
         elif len(lines) > 1 and record.count == 1 and own[place].any():
-            asked += [(place, text_of(line, record.content)) for line in lines]
+            asked += [(place, f"{line} {record.content}") for line in lines]
     for start in range(0, len(asked), _TOGETHER):
         some = asked[start : start + _TOGETHER]
         places = [place for place, _ in some]
@@ -94,7 +93,7 @@ def _compared(view: View, bank: str, embedder: Embedder) -> Iterator[tuple[list[
         records = [record for record in view.records(bank, ids=some) if record.id in stored]
         if not records:
             continue
-        made = np.asarray(embedder.embed([text_of(r.query, r.content) for r in records]), np.float32)
+        made = np.asarray(embedder.embed([r.text for r in records]), np.float32)
         found = [vector_of(*stored[record.id]) for record in records]
         sound = [i for i, vector in enumerate(found) if vector is not None and len(vector) == made.shape[1]]
         if sound:
