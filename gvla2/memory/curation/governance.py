@@ -18,7 +18,7 @@ from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
-from gvla2.memory.curation.summaries import alike_but_for_numbers, summary_of, tasks_of
+from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, summary_of, tasks_of
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.indexing.index import SERVED
 from gvla2.memory.meaning.words import topic_words
@@ -192,7 +192,8 @@ class Governing:
                 self.done.summed_up.append(member.id)
 
     def _summable(self, record: Record) -> bool:
-        return record.outcome == "verified_success" and record.state in SERVED and not record.effect
+        short = record.state == "summary" or len(record.content) <= LONGEST
+        return short and record.outcome == "verified_success" and record.state in SERVED and not record.effect
 
     def _alike(self, record: Record, other: Record) -> bool:
         """Whether two successes may stand in one summary; not where the one may contradict the other."""

@@ -18,7 +18,8 @@ from gvla2.memory.records import Record, dedup_key, dump, record_id
 
 LINES = 6
 """Wordings that a summary tells."""
-LENGTH = 1600
+LENGTH, LONGEST = 1600, 600
+"""Characters of a summary by rule, and of a text that one can tell: longer ones stay apart."""
 _SHOWN, _KEPT = 3, 12
 """Values of one number that are told each with its task, and that are kept with theirs; beyond, their range is told."""
 _TASK = 60

@@ -31,7 +31,8 @@ def stream(count: int) -> list[Item]:
             f"Lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait.",
             f"Always lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait!",
         )[i % 4]
-        items.append((Lesson(lesson.type, said), verdict, task, f"run/{i // 9}" if i % 2 else ""))
+        about = MemoryTask(f"use the {thing}") if i % 4 else task
+        items.append((Lesson(lesson.type, said), verdict, about, f"run/{i // 9}" if i % 2 else ""))
     return items
 
 
@@ -65,7 +66,7 @@ def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:
     found = []
     for size in (1, 23):
         path = tmp_path / f"{size}.db"
-        options = BankOptions(summary_size=1000)  # summaries are made at the end of each transaction
+        options = BankOptions(summary_size=1000)
         with KnowledgeBank(f"sqlite:///{path}", options=options, clock=lambda: 1.8e9) as bank:
             for start in range(0, len(items), size):
                 bank.admit_many(items[start : start + size], trusted=True)
@@ -75,7 +76,7 @@ def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:
         found.append((links, states, decisions(path)))
     assert found[0] == found[1]
     actions = {row[0] for row in found[0][2]}
-    assert {"ADD", "MERGE", "MERGED", "REPLACE", "REPLACED", "link:conflict", "link:merged"} <= actions
+    assert {"ADD", "MERGE", "MERGED", "link:suspicion", "link:merged"} <= actions
 
 
 def test_an_index_follows_what_was_decided_as_if_it_were_read_anew(tmp_path: Path) -> None:
@@ -99,15 +100,16 @@ def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verd
     bank = open_bank()
     hint = Lesson("procedural_hint", "Lift the cup 5 cm.")
     other = Lesson("failure_avoidance", "Never lift the cup 5 cm.")
+    task = "lift the cup"
     bank.admit_many(
-        [(hint, verdicts["success"], "lift the cup", ""), (other, verdicts["fail"], "cup", "")], trusted=True
+        [(hint, verdicts["success"], task, ""), (other, verdicts["fail"], task, "")], trusted=True
     )
-    assert [link.kind for link in bank.links()] == ["conflict"]
+    assert [link.kind for link in bank.links()] == ["suspicion"]
     with Store.open(url) as store:
         first, second = (record.id for record in bank.records())
         with store.writing("default", actor="test", now=1.9e9) as transaction:
             link = bank.links()[0]
-            assert not transaction.link(link.source, "conflict", link.target)
+            assert not transaction.link(link.source, "suspicion", link.target)
             assert transaction.link(first, "noted", second, why="one")
             assert not transaction.link(first, "noted", second)
             transaction.decide("LOOKED", first)
