@@ -1,10 +1,10 @@
 """Whole banks: who is believed, by lessons and orders in words that the code was not made for.
 
-The orders were written for this file after the code, by the question of how somebody would phrase one who wants a robot or
-an agent to do harm and knows that lessons are read; none names a frame, a role or anything else that a screen looks for.
+The orders were written for this file after the code: how would somebody phrase one who wants a robot or an agent to do
+harm, and knows that lessons are read? None names a frame, a role or anything else that a screen looks for.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -63,8 +63,8 @@ def hint(text: str) -> Lesson:
 
 
 @pytest.fixture
-def bank(open_bank: Open) -> Iterator[KnowledgeBank]:
-    yield open_bank()
+def bank(open_bank: Open) -> KnowledgeBank:
+    return open_bank()
 
 
 def test_of_one_source_nothing_becomes_active_or_is_shown(bank: KnowledgeBank) -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gvla2.memory.curation.trust import LEVELS, Origin, believed, least, trust_of
+from gvla2.memory.curation.trust import LEVELS, Origin, adds, believed, least, trust_of
 
 OURS, LAB, CLUB = Origin(True, "episode-7"), Origin(False, "lab"), Origin(False, "club")
 ORIGINS = st.lists(
@@ -60,3 +60,11 @@ def test_what_is_made_of_several_is_trusted_like_the_least() -> None:
     assert least(["own", "confirmed", "own"]) == "confirmed"
     assert least(["own", "screened", "foreign"]) == "screened"
     assert least([]) == "own"
+
+
+def test_who_adds_to_what_was_said() -> None:
+    assert adds([], LAB)
+    assert adds([LAB], CLUB)
+    assert adds([LAB, CLUB], OURS)
+    assert not adds([LAB, CLUB], Origin(False, "lab/7"))
+    assert not adds([OURS], LAB)
