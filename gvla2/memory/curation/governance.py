@@ -20,7 +20,7 @@ from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, summary_of, tasks_of, wordings_of
 from gvla2.memory.curation.trust import LEVELS
-from gvla2.memory.indexing.index import SERVED
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.indexing.terms import terms
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
