@@ -60,7 +60,7 @@ def work(bank: KnowledgeBank, folder: str, task: str, check: str, *commands: str
     return agent.messages[1]["content"]
 
 
-with tempfile.TemporaryDirectory() as folder, KnowledgeBank.open(f"sqlite:///{folder}/memory.db") as bank:
+with tempfile.TemporaryDirectory() as folder, KnowledgeBank(f"sqlite:///{folder}/memory.db") as bank:
     first, second = "sort the names in names.txt", "sort the lines of towns.txt"
     work(
         bank,

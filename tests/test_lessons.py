@@ -247,7 +247,7 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
 
 
 def open_bank(tmp_path: Path) -> KnowledgeBank:
-    return KnowledgeBank.open(
+    return KnowledgeBank(
         f"sqlite:///{tmp_path / 'memory.db'}",
         retriever=HybridRetriever(HybridConfig()),
         embedder=StaticEmbedder(),

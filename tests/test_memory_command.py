@@ -38,7 +38,7 @@ def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def path(tmp_path: Path) -> Path:
     """A bank with a hint, and a constraint from a failure."""
     file = tmp_path / "m.db"
-    with KnowledgeBank.open(f"sqlite:///{file}") as bank:
+    with KnowledgeBank(f"sqlite:///{file}") as bank:
         for number, (words, verdict) in enumerate(
             (
                 (Lesson("procedural_hint", "Lift the cup by its \x1b[31mrim[/bold] slowly."), GOOD),
@@ -304,11 +304,11 @@ def test_a_corrupt_file_and_a_locked_one_are_explained(tmp_path: Path, run: Run,
 
 
 def test_a_reader_that_leaves_is_no_traceback(path: Path):
-    with KnowledgeBank.open(f"sqlite:///{path}") as bank:
+    with KnowledgeBank(f"sqlite:///{path}") as bank:
         words = ("lift", "turn", "push", "cut", "fold", "wipe", "stack", "pour")
         for i in range(64):
             told = f"{words[i % 8]} thing number {i} {words[(i // 8) % 8]}wards"
-            bank.admit(Lesson("tool_usage", told), GOOD, task=told, source=f"s/{i}")
+            bank.admit(Lesson("tool_usage", told), GOOD, task=told, source=f"s/{i}", trusted=True)
     done = subprocess.run(
         f"{sys.executable} -m gvla2.cli memory list --json limit=0 url=sqlite:///{path} | head -c 10",
         shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,

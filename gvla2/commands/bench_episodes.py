@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 LOOP = ("robot", "task", "perceiver", "planner", "verifier")
 GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
-MEMORY = ("memory", "retriever", "embedder", "inducer")
+MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY)
 RARELY = 0.05
 """Pictures a second of an episode that nobody watches."""

@@ -32,7 +32,7 @@ _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 CHOICES = (
     "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
-    "memory", "retriever", "embedder", "inducer", "planner", "verifier",
+    "memory", "retriever", "embedder", "inducer", "judge", "planner", "verifier",
 )  # fmt: skip
 """The Hydra groups of a run; what was chosen for each is part of its result."""
 

@@ -62,6 +62,7 @@ class RunConfig:
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
     inducer: ComponentConfig = field(default_factory=ComponentConfig)
+    judge: ComponentConfig = field(default_factory=ComponentConfig)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
     verifier: ComponentConfig = field(default_factory=ComponentConfig)
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
 Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
+Trust = Literal["screened", "foreign", "confirmed", "own"]
+"""How far a text is trusted, from least to most: foreign and reads like orders; foreign; foreign and borne out by
+episodes of two independent sources; written about a verified episode of ours."""
 
 TYPES: tuple[RecordType, ...] = get_args(RecordType)
 """The types in a fixed order: columns of numbers hold places in it."""
@@ -42,7 +45,7 @@ class MemoryItem:
     """One recalled record. ``score`` is the sum of ``terms`` (r_text, confidence, success, ...; paper eq. S).
 
     ``binding`` is True for constraints (failures to avoid) and False for hints. ``effect`` is a typed effect as
-    JSON, or None.
+    JSON, or None. ``trust`` other than "own" marks a text from outside, which is shown as such.
     """
 
     id: str
@@ -53,6 +56,7 @@ class MemoryItem:
     terms: Mapping[str, float]
     binding: bool
     effect: Mapping[str, Any] | None = None
+    trust: Trust = "own"
 
 
 @dataclass(frozen=True)
@@ -118,11 +122,15 @@ class Lesson:
     ``effect`` is what it means for a planner, as JSON by ``kind``: a bound, prior, order or ban of a parameter, or a
     ``program``: ``{"kind": "program", "skill": "pick", "language": "calls", "roles": {"theme": "cup cylinder"},
     "steps": [...]}``, what succeeded, with roles for names and shares for sizes.
+
+    ``evidence`` are passages of the transcript, word for word, that the lesson rests on. What a model wrote is
+    believed at once only with some.
     """
 
     type: RecordType
     content: str
     effect: Mapping[str, Any] | None = None
+    evidence: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -308,4 +316,41 @@ class Inducer(Protocol):
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
         """The lessons in the light of the verdict; those that the episode brings itself are its ``lessons``."""
+        ...
+
+
+@dataclass(frozen=True)
+class Suspects:
+    """Two lessons of which one may contradict the other, each with the instructions that it comes from, one a line.
+
+    ``suspicion`` in [0, 1] is the probability by which they were suspected.
+    """
+
+    first: str
+    second: str
+    first_query: str = ""
+    second_query: str = ""
+    suspicion: float = 0.5
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a judge makes of two lessons: whether they contradict each other, None where it cannot tell.
+
+    ``probability`` in [0, 1] that they do; ``usage`` what asking cost by name (prompt_tokens, completion_tokens,
+    calls, cached), empty for rules.
+    """
+
+    contradicts: bool | None
+    probability: float
+    reason: str = ""
+    judge: str = ""
+    usage: Mapping[str, int] = field(default_factory=dict)
+
+
+class Judge(Protocol):
+    """Decides suspicions in the background, many at once."""
+
+    def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
+        """A judgement for each, in their order; one that could not be asked about is None, with the reason."""
         ...

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.methods.shelf_options import ShelfConfig
+from gvla2.memory.methods.options import VectorStoreConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Inducer, Memory
 
 
 @dataclass(kw_only=True)
-class AwmConfig(ShelfConfig):
+class AwmConfig(VectorStoreConfig):
     """Options of the ``awm`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
@@ -29,10 +29,10 @@ class AwmConfig(ShelfConfig):
 
 def _build(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Workflows induced from verified successes, values replaced by slots; after Agent Workflow Memory."""
-    from gvla2.memory.methods.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import WholeMethod
     from gvla2_plugins.awm.method import Workflows
 
-    return ShelfMemory(config, Workflows(config.fewest_steps), embedder, inducer)
+    return WholeMethod(config, Workflows(config.fewest_steps), embedder, inducer)
 
 
 @hookimpl

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
 from gvla2.memory.methods.exemplars import show_exemplars, with_values
-from gvla2.memory.methods.shelf import Draft, Found
+from gvla2.memory.methods.vector_store import Draft, Found
 from gvla2.memory.verification.transcripts import abstracted, steps_of
 
 

@@ -11,6 +11,7 @@ from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import (
     Embedder,
     Inducer,
+    Judge,
     Learned,
     MemoryContext,
     MemoryEpisode,
@@ -19,7 +20,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.storage.location import settled
+from gvla2.memory.storage.addresses import settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig
@@ -40,12 +41,13 @@ class GovernedMemory:
         embedder: Embedder,
         verifier: Verifier | None = None,
         inducer: Inducer | None = None,
+        judge: Judge | None = None,
     ) -> None:
         # Absolute from the start: a run may change its working directory later.
         self.url = settled(config.url, os.environ)
         self._options = options_of(config)
         self._config, self._retriever, self._embedder = config, retriever, embedder
-        self._verifier, self._inducer = verifier, inducer
+        self._verifier, self._inducer, self._judge = verifier, inducer, judge
         self._opened: KnowledgeBank | None = None
 
     def recall(self, task: MemoryTask) -> MemoryContext:
@@ -70,13 +72,14 @@ class GovernedMemory:
 
     def _bank(self) -> KnowledgeBank:
         if self._opened is None:
-            self._opened = KnowledgeBank.open(
+            self._opened = KnowledgeBank(
                 self.url,
                 bank=self._config.bank,
                 retriever=self._retriever,
                 embedder=self._embedder,
                 inducer=self._inducer,
                 verifier=self._verifier,
+                judge=self._judge,
                 options=self._options,
                 busy_seconds=self._config.busy_seconds,
             )

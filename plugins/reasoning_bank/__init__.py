@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.methods.shelf_options import ShelfConfig
+from gvla2.memory.methods.options import VectorStoreConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Inducer, Memory
 
 
 @dataclass(kw_only=True)
-class ReasoningBankConfig(ShelfConfig):
+class ReasoningBankConfig(VectorStoreConfig):
     """Options of the ``reasoning_bank`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
@@ -30,10 +30,10 @@ class ReasoningBankConfig(ShelfConfig):
 
 def _build(config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
     """Titled items from successes and failures of the most similar task; after ReasoningBank."""
-    from gvla2.memory.methods.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import WholeMethod
     from gvla2_plugins.reasoning_bank.method import Strategies
 
-    return ShelfMemory(config, Strategies(config.most_items), embedder, inducer)
+    return WholeMethod(config, Strategies(config.most_items), embedder, inducer)
 
 
 @hookimpl

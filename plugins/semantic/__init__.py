@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.methods.shelf_options import ShelfConfig
+from gvla2.memory.methods.options import VectorStoreConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Memory
 
 
 @dataclass(kw_only=True)
-class SemanticConfig(ShelfConfig):
+class SemanticConfig(VectorStoreConfig):
     """Options of the ``semantic`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
@@ -28,10 +28,10 @@ class SemanticConfig(ShelfConfig):
 
 def _build(config: SemanticConfig, embedder: Embedder) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
-    from gvla2.memory.methods.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import WholeMethod
     from gvla2_plugins.semantic.method import Semantic
 
-    return ShelfMemory(config, Semantic(), embedder)
+    return WholeMethod(config, Semantic(), embedder)
 
 
 @hookimpl

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, hookimpl
-from gvla2.memory.methods.shelf_options import ShelfConfig
+from gvla2.memory.methods.options import VectorStoreConfig
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Embedder, Memory
 
 
 @dataclass(kw_only=True)
-class SynapseConfig(ShelfConfig):
+class SynapseConfig(VectorStoreConfig):
     """Options of the ``synapse`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
@@ -28,10 +28,10 @@ class SynapseConfig(ShelfConfig):
 
 def _build(config: SynapseConfig, embedder: Embedder) -> Memory:
     """Whole trajectories of verified successes as exemplars, found by their task; after Synapse."""
-    from gvla2.memory.methods.whole_method import ShelfMemory
+    from gvla2.memory.methods.whole_method import WholeMethod
     from gvla2_plugins.synapse.method import Exemplars
 
-    return ShelfMemory(config, Exemplars(), embedder)
+    return WholeMethod(config, Exemplars(), embedder)
 
 
 @hookimpl

@@ -8,7 +8,7 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.evaluation.memory_data.contradictions import pairs
 from gvla2.evaluation.memory_data.generated_contradictions import generated
-from gvla2.memory.meaning.conflicts import contradiction
+from gvla2.memory.meaning.suspicion import suspicion, threshold
 
 Judged = Sequence[tuple[str, str, bool]]
 GENERATED = 600
@@ -21,6 +21,11 @@ def rates(judge: Callable[[str, str], bool], judged: Judged) -> tuple[float, flo
     return 100 * sum(found) / max(len(found), 1), 100 * sum(false) / max(len(false), 1)
 
 
+def suspected(first: str, second: str) -> bool:
+    """Whether the bank suspects that two lessons contradict each other."""
+    return (suspicion(first, second) or 0.0) >= threshold()
+
+
 def contradictions(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Hand-written pairs that the detector was not tuned to, those that it was, or generated ones."""
     if on == "generated":
@@ -31,7 +36,7 @@ def contradictions(setting: Setting, size: int, on: str) -> Mapping[str, Figure]
             for pair in pairs()
             if pair.held_out is (on == "hand-written, held out")
         ]
-    mine = rates(lambda first, second: contradiction(first, second) is not None, judged)
+    mine = rates(suspected, judged)
     theirs = {peer.name: rates(peer.contradict, judged) for peer in setting.peers()}
     found = {name: one[0] for name, one in theirs.items()}
     false = {name: one[1] for name, one in theirs.items()}

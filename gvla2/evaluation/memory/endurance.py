@@ -84,7 +84,7 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
     ``seconds`` and ``cpu``.
     """
     spent = peak = 0.0
-    with KnowledgeBank.open(url, options=BankOptions(active_budget=budget), clock=lambda: NOW) as bank:
+    with KnowledgeBank(url, options=BankOptions(active_budget=budget), clock=lambda: NOW) as bank:
         step = min(STEP, max(1, count // 10))
         look = LOOK if count > LOOK * step else 1
         for start in range(0, count, step):

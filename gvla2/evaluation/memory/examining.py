@@ -124,7 +124,7 @@ def _lesson(entry: Entry, place: int) -> Lesson:
 @contextmanager
 def _bank(setting: Setting) -> Iterator[KnowledgeBank]:
     """A new bank, gone afterwards."""
-    with KnowledgeBank.open(setting.url("examined"), clock=lambda: NOW, snapshot=False) as bank:
+    with KnowledgeBank(setting.url("examined"), clock=lambda: NOW, snapshot=False) as bank:
         yield bank
     for left in setting.folder.glob("*examined.db*"):
         left.unlink()

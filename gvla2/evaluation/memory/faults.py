@@ -37,7 +37,7 @@ def quarantine(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
             _spoil(connection, id, kind)
     spoilt = {id for id, kind in damaged.items() if kind in _ROWS}
     sound = [record for record in records if record.id not in spoilt]
-    with KnowledgeBank.open(f"sqlite:///{path}", clock=lambda: NOW) as bank:
+    with KnowledgeBank(f"sqlite:///{path}", clock=lambda: NOW) as bank:
         shown = [hit for record in records for hit in bank.search(record.content, 5)]
         wrong = sum(hit.record.id in spoilt or not np.isfinite(hit.score) for hit in shown)
         named = {problem.id for problem in bank.verify()}

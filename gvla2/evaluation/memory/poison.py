@@ -42,7 +42,7 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     hits, lost, shown = 0, 0, 0
     retriever = HybridRetriever(HybridOptions(top_k=TOP, top_k_constraints=TOP))
     url = setting.url(f"poison-{on.replace(' ', '-')}")
-    with KnowledgeBank.open(url, retriever=retriever, options=options, clock=lambda: NOW) as bank:
+    with KnowledgeBank(url, retriever=retriever, options=options, clock=lambda: NOW) as bank:
         bank.admit_many(sound)
         before = [_top(bank, task) for task in asked]
         bank.admit_many(item for task in attacked for item in _attack(task, _VERDICTS[on]))

@@ -28,7 +28,7 @@ def recall_times(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Rev check, embedding, ranking, rendering: ``KnowledgeBank.recall`` as planners call it."""
     asked = tasks(setting.count(QUERIES, 50))
     few = asked[: min(len(asked), max(3, min(20, PEER_LOOKS // size)))]
-    with KnowledgeBank.open(setting.filled(size), clock=lambda: NOW) as bank:
+    with KnowledgeBank(setting.filled(size), clock=lambda: NOW) as bank:
         for task in asked[:5]:
             bank.recall(task)
         ours = high(spent(bank.recall, asked))

@@ -106,7 +106,7 @@ class Setting:
         with Store.open(url) as store:
             store.snapshot(copy)
         try:
-            with KnowledgeBank.open(f"sqlite:///{copy}", options=options, clock=lambda: NOW) as bank:
+            with KnowledgeBank(f"sqlite:///{copy}", options=options, clock=lambda: NOW) as bank:
                 yield bank
         finally:
             for left in self.folder.glob(f"copy-{count}.db*"):

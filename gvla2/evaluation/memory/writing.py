@@ -31,7 +31,7 @@ def admits(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     """Lessons through the whole of admission and consolidation, each on disk before the next, or many at a time."""
     batched = on == "in batches"
     items = admissions(size + 20, setting.seed + 1)
-    with KnowledgeBank.open(setting.url(f"admits-{batched}"), clock=lambda: NOW) as bank:
+    with KnowledgeBank(setting.url(f"admits-{batched}"), clock=lambda: NOW) as bank:
         bank.admit_many(items[size:])  # compiles and opens what the first admit needs
         began = time.perf_counter()
         if batched:

@@ -79,12 +79,6 @@ class Index:
             self._rows, self.rev = Rows(self._dimension), 0  # half applied: read all of it again
             raise
 
-    def count(self, state: str, ids: Sequence[str] | None = None) -> int:
-        """How many of the records held, or of those with these ids, are in a state."""
-        states = self._rows.column("state")
-        chosen = states if ids is None else states[self.rows(ids)]
-        return int(np.count_nonzero(chosen == STATES.index(state)))
-
     def candidates(self, states: Sequence[str] = SERVED, *, now: float | None = None) -> RowCandidates:
         """The records of these states, as a retriever ranks them.
 

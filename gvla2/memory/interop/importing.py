@@ -12,7 +12,7 @@ from gvla2.memory.interop.entry import Entry
 from gvla2.memory.interop.lines import Remark
 from gvla2.memory.interop.reading import read_path
 from gvla2.memory.records import Record, clean, dedup_key, dump, record_id
-from gvla2.memory.screening.instructions import reads_like_instructions
+from gvla2.memory.screening.instructions import screen
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.transaction import Transaction
 
@@ -103,7 +103,7 @@ class _Batch:
 
     def _record(self, entry: Entry, key: str) -> Record:
         state, note = entry.state, ""
-        if reads_like_instructions(f"{entry.query}\n{entry.content}"):
+        if screen(f"{entry.query}\n{entry.content}"):
             self.quarantined += 1
             state, note = _held_back(state), "quarantined: the text reads like instructions"
         elif self.provisional:

@@ -29,3 +29,8 @@ para pela pelo por quem se seu sua são também te tem uma umas uns você
 """
 
 FUNCTION_WORDS = frozenset(_TEXT.split())
+
+
+def word_set(text: str) -> frozenset[str]:
+    """The words of a text that spaces and line ends part."""
+    return frozenset(text.split())

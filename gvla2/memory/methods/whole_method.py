@@ -1,4 +1,4 @@
-"""A whole memory method on a shelf: opened late, never in the run's way."""
+"""A whole memory method on a vector store: opened late, never in the run's way."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from gvla2.memory.contracts import (
     MemoryTask,
     Verdict,
 )
-from gvla2.memory.methods.shelf import Draft, Found, Shelf
-from gvla2.memory.methods.shelf_options import ShelfConfig
+from gvla2.memory.methods.options import VectorStoreConfig
+from gvla2.memory.methods.vector_store import Draft, Found, VectorStore
 from gvla2.memory.records import Record
-from gvla2.memory.storage.location import settled
+from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.store import Store
 
 
@@ -43,7 +43,7 @@ class Method(Protocol):
         ...
 
 
-class ShelfMemory:
+class WholeMethod:
     """The memory of a :class:`Method`. It opens on first use and answers "degraded" where the store fails.
 
     An address that can be no database at all raises :class:`~gvla2.errors.ConfigurationError` at once.
@@ -51,7 +51,7 @@ class ShelfMemory:
 
     def __init__(
         self,
-        config: ShelfConfig,
+        config: VectorStoreConfig,
         method: Method,
         embedder: Embedder,
         inducer: Inducer | None = None,
@@ -61,7 +61,7 @@ class ShelfMemory:
         self._config, self._method, self._embedder = config, method, embedder
         self._inducer, self._clock = inducer, clock
         self._store: Store | None = None
-        self._shelf: Shelf | None = None
+        self._entries: VectorStore | None = None
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """The most similar entries; an empty context that says why when there are none or the store fails."""
@@ -99,19 +99,19 @@ class ShelfMemory:
         """Release the store; safe to call twice."""
         if self._store is not None:
             self._store.close()
-        self._store = self._shelf = None
+        self._store = self._entries = None
 
-    def _open(self) -> Shelf:
-        if self._store is None or self._shelf is None:
+    def _open(self) -> VectorStore:
+        if self._store is None or self._entries is None:
             self._store = Store.open(self.url, busy_seconds=self._config.busy_seconds)
-            self._shelf = Shelf(
+            self._entries = VectorStore(
                 self._store,
                 self._config.bank,
                 self._embedder,
                 of_content=self._method.of_content,
                 clock=self._clock,
             )
-        return self._shelf
+        return self._entries
 
 
 def _item(record: Record, similarity: float) -> MemoryItem:

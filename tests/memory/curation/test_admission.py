@@ -125,7 +125,7 @@ def test_near_copies_of_one_source_end_provisional(open_bank: Open, verdicts: An
          verdicts["success"], task, "flood")
         for i in range(12)
     ]  # fmt: skip
-    learned = bank.admit_many(flood)
+    learned = bank.admit_many(flood, trusted=True)
     assert len(learned.added) <= bank.options.per_source_copies
     assert len(learned.provisional) >= 12 - bank.options.per_source_copies - len(learned.merged)
 
@@ -133,7 +133,11 @@ def test_near_copies_of_one_source_end_provisional(open_bank: Open, verdicts: An
 def test_the_cap_outlives_the_process(open_bank: Open, verdicts: Any) -> None:
     for i, word in enumerate(["alpha", "beta", "gamma", "delta"]):
         found = open_bank(per_source=2).admit(
-            Lesson("tool_usage", f"{word * 3} needs {word * 2}"), verdicts["success"], task=word, source="one"
+            Lesson("tool_usage", f"{word * 3} needs {word * 2}"),
+            verdicts["success"],
+            task=word,
+            source="one",
+            trusted=True,
         )
         assert bool(found.added) == (i < 2)
 
@@ -162,7 +166,9 @@ def test_the_streak_outlives_the_process_and_is_noted(open_bank: Open) -> None:
     words = ["ash", "birch", "cedar", "elm", "fir", "holly", "larch", "maple"]
     for i, word in enumerate(words):
         bank = open_bank(constant_verdicts=5)
-        learned = bank.admit(Lesson("tool_usage", f"{word * 3} needs {word * 2}"), YES, task=word)
+        learned = bank.admit(
+            Lesson("tool_usage", f"{word * 3} needs {word * 2}"), YES, task=word, trusted=True
+        )
         (record,) = [r for r in bank.records() if r.id in learned.added]
         assert record.confidence == (1.0 if i < 5 else 0.6)
         assert any("in a row" in note for note in learned.notes) == (i >= 5)
@@ -197,11 +203,13 @@ def test_a_verdict_is_believed_as_far_as_it_can_be_one(verdict: Verdict, outcome
 def test_impossible_scores_leave_the_bank_whole(open_bank: Open) -> None:
     bank = open_bank()
     for wrong in (Verdict("verified_success", float("nan"), 0.5), Verdict("verified_success", 5.0, 9.0)):
-        learned = bank.admit(Lesson("procedural_hint", f"Lift it {wrong.confidence} cm."), wrong, task="lift")
+        learned = bank.admit(
+            Lesson("procedural_hint", f"Lift it {wrong.confidence} cm."), wrong, task="lift", trusted=True
+        )
         assert learned.provisional
         assert "unavailable" in learned.notes[0]
     assert not bank.recall("lift").items
-    nonsense = bank.admit(Lesson("nonsense", "Lift it."), YES, task="lift")  # type: ignore[arg-type]
+    nonsense = bank.admit(Lesson("nonsense", "Lift it."), YES, task="lift", trusted=True)  # type: ignore[arg-type]
     assert nonsense.discarded == 1
     assert "procedural_hint" in nonsense.notes[0]
 
@@ -231,5 +239,5 @@ def test_one_yes_for_many_tasks_counts_for_each_of_them(open_bank: Open, togethe
     ]
     items = [(Lesson("procedural_hint", f"To {w}, go slowly."), YES, w, f"run/{w}") for w in words]
     for part in [items] if together else [[item] for item in items]:
-        bank.admit_many(part)
+        bank.admit_many(part, trusted=True)
     assert sorted(r.confidence for r in bank.records()) == [0.6] * 15 + [1.0] * 10

@@ -12,7 +12,7 @@ from gvla2.evaluation.memory.setting import admission
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
 
 Open = Callable[..., KnowledgeBank]
@@ -66,9 +66,9 @@ def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:
     for size in (1, 23):
         path = tmp_path / f"{size}.db"
         options = BankOptions(summary_size=1000)  # summaries are made at the end of each transaction
-        with KnowledgeBank.open(f"sqlite:///{path}", options=options, clock=lambda: 1.8e9) as bank:
+        with KnowledgeBank(f"sqlite:///{path}", options=options, clock=lambda: 1.8e9) as bank:
             for start in range(0, len(items), size):
-                bank.admit_many(items[start : start + size])
+                bank.admit_many(items[start : start + size], trusted=True)
             assert bank.verify() == []
             links = {(link.source, link.kind, link.target) for link in bank.links()}
             states = {record.id: (record.state, record.count, record.note) for record in bank.records()}
@@ -82,14 +82,14 @@ def test_an_index_follows_what_was_decided_as_if_it_were_read_anew(tmp_path: Pat
     url, items = f"sqlite:///{tmp_path / 'memory.db'}", stream(150)
     options = BankOptions(active_budget=40, provisional_budget=5)
     now = [1.8e9]
-    with KnowledgeBank.open(url, options=options, clock=lambda: now[0]) as bank, Store.open(url) as store:
+    with KnowledgeBank(url, options=options, clock=lambda: now[0]) as bank, Store.open(url) as store:
         for place, start in enumerate((0, 1, 2, 40, 41, 80, 81, 120)):
             end = (1, 2, 40, 41, 80, 81, 120, 150)[place]
-            bank.admit_many(items[start:end])
+            bank.admit_many(items[start:end], trusted=True)
             now[0] += 86400
             if place % 3 == 2:
                 bank.govern()
-            assert columns(bank._index) == columns(Index(store, "default", HashEmbedder()))
+            assert columns(bank._index) == columns(Index(store, "default", StaticEmbedder()))
         states = store.stats("default")["states"]
         assert states["archive"] > 0
         assert states["active"] <= 40
@@ -99,7 +99,9 @@ def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verd
     bank = open_bank()
     hint = Lesson("procedural_hint", "Lift the cup 5 cm.")
     other = Lesson("failure_avoidance", "Never lift the cup 5 cm.")
-    bank.admit_many([(hint, verdicts["success"], "lift the cup", ""), (other, verdicts["fail"], "cup", "")])
+    bank.admit_many(
+        [(hint, verdicts["success"], "lift the cup", ""), (other, verdicts["fail"], "cup", "")], trusted=True
+    )
     assert [link.kind for link in bank.links()] == ["conflict"]
     with Store.open(url) as store:
         first, second = (record.id for record in bank.records())

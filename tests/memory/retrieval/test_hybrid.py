@@ -308,7 +308,7 @@ def test_programs_whose_roles_the_things_can_fill_come_first() -> None:
 def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) -> None:
     bank = open_bank()
     lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
-    bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug")
+    bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug", trusted=True)
     told = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
     assert bank.recall(told.format("Glue the handle onto the mug.")).items
     assert not bank.recall(told.format("Water the plants in the hall.")).items

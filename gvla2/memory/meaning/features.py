@@ -1,0 +1,257 @@
+"""Two texts side by side, as the numbers that the head of :mod:`gvla2.memory.meaning.suspicion` weighs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.memory.meaning.quantities import Quantity
+from gvla2.memory.meaning.reader import Clause, Order, Reading, Sides, Words, read
+from gvla2.memory.meaning.synonyms import KNOWN
+
+TOLERANCE: Mapping[str, float] = {"temperature": 0.15, "angle": 0.15, "times": 0.34}
+"""How far two figures of a dimension may lie apart, as a share of the larger one, and still agree; else 20 %."""
+SIGNS = ("number", "bare", "side", "named", "forbids", "rules_out", "order", "choice", "reverse")
+"""How two clauses may contradict each other."""
+EXACT = frozenset(("port", "version", "pin", "channel", "id", "seed"))
+"""Bare numbers of these agree only when they are equal."""
+FEATURES = (
+    *SIGNS, "like", "held", "contained", "own_words", "own_things", "own_given", "same_task", "task_apart", "like_task", "contained_task",
+    "named_task", "side_task", "number_task", "agree_number", "agree_side", "names", "when", "two_signs", "steps", "replaced", "known_apart", "number_named", "label_same", "label_apart",
+    "shared", "one_figure",
+)  # fmt: skip
+
+
+def candidates(first: str, second: str, first_query: str = "", second_query: str = "") -> NDArray[np.float64]:
+    """(K, F) the :data:`FEATURES` of each way in which two English texts may contradict each other.
+
+    K is 0 where no sign of it was found. The texts may be exchanged.
+    """
+    one, two = read(first), read(second)
+    same, apart = _task(first_query, second_query)
+    # What one task is about goes without saying: whoever leaves it out means it, too.
+    given = _all(read(first_query)) if same == 1.0 else frozenset()
+    whole = _unshared(one.words, two.words)
+    context = {
+        "same_task": same,
+        "task_apart": apart,
+        "names": float(bool(_names(one) - _names(two)) and bool(_names(two) - _names(one))),
+        "steps": min(max(len(one.clauses), len(two.clauses)) - 1, 4) / 4,
+        "shared": (len(one.words) - len(whole[0])) / max(min(len(one.words), len(two.words)), 1),
+        "one_figure": float(all(sum(len(c.figures) for c in said.clauses) == 1 for said in (one, two))),
+    }
+    found: list[dict[str, float]] = []
+    for a in one.clauses:
+        for b in two.clauses:
+            signs, others = _signs(a, b)
+            if signs:
+                found.append(
+                    {
+                        **context,
+                        **signs,
+                        **others,
+                        **_compared(a, b, given),
+                        "two_signs": float(len(signs) > 1),
+                    }
+                )
+    for name, value in (
+        ("order", _crossed(one.orders, two.orders)),
+        ("choice", _crossed(one.choices, two.choices)),
+    ):
+        if value > 0.2:
+            shared = len(one.words) - len(whole[0])
+            like = shared / max(shared + len(whole[0]) + len(whole[1]), 1)
+            found.append({**context, "like": like, "held": context["shared"], name: value})
+    for one_way in found:
+        one_way["like_task"] = one_way["like"] * same
+        one_way["contained_task"] = one_way.get("contained", 0.0) * same
+        for name in ("named", "side", "number"):
+            one_way[f"{name}_task"] = one_way.get(name, 0.0) * same
+    return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
+
+
+def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
+    """How far two clauses speak of one thing in one case."""
+    mine, theirs = a.words | _axes(a) | a.when, b.words | _axes(b) | b.when
+    left, right = _unshared(mine, theirs)
+    shared = len(mine) - len(left)
+    own = min(len(left), len(right))
+    own_given = min(len(left - given), len(right - given))
+    things = _unshared(a.things, b.things)
+    own_things = min(len(things[0] - given), len(things[1] - given), 2)
+    return {
+        "like": shared / max(shared + len(left) + len(right), 1),
+        "held": shared / max(min(len(mine), len(theirs)), 1),
+        "contained": 1.0 if own == 0 else 0.3 if own == 1 else 0.0,
+        "own_words": min(own, 4) / 4,
+        "own_things": own_things / 2,
+        "own_given": min(own_given, 4) / 4,
+        "when": _cases(a, b),
+        "replaced": min(own, 2) / 2 * (shared / max(shared + len(left) + len(right), 1)),
+        "known_apart": float(bool(left & KNOWN) and bool(right & KNOWN)),
+    }
+
+
+def _signs(a: Clause, b: Clause) -> tuple[dict[str, float], dict[str, float]]:
+    """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing; and what they agree in."""
+    found: dict[str, float] = {}
+    if a.open or b.open or _other_case(a, b):
+        return {}, {}
+    differ, agree = _figures(a.figures, b.figures, exact=not EXACT.isdisjoint(a.words | b.words))
+    if differ is not None:
+        found["number" if differ else "bare"] = 1.0
+    opposed = bool(turned(a.sides, b.sides))
+    mine, theirs = a.named + _sides_in(a.when), b.named + _sides_in(b.when)
+    named = bool(turned(a.named, b.named) or turned(a.sides, theirs) or turned(mine, b.sides))
+    if a.forbidden == b.forbidden:
+        found |= {name: 1.0 for name, holds in (("side", opposed), ("named", named and not opposed)) if holds}
+        if _reversed(a.words, b.words) or (_exchanged(a, b) and not opposed):
+            found["reverse"] = 1.0
+    elif not opposed and not named:  # "don't leave it open" and "close it" agree
+        rule, act = (a, b) if a.forbidden else (b, a)
+        missing, _ = _unshared(rule.words, act.words | act.when)
+        found["forbids" if missing or not rule.words else "rules_out"] = 1.0
+    if (a.lacks and not b.lacks and not _unshared(a.lacks, b.words)[0]) or (
+        b.lacks and not a.lacks and not _unshared(b.lacks, a.words)[0]
+    ):
+        found["rules_out"] = 1.0
+    if "named" in found and ("number" in found or "bare" in found):
+        found["number_named"] = 1.0
+    if "number" in found or "bare" in found:
+        mine, theirs = _unshared(a.labels, b.labels)
+        found["label_same"] = float(len(mine) < len(a.labels))
+        found["label_apart"] = float(bool(mine and theirs))
+    others = {"agree_number": float(agree), "agree_side": float(bool(set(a.sides) & set(b.sides)))}
+    return found, others
+
+
+def turned(mine: Sides, theirs: Sides) -> list[str]:
+    """The axes on which two rows of sides are opposed; of a row with both sides the first counts ("from the top down")."""
+    found = []
+    for axis in sorted({axis for axis, _ in mine} & {axis for axis, _ in theirs}):
+        one = [sign for name, sign in mine if name == axis]
+        two = [sign for name, sign in theirs if name == axis]
+        if len(set(one)) == len(set(two)) and one[0] != two[0]:
+            found.append(axis)
+    return found
+
+
+def _figures(
+    mine: tuple[Quantity, ...], theirs: tuple[Quantity, ...], *, exact: bool
+) -> tuple[str | None, bool]:
+    """The dimension in which figures of one row disagree (None: in none), and whether some agree."""
+    differ: str | None = None
+    agree = False
+    for dimension in sorted({figure.dimension for figure in mine}):
+        one = [figure for figure in mine if figure.dimension == dimension]
+        two = [figure for figure in theirs if figure.dimension == dimension]
+        tolerance = 0.0 if exact and not dimension else TOLERANCE.get(dimension, 0.2)
+        apart = [a.disagrees(b, tolerance) for a, b in zip(one, two, strict=False)]
+        differ = dimension if differ is None and any(apart) else differ
+        agree |= bool(apart) and not any(apart)
+    return differ, agree
+
+
+def _sides_in(words: Words) -> Sides:
+    return tuple((word[:-1], 1 if word[-1] == "+" else -1) for word in sorted(words) if word[-1] in _OTHER)
+
+
+def _axes(clause: Clause) -> Words:
+    return frozenset(axis for axis, _ in clause.sides + clause.named)
+
+
+def _unshared(mine: Words, theirs: Words) -> tuple[Words, Words]:
+    """The words of each that the other has not, words that begin alike taken for one."""
+    left, right = set(mine - theirs), set(theirs - mine)
+    for word in sorted(left):
+        for other in right:
+            if len(word) > 3 and len(other) > 3 and (word.startswith(other) or other.startswith(word)):
+                left.discard(word)
+                right.discard(other)
+                break
+    return frozenset(left), frozenset(right)
+
+
+def _names(said: Reading) -> set[str]:
+    return {name for clause in said.clauses for name in clause.names}
+
+
+def _other_case(a: Clause, b: Clause) -> bool:
+    """Whether two clauses hold in opposite cases, "at night" and "during the day"."""
+    return any(
+        _opposite(word) in b.when and word not in b.when and _opposite(word) not in a.when for word in a.when
+    )
+
+
+def _opposite(word: str) -> str:
+    if word[-1] in _OTHER:
+        return word[:-1] + _OTHER[word[-1]]
+    return word.removeprefix("no_") if word.startswith("no_") else f"no_{word}"
+
+
+def _exchanged(a: Clause, b: Clause) -> bool:
+    """Whether two things took each other's place: "the acid into the water", "the water into the acid"."""
+    mine, theirs = dict((thing, place) for place, thing in a.roles), dict((t, p) for p, t in b.roles)
+    moved = [thing for thing in mine.keys() & theirs.keys() if mine[thing] != theirs[thing]]
+    return a.words == b.words and len(moved) == 2 and mine[moved[0]] == theirs[moved[1]]
+
+
+def _cases(a: Clause, b: Clause) -> float:
+    """Whether each clause holds in a case of its own."""
+    left, right = _unshared(a.when, b.when)
+    return 1.0 if left and right else 0.4 if left or right else 0.0
+
+
+def _crossed(mine: Iterable[Order], theirs: Iterable[Order]) -> float:
+    """How surely two orders, or two choices, are each other's reverse: 1 where both halves changed places.
+
+    What stands on one side in both tells nothing, and neither does what stands on both sides of one.
+    """
+    most = 0.0
+    for a, b in mine:
+        for c, d in theirs:
+            one, two, three, four = a - b - c, b - a - d, c - d - a, d - c - b
+            if one and two and three and four:
+                most = max(most, min(_held(one, four), _held(two, three)))
+    return most
+
+
+def _held(mine: Words, theirs: Words) -> float:
+    left, _ = _unshared(mine, theirs)
+    least = min(len(mine), len(theirs))
+    return min((len(mine) - len(left)) / least, 1.0) if least else 0.0
+
+
+_OTHER = {"+": "-", "-": "+"}
+_PREFIXES = ("un", "non", "dis", "de", "in", "im", "ir", "mis")
+
+
+def _reversed(mine: Words, theirs: Words) -> bool:
+    """Whether one word is the other behind a prefix that reverses it: "encrypted", "unencrypted"."""
+    left, right = mine - theirs, theirs - mine
+    return any(prefix + word in right for word in left for prefix in _PREFIXES if len(word) > 3) or any(
+        prefix + word in left for word in right for prefix in _PREFIXES if len(word) > 3
+    )
+
+
+def _task(first: str, second: str) -> tuple[float, float]:
+    """Whether two queries, one instruction a line, are one task, and whether each has something of its own."""
+    if not first.strip() or not second.strip():
+        return 0.5, 0.0
+    mine, theirs = first.casefold().split("\n"), second.casefold().split("\n")
+    if set(mine) & set(theirs):
+        return 1.0, 0.0
+    apart = 1.0
+    for line in mine:
+        for other in theirs:
+            one, two = read(line), read(other)
+            words = _unshared(_all(one), _all(two))
+            apart = min(apart, min(len(words[0]), len(words[1]), 2) / 2)
+    return 0.0, apart
+
+
+def _all(said: Reading) -> Words:
+    sides = [side for clause in said.clauses for side in clause.sides + clause.named]
+    return said.words | {f"{axis}{'+' if sign > 0 else '-'}" for axis, sign in sides}
