@@ -12,7 +12,6 @@ from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.rendering import render
 from gvla2.memory.screening.disguises import sanitised
 
-
 MAX_THINGS = 64
 
 
