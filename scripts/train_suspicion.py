@@ -1,7 +1,7 @@
 """Train the head of :mod:`gvla2.memory.meaning.suspicion`: ``python scripts/train_suspicion.py [--write]``.
 
-Trained on examiners 1 and 2, the pairs written by hand, generated ones and ``scripts/suspicion_pairs.txt``, English ones
-alone. The threshold is picked where a share of ``FALSE`` of the pairs that agree are suspected by a head that was trained
+Trained on examiners 1 and 2, the pairs written by hand, generated ones and ``scripts/suspicion_pairs.txt``, English
+ones alone. The threshold is picked where a share of ``FALSE`` of the pairs that agree are suspected by a head trained
 on the other writers' pairs: a bank meets writers that nobody trained on. Examiners 3 and 4 are only measured.
 """
 
@@ -20,10 +20,10 @@ from gvla2.evaluation.memory_data.contradictions import pairs
 from gvla2.evaluation.memory_data.examination import entries
 from gvla2.evaluation.memory_data.generated_contradictions import generated
 from gvla2.memory.meaning import suspicion
+from gvla2.memory.meaning.english import is_english
 from gvla2.memory.meaning.features import FEATURES, candidates
-from gvla2.memory.meaning.reader import is_english
 
-FALSE = 0.01
+FALSE = 0.02
 RIDGE = 1.0
 GENERATED, GENERATED_WEIGHT = 200, 0.2
 WEIGHTS = Path(suspicion.__file__).with_name("suspicion_weights.json")
@@ -122,7 +122,7 @@ def main() -> None:
     limit = round(float(agreeing[int(FALSE * len(agreeing))]), 3)
     found = (apart[counted & (real == 1)] > limit).mean()
     print(
-        f"{len(known)} pairs; of a writer unseen {100 * found:.1f} % found at {100 * FALSE:.0f} % false, from {limit} on"
+        f"{len(known)} pairs; of writers unseen {100 * found:.1f} % found at {100 * FALSE:.0f} % false, from {limit} on"
     )
     head = fit(ways, real, weight)
     for examiner in (3, 4):

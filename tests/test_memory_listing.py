@@ -75,7 +75,11 @@ def test_blocks_name_the_second_sentence_and_the_other_side():
 def test_a_terminal_of_sixty_columns(tmp_path: Path, verb: str):
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
         (id,) = bank.admit(
-            Lesson("tool_usage", SAYS), Verdict.from_criteria({"done": 1.0}), task="open the bottle", trusted=True).added
+            Lesson("tool_usage", SAYS),
+            Verdict.from_criteria({"done": 1.0}),
+            task="open the bottle",
+            trusted=True,
+        ).added
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 60, 0, 0))
     environment = {k: v for k, v in os.environ.items() if k not in ("COLUMNS", "LINES")} | {"TERM": "xterm"}

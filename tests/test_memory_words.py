@@ -74,7 +74,12 @@ def test_a_name_that_cannot_be(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: list[str], name: str
 ):
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift", trusted=True)
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     (tmp_path / "m.jsonl").write_text(json.dumps(ROBOT) + "\n")
     status, told = error(capsys, *verb, f"bank={name}", f"url=sqlite:///{tmp_path / 'm.db'}")
     assert status == 2
@@ -143,7 +148,12 @@ def test_import_reads_a_pipe(tmp_path: Path, path: str):
 
 def test_an_export_never_takes_the_databases_place(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift", trusted=True)
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     before = (tmp_path / "m.db").read_bytes()
     url = f"url=sqlite:///{tmp_path / 'm.db'}"
     for path in ("m.db", "../" + tmp_path.name + "/m.db", "m.db-wal"):
@@ -166,14 +176,24 @@ def test_a_name_that_no_file_system_takes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, argv: list[str]
 ):
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift", trusted=True)
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     assert error(capsys, *argv)[0] == 1
 
 
 def test_looking_compiles_nothing(tmp_path: Path):
     """Numba and torch take longer to import than a look takes."""
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift", trusted=True)
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     code = (
         "import sys; from gvla2 import cli; status = cli.main(sys.argv[1:]); "
         "sys.exit(status or ' '.join({'numba', 'torch', 'sapien'} & set(sys.modules)) or 0)"
@@ -187,7 +207,9 @@ def test_repair_makes_a_foreign_vector_anew(capsys: pytest.CaptureFixture[str], 
     url = f"sqlite:///{tmp_path / 'm.db'}"
     with KnowledgeBank(url) as bank:
         for said_ in ("Hold the rim of the cup.", "Turn the lid to the left until it stops."):
-            bank.admit(Lesson("tool_usage", said_), Verdict.from_criteria({"done": 1.0}), task=said_, trusted=True)
+            bank.admit(
+                Lesson("tool_usage", said_), Verdict.from_criteria({"done": 1.0}), task=said_, trusted=True
+            )
     with sqlite3.connect(tmp_path / "m.db") as raw:
         one = raw.execute("SELECT vector FROM memory_vector ORDER BY id LIMIT 1").fetchone()
         raw.execute("UPDATE memory_vector SET vector = ?", one)

@@ -25,6 +25,8 @@ def check_judge(judge: Judge) -> None:
     require(len(answers) == len(PAIRS), f"judge() gave {len(answers)} judgements for {len(PAIRS)} pairs.")
     for answer in answers:
         require_type(answer, Judgement, "What judge() gives")
-        require(answer.contradicts in (True, False, None), "contradicts is True, False, or None for no telling.")
+        require(
+            answer.contradicts in (True, False, None), "contradicts is True, False, or None for no telling."
+        )
         require(0.0 <= answer.probability <= 1.0, f"probability is {answer.probability}; it lies in [0, 1].")
         require(bool(answer.judge), "A judgement says who judged.")

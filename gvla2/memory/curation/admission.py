@@ -52,7 +52,7 @@ def admit(
     teaches constraints, never recipes. ``origin`` is who says it (None: an episode of ours); ``trust`` is given instead
     for a record that is judged again. What is not believed stays provisional whatever its verdict, and so does what a
     model wrote without evidence (``ungrounded`` says why) or what only repeats the ``query`` it would be found by.
-    ``admission`` False is the ablation that lets in everything of ours; ``failures`` False learns nothing from failures.
+    ``admission`` False is the ablation that lets in all that is ours; ``failures`` False learns nothing from failures.
     """
     if not lesson.content.strip():
         return Decision(None, "A lesson without words was left out.")

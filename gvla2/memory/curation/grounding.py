@@ -16,15 +16,15 @@ from gvla2.memory.verification.transcripts import acts_of
 _WORD = re.compile(r"\w+")
 SHORTEST = 8
 """Characters that a passage of evidence has at least."""
-ABOUT, READ = 1 / 3, 1 / 2
-"""Share of a lesson's words that are the task's and the agent's own, at least; and that only a tool said, at most."""
+ABOUT = 1 / 3
+"""Share of a lesson's words, at least, that are the task's and the agent's own."""
 
 
 def ungrounded(lesson: Lesson, episode: MemoryEpisode) -> str:
     """Why a lesson that a model wrote does not rest on its episode, "" where it does.
 
     Its evidence stands in the transcript word for word; a third of its words are about what the task names, what can be
-    handled, or what the agent did; and no more than half of them stand only in what was returned to the agent.
+    handled, or what the agent did; and no more of them stand only in what was returned to the agent.
     """
     transcript = _flat(episode.transcript)
     passages = [_flat(passage) for passage in lesson.evidence]
@@ -35,10 +35,10 @@ def ungrounded(lesson: Lesson, episode: MemoryEpisode) -> str:
     acts = acts_of(episode.transcript)
     own = _words(" ".join([episode.task.query, *episode.task.things, *acts]))
     said = _words(lesson.content)
+    if len(said & (_words(episode.transcript) - own)) > len(said & own):
+        return "it passes on what a tool returned"
     if len(said & own) < ABOUT * len(said) or not said:
         return "it is not about what the task names or the agent did"
-    if len(said & (_words(episode.transcript) - own)) > READ * len(said):
-        return "it passes on what a tool returned"
     return ""
 
 

@@ -1,6 +1,6 @@
 """Suspicions decided in the background: what to ask a judge, and what its answer means. Decisions on plain data.
 
-``decide`` is called outside of any transaction, as judging may take its time; what it returns is carried out within one.
+``decide`` is called outside of any transaction, for judging may take its time; its rulings are carried out within one.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import Record
 
 SUSPICION, CONFLICT, DISMISSED = "suspicion", "conflict", "dismissed"
-"""Kinds of links between two records that may contradict each other, that do, and of which a judge found they do not."""
+"""Kinds of links between two records that may contradict each other, that do, and that a judge found not to."""
 BATCH = 16
 """Pairs that are put to a judge at a time."""
 LIVE = ("active", "summary")
@@ -38,8 +38,8 @@ class Judged:
 
 @dataclass(frozen=True)
 class Ruling:
-    """A judge's decision on two records, to be carried out: a link of ``kind``, and the ``loser`` to be archived ("" for
-    none) with the reason.
+    """A judge's decision on two records: a link of ``kind``, the ``loser`` to be archived ("" for none),
+    and the reason.
     """
 
     first: str
@@ -70,7 +70,7 @@ def decide(
     *,
     limit: int | None = None,
 ) -> list[Ruling]:
-    """What a judge makes of ``pairs``, in batches; those whose records are both live are asked about, ``limit`` at most."""
+    """What a judge makes of ``pairs``, in batches; of those with two live records, at most ``limit``."""
     asked = [
         (records[one], records[two])
         for one, two in pairs

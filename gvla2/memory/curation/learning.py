@@ -14,7 +14,7 @@ from gvla2.memory.curation.consolidation import Edit, consolidate
 from gvla2.memory.curation.contesting import same_lesson
 from gvla2.memory.curation.evidence import confirmed, counted, new_record, repeated, restarted
 from gvla2.memory.curation.ledger import Ledger, Outcome
-from gvla2.memory.curation.trust import Origin, believed, trust_of
+from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
 from gvla2.memory.indexing.index import SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
@@ -80,6 +80,10 @@ class Learning:
         if known is None and candidate.trust != "own":
             near = ledger.nearest(candidate.vector, self._options.rivals, ("provisional",))
             known = next((record for record, _ in near if same_lesson(record, fresh)), None)
+        if known is not None and known.state != "archive" and not self._adds(known):
+            why = f"{known.id} gains nothing by it: its source was heard already, or the lesson is ours"
+            self._discard(known.id, why)
+            return
         if not verified:
             self._unverified(candidate, fresh, known)
             return
@@ -205,6 +209,14 @@ class Learning:
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
         self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._origin)
         self._outcome.merged.append(known.id)
+
+    def _adds(self, known: Record) -> bool:
+        """Whether the word of this episode adds to those that a record rests on."""
+        mine = Origin.read(self._origin)
+        told = [
+            origin for text in self._ledger.origins(known.id) if (origin := Origin.read(text)) is not None
+        ]
+        return mine is None or mine.own or (known.trusted != "own" and adds(told, mine))
 
     def _trust(self, known: Record | None, candidate: Candidate) -> Trust:
         """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""

@@ -66,6 +66,16 @@ def trust_of(origins: Iterable[Origin], *, screened: bool = False) -> Trust:
     return "confirmed" if len(named) >= CONFIRMING else "foreign"
 
 
+def adds(origins: Iterable[Origin], origin: Origin) -> bool:
+    """Whether one more origin says anything that the others did not: what is ours needs nobody from outside to bear it
+    out, and a witness from outside is heard once, whatever the episodes it names.
+    """
+    known = list(origins)
+    if origin.own:
+        return True
+    return all(not other.own and other.witness != origin.witness for other in known)
+
+
 def least(trusts: Iterable[Trust]) -> Trust:
     """The trust of what is made of several texts (a merge, a summary, a lesson induced with them in sight)."""
     return min(trusts, key=LEVELS.index, default="own")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from gvla2.memory.meaning.function_words import word_set
+
 _MORE = (
     "more greater higher larger bigger longer faster quicker harder heavier hotter warmer wider deeper thicker taller "
     "farther further stronger firmer later older tighter"
@@ -23,25 +25,8 @@ at most|at the most|no more than|not more than|never more than|up to|maximum|a m
 max|max.|below|under|underneath|beneath|within|not above|not over|not exceeding|not exceed|without exceeding
 less than or equal to|capped at|limited to|<=|≤|<
 """
-_ABOUT = frozenset(
-    [
-        "about",
-        "around",
-        "roughly",
-        "approximately",
-        "approx",
-        "approx.",
-        "circa",
-        "ca.",
-        "ca",
-        "~",
-        "≈",
-        "some",
-        "nearly",
-        "almost",
-    ]
-)
-_LINKS = frozenset(["of", "at", "to"])
+_ABOUT = word_set("about around roughly approximately approx approx. circa ca. ca ~ ≈ some nearly almost")
+_LINKS = word_set("of at to")
 
 
 def _phrases() -> dict[str, int]:

@@ -7,21 +7,28 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.meaning.quantities import Quantity
-from gvla2.memory.meaning.reader import Clause, Order, Reading, Sides, Words, read
-from gvla2.memory.meaning.synonyms import KNOWN
+from gvla2.memory.meaning.clauses import Clause, Order, Sides, Words
+from gvla2.memory.meaning.reader import Reading, read
 
 TOLERANCE: Mapping[str, float] = {"temperature": 0.15, "angle": 0.15, "times": 0.34}
 """How far two figures of a dimension may lie apart, as a share of the larger one, and still agree; else 20 %."""
-SIGNS = ("number", "bare", "side", "named", "forbids", "rules_out", "order", "choice", "reverse")
-"""How two clauses may contradict each other."""
+CROSSED = 0.2
+"""From here on two orders are taken for each other's reverse."""
+_OTHER = {"+": "-", "-": "+"}
 EXACT = frozenset(("port", "version", "pin", "channel", "id", "seed"))
 """Bare numbers of these agree only when they are equal."""
+SIGNS = ("number", "bare", "side", "named", "forbids", "rules_out", "order", "choice", "exchanged")
+"""How two clauses may contradict each other: in a measure, in a bare number, in what is done, in which thing is
+meant; one forbids what the other may do, or all that it does; what comes first, what is taken, what goes where.
+"""
 FEATURES = (
-    *SIGNS, "like", "held", "contained", "own_words", "own_things", "own_given", "same_task", "task_apart", "like_task", "contained_task",
-    "named_task", "side_task", "number_task", "agree_number", "agree_side", "names", "when", "two_signs", "steps", "replaced", "known_apart", "number_named", "label_same", "label_apart",
-    "shared", "one_figure",
+    *SIGNS, "like", "held", "contained", "replaced", "own_words", "own_things", "own_given", "same_task", "task_apart",
+    "like_task", "contained_task", "named_task", "side_task", "number_task", "agree_number", "agree_side", "names",
+    "when", "two_signs", "number_named", "label_same", "label_apart", "steps", "shared", "one_figure",
 )  # fmt: skip
+"""The signs; how much of their words two clauses share; what each has of its own; whether their tasks are one; in what
+they agree, and which single things, cases and labels they name.
+"""
 
 
 def candidates(first: str, second: str, first_query: str = "", second_query: str = "") -> NDArray[np.float64]:
@@ -42,33 +49,21 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
         "shared": (len(one.words) - len(whole[0])) / max(min(len(one.words), len(two.words)), 1),
         "one_figure": float(all(sum(len(c.figures) for c in said.clauses) == 1 for said in (one, two))),
     }
+    shared = len(one.words) - len(whole[0])
+    like = shared / max(shared + len(whole[0]) + len(whole[1]), 1)
     found: list[dict[str, float]] = []
     for a in one.clauses:
         for b in two.clauses:
-            signs, others = _signs(a, b)
-            if signs:
-                found.append(
-                    {
-                        **context,
-                        **signs,
-                        **others,
-                        **_compared(a, b, given),
-                        "two_signs": float(len(signs) > 1),
-                    }
-                )
-    for name, value in (
-        ("order", _crossed(one.orders, two.orders)),
-        ("choice", _crossed(one.choices, two.choices)),
-    ):
-        if value > 0.2:
-            shared = len(one.words) - len(whole[0])
-            like = shared / max(shared + len(whole[0]) + len(whole[1]), 1)
-            found.append({**context, "like": like, "held": context["shared"], name: value})
-    for one_way in found:
-        one_way["like_task"] = one_way["like"] * same
-        one_way["contained_task"] = one_way.get("contained", 0.0) * same
-        for name in ("named", "side", "number"):
-            one_way[f"{name}_task"] = one_way.get(name, 0.0) * same
+            if signs := _signs(a, b):
+                found.append({**context, **signs, **_agreed(a, b), **_compared(a, b, given)})
+    for name, mine, theirs in (("order", one.orders, two.orders), ("choice", one.choices, two.choices)):
+        if (crossed := _crossed(mine, theirs)) > CROSSED:
+            found.append({**context, "like": like, "held": context["shared"], name: crossed})
+    for way in found:
+        for name in ("like", "contained", "named", "side", "number"):
+            way[f"{name}_task"] = way.get(name, 0.0) * same
+        way["two_signs"] = float(sum(name in way for name in SIGNS) > 1)
+        way["number_named"] = float("named" in way and ("number" in way or "bare" in way))
     return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
 
 
@@ -77,58 +72,65 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
     mine, theirs = a.words | _axes(a) | a.when, b.words | _axes(b) | b.when
     left, right = _unshared(mine, theirs)
     shared = len(mine) - len(left)
+    # Who says nothing of what it is about ("use 4 N") may speak of anything.
+    like = shared / (shared + len(left) + len(right)) if mine and theirs else 0.5
     own = min(len(left), len(right))
     own_given = min(len(left - given), len(right - given))
     things = _unshared(a.things, b.things)
     own_things = min(len(things[0] - given), len(things[1] - given), 2)
     return {
-        "like": shared / max(shared + len(left) + len(right), 1),
-        "held": shared / max(min(len(mine), len(theirs)), 1),
+        "like": like,
+        "held": shared / min(len(mine), len(theirs)) if mine and theirs else 1.0,
         "contained": 1.0 if own == 0 else 0.3 if own == 1 else 0.0,
         "own_words": min(own, 4) / 4,
         "own_things": own_things / 2,
         "own_given": min(own_given, 4) / 4,
         "when": _cases(a, b),
-        "replaced": min(own, 2) / 2 * (shared / max(shared + len(left) + len(right), 1)),
-        "known_apart": float(bool(left & KNOWN) and bool(right & KNOWN)),
+        "replaced": min(own, 2) / 2 * like,
     }
 
 
-def _signs(a: Clause, b: Clause) -> tuple[dict[str, float], dict[str, float]]:
-    """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing; and what they agree in."""
+def _signs(a: Clause, b: Clause) -> dict[str, float]:
+    """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing."""
     found: dict[str, float] = {}
     if a.open or b.open or _other_case(a, b):
-        return {}, {}
-    differ, agree = _figures(a.figures, b.figures, exact=not EXACT.isdisjoint(a.words | b.words))
+        return found
+    differ, _ = _figures(a, b)
     if differ is not None:
         found["number" if differ else "bare"] = 1.0
-    opposed = bool(turned(a.sides, b.sides))
+    opposed = turned(a.sides, b.sides)
     mine, theirs = a.named + _sides_in(a.when), b.named + _sides_in(b.when)
-    named = bool(turned(a.named, b.named) or turned(a.sides, theirs) or turned(mine, b.sides))
-    if a.forbidden == b.forbidden:
-        found |= {name: 1.0 for name, holds in (("side", opposed), ("named", named and not opposed)) if holds}
-        if _reversed(a.words, b.words) or (_exchanged(a, b) and not opposed):
-            found["reverse"] = 1.0
-    elif not opposed and not named:  # "don't leave it open" and "close it" agree
+    named = turned(a.named, b.named) or turned(a.sides, theirs) or turned(mine, b.sides)
+    if a.forbidden != b.forbidden and not opposed and not named:  # "don't leave it open" and "close it" agree
         rule, act = (a, b) if a.forbidden else (b, a)
         missing, _ = _unshared(rule.words, act.words | act.when)
         found["forbids" if missing or not rule.words else "rules_out"] = 1.0
-    if (a.lacks and not b.lacks and not _unshared(a.lacks, b.words)[0]) or (
-        b.lacks and not a.lacks and not _unshared(b.lacks, a.words)[0]
+    elif a.forbidden == b.forbidden and (opposed or named):
+        found["side" if opposed else "named"] = 1.0
+    elif a.forbidden == b.forbidden and _exchanged(a, b):
+        found["exchanged"] = 1.0
+    if any(
+        one.lacks and not other.lacks and not _unshared(one.lacks, other.words)[0]
+        for one, other in ((a, b), (b, a))
     ):
         found["rules_out"] = 1.0
-    if "named" in found and ("number" in found or "bare" in found):
-        found["number_named"] = 1.0
-    if "number" in found or "bare" in found:
-        mine, theirs = _unshared(a.labels, b.labels)
-        found["label_same"] = float(len(mine) < len(a.labels))
-        found["label_apart"] = float(bool(mine and theirs))
-    others = {"agree_number": float(agree), "agree_side": float(bool(set(a.sides) & set(b.sides)))}
-    return found, others
+    return found
+
+
+def _agreed(a: Clause, b: Clause) -> dict[str, float]:
+    """In what two clauses agree, and whether their figures stand by the same words."""
+    left, right = _unshared(a.labels, b.labels)
+    measured = bool(a.figures and b.figures)
+    return {
+        "agree_number": float(_figures(a, b)[1]),
+        "agree_side": float(not set(a.sides).isdisjoint(b.sides)),
+        "label_same": float(measured and len(left) < len(a.labels)),
+        "label_apart": float(measured and bool(left and right)),
+    }
 
 
 def turned(mine: Sides, theirs: Sides) -> list[str]:
-    """The axes on which two rows of sides are opposed; of a row with both sides the first counts ("from the top down")."""
+    """The axes on which two rows of sides are opposed; of both in a row the first counts ("from the top down")."""
     found = []
     for axis in sorted({axis for axis, _ in mine} & {axis for axis, _ in theirs}):
         one = [sign for name, sign in mine if name == axis]
@@ -138,17 +140,15 @@ def turned(mine: Sides, theirs: Sides) -> list[str]:
     return found
 
 
-def _figures(
-    mine: tuple[Quantity, ...], theirs: tuple[Quantity, ...], *, exact: bool
-) -> tuple[str | None, bool]:
-    """The dimension in which figures of one row disagree (None: in none), and whether some agree."""
+def _figures(a: Clause, b: Clause) -> tuple[str | None, bool]:
+    """The dimension in which figures of two clauses disagree (None: in none), taken in turn; whether some agree."""
     differ: str | None = None
     agree = False
-    for dimension in sorted({figure.dimension for figure in mine}):
-        one = [figure for figure in mine if figure.dimension == dimension]
-        two = [figure for figure in theirs if figure.dimension == dimension]
+    exact = not EXACT.isdisjoint(a.words | b.words)
+    for dimension in sorted({figure.dimension for figure in a.figures}):
+        one, two = ([f for f in clause.figures if f.dimension == dimension] for clause in (a, b))
         tolerance = 0.0 if exact and not dimension else TOLERANCE.get(dimension, 0.2)
-        apart = [a.disagrees(b, tolerance) for a, b in zip(one, two, strict=False)]
+        apart = [mine.disagrees(other, tolerance) for mine, other in zip(one, two, strict=False)]
         differ = dimension if differ is None and any(apart) else differ
         agree |= bool(apart) and not any(apart)
     return differ, agree
@@ -166,7 +166,7 @@ def _unshared(mine: Words, theirs: Words) -> tuple[Words, Words]:
     """The words of each that the other has not, words that begin alike taken for one."""
     left, right = set(mine - theirs), set(theirs - mine)
     for word in sorted(left):
-        for other in right:
+        for other in sorted(right):
             if len(word) > 3 and len(other) > 3 and (word.startswith(other) or other.startswith(word)):
                 left.discard(word)
                 right.discard(other)
@@ -181,19 +181,17 @@ def _names(said: Reading) -> set[str]:
 def _other_case(a: Clause, b: Clause) -> bool:
     """Whether two clauses hold in opposite cases, "at night" and "during the day"."""
     return any(
-        _opposite(word) in b.when and word not in b.when and _opposite(word) not in a.when for word in a.when
+        _opposite(word) in b.when - {word} and _opposite(word) not in a.when - {word} for word in a.when
     )
 
 
 def _opposite(word: str) -> str:
-    if word[-1] in _OTHER:
-        return word[:-1] + _OTHER[word[-1]]
-    return word.removeprefix("no_") if word.startswith("no_") else f"no_{word}"
+    return word[:-1] + _OTHER.get(word[-1], word[-1])
 
 
 def _exchanged(a: Clause, b: Clause) -> bool:
     """Whether two things took each other's place: "the acid into the water", "the water into the acid"."""
-    mine, theirs = dict((thing, place) for place, thing in a.roles), dict((t, p) for p, t in b.roles)
+    mine, theirs = ({thing: place for place, thing in clause.roles} for clause in (a, b))
     moved = [thing for thing in mine.keys() & theirs.keys() if mine[thing] != theirs[thing]]
     return a.words == b.words and len(moved) == 2 and mine[moved[0]] == theirs[moved[1]]
 
@@ -224,18 +222,6 @@ def _held(mine: Words, theirs: Words) -> float:
     return min((len(mine) - len(left)) / least, 1.0) if least else 0.0
 
 
-_OTHER = {"+": "-", "-": "+"}
-_PREFIXES = ("un", "non", "dis", "de", "in", "im", "ir", "mis")
-
-
-def _reversed(mine: Words, theirs: Words) -> bool:
-    """Whether one word is the other behind a prefix that reverses it: "encrypted", "unencrypted"."""
-    left, right = mine - theirs, theirs - mine
-    return any(prefix + word in right for word in left for prefix in _PREFIXES if len(word) > 3) or any(
-        prefix + word in left for word in right for prefix in _PREFIXES if len(word) > 3
-    )
-
-
 def _task(first: str, second: str) -> tuple[float, float]:
     """Whether two queries, one instruction a line, are one task, and whether each has something of its own."""
     if not first.strip() or not second.strip():
@@ -253,5 +239,4 @@ def _task(first: str, second: str) -> tuple[float, float]:
 
 
 def _all(said: Reading) -> Words:
-    sides = [side for clause in said.clauses for side in clause.sides + clause.named]
-    return said.words | {f"{axis}{'+' if sign > 0 else '-'}" for axis, sign in sides}
+    return said.words.union(*(clause.everything for clause in said.clauses))

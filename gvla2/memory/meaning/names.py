@@ -1,5 +1,6 @@
-"""Names in a text: "room 12", "python 3.11", "bin B", "cam-0", "--fix". They measure nothing; where they differ, two texts
-speak of two things.
+"""Names in a text: "room 12", "python 3.11", "bin B", "cam-0", "--fix".
+
+They measure nothing; where they differ, two texts speak of two things.
 """
 
 from __future__ import annotations

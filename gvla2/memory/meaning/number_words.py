@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gvla2.memory.meaning.function_words import word_set
 from gvla2.memory.meaning.units import UNITS
 
 _SMALL = (
@@ -30,120 +31,26 @@ _PERIODS = {
 _PARTS = {"half": 0.5, "halves": 0.5, "quarter": 0.25, "quarters": 0.25, "third": 1 / 3, "thirds": 1 / 3,
           "fifth": 0.2, "fifths": 0.2, "tenth": 0.1, "tenths": 0.1}  # fmt: skip
 _ARTICLES = frozenset(("a", "an", "one"))
-_SHARED = frozenset(
-    [
-        "speed",
-        "power",
-        "pressure",
-        "force",
-        "throttle",
-        "volume",
-        "load",
-        "strength",
-        "width",
-        "height",
-        "length",
-        "throughput",
-        "full",
-        "empty",
-        "way",
-    ]
+_SHARED = word_set(
+    "speed power pressure force throttle volume load strength width height length throughput full empty way"
 )
-_ONCE_UNITS = frozenset(
-    [
-        "minute",
-        "hour",
-        "day",
-        "week",
-        "month",
-        "metre",
-        "meter",
-        "kilometre",
-        "kilometer",
-        "centimetre",
-        "centimeter",
-        "millimetre",
-        "millimeter",
-        "litre",
-        "liter",
-        "kilo",
-        "kilogram",
-        "gram",
-        "turn",
-        "revolution",
-        "newton",
-        "degree",
-        "volt",
-        "percent",
-    ]
+_ONCE_UNITS = word_set(
+    """minute hour day week month metre meter kilometre kilometer centimetre centimeter millimetre millimeter litre
+    liter kilo kilogram gram turn revolution newton degree volt percent"""
 )
-_SECOND_ENDS = frozenset(
-    ["before", "after", "between", "and", "then", "or", "until", "in", "for", "at", "to", "with", "per"]
-)
-_HANDS = frozenset(["hands", "arms", "grippers", "fingers"])
-_HAND = frozenset(["hand", "arm", "gripper", "finger"])
+_SECOND_ENDS = word_set("before after between and then or until in for at to with per")
+_HANDS = word_set("hands arms grippers fingers")
+_HAND = word_set("hand arm gripper finger")
 _DEFINITE = frozenset(("the", "these", "those"))
-_NOT_ONE = frozenset(
-    ["each", "every", "any", "this", "that", "which", "no", "the", "other", "another", "same"]
+_NOT_ONE = word_set("each every any this that which no the other another same")
+_BEFORE_ONE = word_set(
+    """with by at for in only just exactly use using put take add place keep need needs within after than least most to
+    wait hold of"""
 )
-_BEFORE_ONE = frozenset(
-    [
-        "with",
-        "by",
-        "at",
-        "for",
-        "in",
-        "only",
-        "just",
-        "exactly",
-        "use",
-        "using",
-        "put",
-        "take",
-        "add",
-        "place",
-        "keep",
-        "need",
-        "needs",
-        "within",
-        "after",
-        "than",
-        "least",
-        "most",
-        "to",
-        "wait",
-        "hold",
-        "of",
-    ]
+_NO_THING = word_set(
+    "of by at another should must can may needs has is was more that which who to and or the way"
 )
-_NO_THING = frozenset(
-    [
-        "of",
-        "by",
-        "at",
-        "another",
-        "should",
-        "must",
-        "can",
-        "may",
-        "needs",
-        "has",
-        "is",
-        "was",
-        "more",
-        "that",
-        "which",
-        "who",
-        "to",
-        "and",
-        "or",
-        "the",
-        "way",
-    ]
-)
-_ONCE_ENDS = frozenset(
-    ["per", "every", "before", "and", "then", "when", "daily", "a", "an", "for", "at", "or", "with", "until"]
-)
+_ONCE_ENDS = word_set("per every before and then when daily a an for at or with until")
 _STEMS = frozenset(
     {
         *_VALUES,

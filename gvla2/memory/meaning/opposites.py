@@ -9,7 +9,8 @@ from gvla2.memory.meaning.stems import stem
 
 _OPPOSITES = """
 side: left leftward leftmost port-side / right rightward rightmost
-height: face-up above top upper overhead uppermost up upward upright-up / face-down below bottom lower under beneath underneath down
+height: face-up above top upper overhead uppermost up upward upright-up
+    / face-down below bottom lower under beneath underneath down
     downward underside lowest
 depth: front forward forwards frontal foremost / back backward backwards rear behind reverse
 inside: inside into indoors inner interior internal inward / outside outdoors outer exterior external outward
@@ -105,7 +106,8 @@ _PHRASES = """
 switch on=enabled switch off=disabled turn on=enabled turn off=disabled power on=enabled power off=disabled
 plug in=plug switched on=enabled switched off=disabled turned on=enabled turned off=disabled
 let go=release slow down=slow speed up=fast go up=raise go down=lower upside down=face-down face up=face-up
-face down=face-down facing up=face-up facing down=face-down pick up=lift put down=lower take off=disabled put on=enabled take out=remove
+face down=face-down facing up=face-up facing down=face-down pick up=lift put down=lower
+take off=disabled put on=enabled take out=remove
 by hand=manually half way=halfway part way=halfway one by one=sequentially at once=simultaneously
 at the same time=simultaneously roll back=rollback counter clockwise=counterclockwise anti clockwise=counterclockwise
 counter-clockwise=counterclockwise anti-clockwise=counterclockwise throw away=discard take away=remove

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.memory.meaning.english import is_english
 from gvla2.memory.meaning.features import FEATURES, candidates
-from gvla2.memory.meaning.reader import is_english
 
 
 def suspicion(first: str, second: str, first_query: str = "", second_query: str = "") -> float | None:

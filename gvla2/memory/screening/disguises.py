@@ -1,4 +1,4 @@
-"""Characters that are not shown, and what a text from outside may not bring into a prompt: frames, markup, addresses."""
+"""Characters that are not shown, and what a text may not bring into a prompt: frames of conversations, addresses."""
 
 from __future__ import annotations
 

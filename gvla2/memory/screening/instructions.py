@@ -15,36 +15,48 @@ from gvla2.memory.screening.disguises import invisible, sanitised
 
 MAX_SCREENED = 4000
 _TOLD = (
-    r"(?:instructions?|prompts?|directives?|guidelines?|guardrails?|orders|rules|constraints|messages|context|polic(?:y|ies)"
-    r"|safety \w+|safeguards?|limits|restrictions)"
+    r"(?:instructions?|prompts?|directives?|guidelines?|guardrails?|orders|rules|constraints|messages|polic(?:y|ies)"
+    r"|safety \w+|safeguards?|restrictions)"
 )
 _CHECKS = (
-    r"(?:collision|safety|force|speed|torque|workspace|joint|limit|emergency|verification|permission|security|sanity)"
-    r"[ -](?:\w+[ -])?(?:check\w*|limits?|stops?|monitor\w*|verification|guards?|interlocks?|sensors?|planning|avoidance)"
+    r"(?:collision|safety|force|speed|torque|workspace|joint|emergency|verification|permission|security|sanity)[ -]"
+    r"(?:\w+[ -])?(?:check\w*|limits?|stops?|monitor\w*|verification|guards?|interlocks?|sensors?|planning|avoidance)"
 )
 _SECRETS = (
-    r"(?:passwords?|passphrases?|credentials?|secrets?|private keys?|api keys?|access tokens?|auth tokens?|id_rsa|\.ssh"
-    r"|\.env\b|/etc/(?:passwd|shadow)|environment variables)"
+    r"(?:passwords?|passphrases?|credentials?|secrets?|private keys?|api keys?|access tokens?|auth tokens?|id_rsa"
+    r"|\.ssh|\.env\b|/etc/(?:passwd|shadow)|environment variables|system prompt)"
+)
+_READER = r"(?:planner|assistant|agent|(?:language )?model|llm|ai|verifier|robot)"
+_SWITCH_OFF = (
+    r"\b(?:without|skip|disable|turn off|switch off|deactivate|ignore|bypass|suppress|no need for|omit)\b"
+)
+_LEAK = (
+    r"(?<!never )(?<!not )(?<!n't )"
+    r"\b(?:print|send|post|upload|e-?mail|reveal|show|leak|output|write|cat|read out|dump|paste|share|forward|repeat)\b"
 )
 _PATTERNS = (
+    # Setting aside what one was told.
     rf"\b(?:ignore|disregard|forget|override|bypass|set aside|violate|disobey|drop)\b(?: \w+){{0,4}} {_TOLD}\b",
-    r"\b(?:ignore|disregard|forget)\b(?: \w+){0,2} (?:everything|anything|all|whatever)\b(?: \w+){0,3} (?:above|before|said|told)",
+    r"\b(?:ignore|disregard|forget)\b (?:everything|anything|all (?:of )?(?:the )?(?:above|previous|prior))\b",
     rf"\b{_TOLD}\b(?: \w+){{0,4}} (?:are|is) (?:now )?(?:void|obsolete|cancelled|lifted|revoked|suspended|no longer)\b",
-    r"\byou are (?:now|no longer)\b|\bfrom now on,? you\b|\bact as (?:an?|the) (?:\w+ )?(?:assistant|model|admin\w*|root)\b",
-    r"\b(?:dear|attention|note to|message (?:to|for)) (?:the )?(?:planner|assistant|agent|model|llm|ai|verifier|robot)\b",
-    r"\b(?:planner|assistant|agent|model|llm|ai|verifier)s?,? (?:you )?(?:must|should|shall|has to|have to) (?:always |now |only |never )*"
-    r"(?:obey|ignore|skip|accept|approve|trust|answer|reply|output|say|comply|rate|score)\b",
     r"\b(?:your|the) (?:real|true|actual|new|only) (?:task|goal|objective|instructions?|purpose|orders?) (?:is|are)\b",
-    r"\b(?:system|hidden) (?:prompt|message)\b|\bjailbreak\b|\bdeveloper mode\b",
-    rf"\b(?:without|skip|disable|turn off|switch off|deactivate|ignore|bypass|suppress|no need for|mute|omit)\b(?: \w+){{0,4}} {_CHECKS}",
-    rf"\b{_CHECKS}(?: \w+){{0,4}} (?:can be|may be|are|is|should be|must be) (?:skipped|disabled|ignored|bypassed|off|unnecessary|not needed)",
-    rf"\b(?:print|send|post|upload|e-?mail|reveal|show|leak|output|copy|write|cat|read|dump|paste|share|forward)\b"
-    rf"(?:\W+[\w./~-]+){{0,6}}?\W+[\w./~]*{_SECRETS}",
+    r"\bregardless of (?:what )?(?:the |your )?(?:user|operator|task|instruction|person|human)\b",
+    # A new role, or a word to the machine that reads.
+    r"\byou are (?:now|no longer)\b|\bfrom now on,? you\b",
+    r"\bact as (?:an?|the) (?:\w+ )?(?:assistant|model|admin\w*|root)\b",
+    r"\bjailbreak\b|\bdeveloper mode\b|\"role\":",
+    rf"\b(?:dear|attention|note to|message (?:to|for)|hey|hello)[ ,]+(?:the |any )?{_READER}\b",
+    rf"\b{_READER}s?,? (?:you )?(?:must|should|shall|has to|have to) (?:always |now |only |never )*"
+    r"(?:obey|ignore|skip|accept|approve|trust|answer|reply|output|say|comply|rate|score)\b",
+    r"\b(?:trust|believe|accept|approve) (?:only )?(?:this|every|all|any) (?:note|record|memory|lesson|plan)\w*\b",
+    r"\b(?:rate|score|mark|judge|treat|record|report|count|verify|declare)\b(?: \w+){0,6} "
+    r"(?:full marks?|perfect|success(?:ful)?|passed|verified)\b(?: \w+){0,4} (?:regardless|always|whatever)\b",
+    # Lifting a check, handing out a secret, running what a stranger wrote.
+    rf"{_SWITCH_OFF}(?: \w+){{0,4}} {_CHECKS}",
+    rf"\b{_CHECKS}(?: \w+){{0,4}} (?:can be|may be|are|is|should be|must be) "
+    r"(?:skipped|disabled|ignored|bypassed|off|unnecessary|not needed)",
+    rf"{_LEAK}(?:\W+[\w./~-]+){{0,6}}?\W+[\w./~]*{_SECRETS}",
     r"\b(?:curl|wget)\b[^\n]{0,80}\|\s*(?:sudo )?(?:ba|z)?sh\b|\brm -rf? (?:/|~|\*)(?:\s|$)",
-    r"\b(?:give|rate|score|mark|judge|treat|record|report|count|verify|declare)\b(?: \w+){0,6} (?:as )?(?:a )?(?:full marks?|perfect|"
-    r"success(?:ful)?|passed|verified|1\.0|10/10)\b(?: \w+){0,4}(?: (?:regardless|always|whatever|no matter|every time|even if)\b)",
-    r"\b(?:regardless of|whatever|no matter what) (?:the |your )?(?:user|operator|task|instruction|person|human)\w*\b",
-    r"\b(?:trust|believe|accept|approve) (?:only )?(?:this|every|all|any) (?:note|record|memory|lesson|request|source|plan)\w*\b",
 )
 _SCREEN = re.compile("|".join(f"(?:{pattern})" for pattern in _PATTERNS))
 _HIDDEN = re.compile(r"[A-Za-z0-9+/]{40,}={0,2}|(?:[0-9a-f]{2}[ :]?){24,}|(?:\b\w ){8,}")

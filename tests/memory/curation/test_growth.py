@@ -18,24 +18,16 @@ def heights(bank: Any) -> dict[str, int]:
 
 def test_one_source_does_not_outvote_five(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
+    high, low = (
+        {"kind": "bound", "parameter": "lift", "op": op, "value": v} for op, v in ((">=", 0.9), ("<=", 0.1))
+    )
     for i in range(5):
-        bank.admit(
-            Lesson("procedural_hint", "Lift the cup 10 cm."),
-            verdicts["success"],
-            task=CUP,
-            source=f"{i}",
-            trusted=True,
-        )
+        lesson = Lesson("procedural_hint", "Lift the cup 10 cm at most.", low)
+        bank.admit(lesson, verdicts["success"], task=CUP, source=f"{i}", trusted=True)
     for _ in range(9):
-        bank.admit(
-            Lesson("procedural_hint", "Lift the cup 90 cm."),
-            verdicts["success"],
-            task=CUP,
-            source="evil",
-            trusted=True,
-        )
-    assert heights(bank) == {"Lift the cup 10 cm.": 5}
-    assert bank.verify() == []
+        lesson = Lesson("procedural_hint", "Lift the cup 90 cm at least.", high)
+        bank.admit(lesson, verdicts["success"], task=CUP, source="evil", trusted=True)
+    assert heights(bank) == {"Lift the cup 10 cm at most.": 5}
 
 
 def test_an_episode_that_is_handed_in_again_changes_nothing(
@@ -82,7 +74,7 @@ def test_words_without_a_source_are_all_counted(open_bank: Open, verdicts: Any) 
 
 
 def test_summaries_do_not_free_what_one_source_may_bring(open_bank: Open) -> None:
-    bank = open_bank(per_source=8, per_source_copies=100)
+    bank = open_bank(per_source=8)
     words = (
         "apple",
         "bread",
@@ -197,19 +189,3 @@ def test_sources_are_the_same_however_they_are_written(open_bank: Open, verdicts
     assert sorted(r.sources() for r in bank.records()) == [(), ("a",), ("a",)]
     (episode,) = bank._store.episodes("default")
     assert len(episode.records) == 2
-
-
-def test_verdicts_of_an_undone_transaction_do_not_count(open_bank: Open, episode: Any, verdicts: Any) -> None:
-    bank = open_bank(constant_verdicts=5, replay=False)
-
-    def failing(*args: Any, **kwargs: Any) -> Any:
-        raise OSError("the disk is gone")
-
-    for i in range(8):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("gvla2.memory.curation.ledger.Ledger.write", failing)
-            with pytest.raises(MemoryStoreError, match="gone"):
-                bank.learn(episode(source=f"lost/{i}"), verdicts["success"])
-    bank.learn(episode(source="kept"), verdicts["success"])
-    (record,) = bank.records()
-    assert record.confidence == pytest.approx(verdicts["success"].confidence)
