@@ -12,6 +12,7 @@ from gvla2.errors import Gvla2Error
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     TYPES,
+    Consolidator,
     Embedder,
     Inducer,
     Judge,
@@ -23,7 +24,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.curation import replay
+from gvla2.memory.curation import replay, rewriting
 from gvla2.memory.curation.admission import Decision, admit, believed
 from gvla2.memory.curation.governance import SECONDS_PER_DAY, Governed, Governing
 from gvla2.memory.curation.grounding import ungrounded
@@ -151,6 +152,25 @@ class Operations:
                         done.archived.append(record.id)
         return done
 
+    def consolidate(self, writer: Consolidator, *, limit: int | None = None) -> rewriting.Rewritten:
+        """Let lessons be merged, replaced or discarded by who can write; he works outside any transaction."""
+        done = rewriting.Rewritten()
+        self._index.refresh()
+        with self._store.reading() as view:
+            considered = view.decided(self._index.bank, rewriting.CONSIDERED)
+        answers = []
+        for record, near in rewriting.asked(self._index, considered, self._options, limit):
+            try:
+                (shown,) = rewriting.told([record])
+                answers.append((record, near, writer.consolidate(shown, rewriting.told(near))))
+            except Gvla2Error as error:
+                done.notes += [str(error)] if str(error) not in done.notes else []
+        if answers:
+            with self.writing("consolidate") as ledger:
+                for record, near, edit in answers:
+                    rewriting.carry_out(ledger, self._options, record, near, edit, done)
+        return done
+
     @contextmanager
     def writing(self, actor: str) -> Iterator[Ledger]:
         """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
@@ -186,7 +206,7 @@ class Operations:
             for id in learning.touched if options.governance else ():
                 record = ledger.get(id)
                 if record is not None and record.state == "active":
-                    governing.sum_up(record)
+                    governing.sum_up(record, learning.rivals.get(id))
         if options.governance:
             if ledger.now - self._retired_at > SECONDS_PER_DAY / 24:
                 self._retired_at = ledger.now

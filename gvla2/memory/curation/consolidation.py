@@ -14,10 +14,12 @@ from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.curation.contesting import SUSPECT, compare, same_lesson
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
-from gvla2.memory.curation.summaries import alike_but_for_numbers
+from gvla2.memory.curation.summaries import alike_but_for_numbers, shares
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import Record
 
+COMPARABLE = 0.34
+"""Share of the shorter text's terms from which two are read sentence by sentence."""
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
 
 
@@ -52,6 +54,8 @@ def consolidate(
     for rival, cosine in sorted(rivals, key=lambda entry: (-entry[1], entry[0].id)):
         if rival.id == candidate.id or (rival.state == "summary" and alike_but_for_numbers(candidate, rival)):
             continue  # the summary will take it in, its numbers beside the others
+        if not (candidate.effect and rival.effect) and shares(candidate, rival)[1] < COMPARABLE:
+            continue
         found = compare(candidate, rival)
         if found.effect:
             against.append((rival, found.effect))

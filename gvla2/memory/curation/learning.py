@@ -60,6 +60,8 @@ class Learning:
         self._known = list(dict.fromkeys(known))
         self._origin = str(Origin(own, episode.source))
         self.touched: list[str] = []
+        self.rivals: dict[str, list[Record]] = {}
+        """What was found nearest to the records that were compared."""
 
     def apply(self, candidate: Candidate) -> None:
         """Add the candidate, merge it, promote what it confirms, or leave the bank as it is."""
@@ -162,6 +164,7 @@ class Learning:
             grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
             record = replace(grown, state="active", outcome=fresh.outcome, trust=fresh.trust, note="")
         rivals = self._ledger.nearest(candidate.vector, options.rivals) if options.governance else []
+        self.rivals[record.id] = [rival for rival, _ in rivals]
         edit = consolidate(record, rivals, options) if options.governance else Edit("ADD")
         if edit.action == "MERGE" or (edit.action == "DISCARD" and not edit.conflicts):
             self._fold(record, fresh, candidate, edit)

@@ -176,6 +176,11 @@ class View:
         query = select(EVENT).where(EVENT.c.bank == bank, EVENT.c.record.in_(names))
         return [Event(*row) for row in self._sql.execute(query.order_by(EVENT.c.seq))]
 
+    def decided(self, bank: str, action: str) -> set[str]:
+        """Ids of the records that a decision of this name was made about."""
+        query = select(EVENT.c.record).where(EVENT.c.bank == bank, EVENT.c.action == action)
+        return set(self._sql.execute(query.distinct()).scalars())
+
     def origins(self, bank: str, ids: Collection[str]) -> dict[str, list[str]]:
         """Who brought the evidence behind each of these records, oldest first; those with none left out."""
         query = select(EVENT.c.record, EVENT.c.origin).where(EVENT.c.bank == bank, EVENT.c.origin != "")
