@@ -39,10 +39,10 @@ from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.indexing.index import SERVED, Index
 from gvla2.memory.operations import Operations
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.audit import foreign_vectors
 from gvla2.memory.storage.store import Event, Link, Problem, Store

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from gvla2.memory.indexing.stop_words import STOP_WORDS
 from gvla2.memory.meaning.english import (
     CONDITIONS,
     DETERMINERS,
@@ -17,7 +18,6 @@ from gvla2.memory.meaning.english import (
     SOFT,
     WORD,
 )
-from gvla2.memory.meaning.function_words import FUNCTION_WORDS
 from gvla2.memory.meaning.opposites import PHRASES, SIDES
 from gvla2.memory.meaning.quantities import Quantity, quantities
 from gvla2.memory.meaning.stems import stem
@@ -157,8 +157,8 @@ def _sorted(main: str) -> _Sorted:
     place = ""
     words = [*_joined(WORD.findall(main.replace(",", f" {_COMMA} "))), ""]
     for before, word, behind in zip(["", *words], words, words[1:], strict=False):
-        noun = word in DETERMINERS or word in PREPOSITIONS or (noun and word not in FUNCTION_WORDS)
-        if noun and word not in FUNCTION_WORDS:
+        noun = word in DETERMINERS or word in PREPOSITIONS or (noun and word not in STOP_WORDS)
+        if noun and word not in STOP_WORDS:
             _take(word, said.things, [])
             said.roles.append((place, word))
         place = word if word in PREPOSITIONS else place
@@ -170,7 +170,7 @@ def _sorted(main: str) -> _Sorted:
             said.negations += 1
         elif lacking:
             _take(word, said.lacks, None)
-        elif before in DETERMINERS and behind and behind not in FUNCTION_WORDS | {_COMMA}:
+        elif before in DETERMINERS and behind and behind not in STOP_WORDS | {_COMMA}:
             _take(word, said.words, said.named)
         elif before in DETERMINERS:
             _take(word, said.words, said.sides, only=PLACES)
@@ -215,7 +215,7 @@ def _take(word: str, words: set[str], sides: list[Side] | None, only: Words = fr
     elif "-" in word:
         for part in word.split("-"):
             _take(part, words, sides, only)
-    elif word not in SOFT and word not in FUNCTION_WORDS and word != _COMMA and len(word) > 1:
+    elif word not in SOFT and word not in STOP_WORDS and word != _COMMA and len(word) > 1:
         words.add(root)
 
 

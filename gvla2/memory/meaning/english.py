@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import re
 
-from gvla2.memory.meaning.function_words import word_set
+
+def word_set(text: str) -> frozenset[str]:
+    """The words of a text that spaces and line ends part."""
+    return frozenset(text.split())
+
 
 MAX_READ = 2000
 """Characters that are read of a text."""

@@ -11,7 +11,6 @@ from gvla2.memory.indexing.candidates import RowCandidates
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.rendering import render, visible
 
-
 MAX_THINGS = 64
 
 
