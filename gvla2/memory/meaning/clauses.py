@@ -31,11 +31,6 @@ Sides = tuple[Side, ...]
 _AHEAD = re.compile(r"\b(?:before|prior to|ahead of|until|till)\b")
 _BEHIND = re.compile(r"\b(?:after|once|as soon as|following)\b")
 _EVERY = re.compile(r"\b(?:every|each|per)\s*$")
-DOES = (
-    r"(?:goes|is|are|was|were|has|have|had|must|should|may|can|needs?|belongs?|takes?|gets?|stands?|hangs?|comes?|stays?"
-    r"|works?|holds?|slips?|beats?|go|runs?|listens?|looks?|sits?)\b"
-)
-_SUBJECT = re.compile(rf"\s*(?P<who>(?:\w+ ){{0,2}}?\w+) (?={DOES})")
 _LEAVING = re.compile(r"\b(?:rather than|instead of|in place of|not|never|don't|do|avoid)\b")
 _COMMA = "xcommax"
 _PARTICLES = ("on", "off", "out", "alone")
@@ -114,8 +109,6 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
         forbidden = False
     if forbidden and said.lacks:  # "don't solder without flux" asks for flux
         said.words, said.lacks, forbidden = said.words | said.lacks, set(), False
-    if (subject := _SUBJECT.match(main)) is not None:
-        said.things |= content(subject["who"])
     names = frozenset(word for word in said.words if any(map(str.isdigit, word)))
     return Clause(
         words=frozenset(said.words),

@@ -14,7 +14,6 @@ TOLERANCE: Mapping[str, float] = {"temperature": 0.15, "angle": 0.15, "times": 0
 """How far two figures of a dimension may lie apart, as a share of the larger one, and still agree; else 20 %."""
 CROSSED = 0.2
 """From here on two orders are taken for each other's reverse."""
-_OTHER = {"+": "-", "-": "+"}
 EXACT = frozenset(("port", "version", "pin", "channel", "id", "seed"))
 """Bare numbers of these agree only when they are equal."""
 SIGNS = ("number", "bare", "side", "named", "forbids", "rules_out", "order", "choice", "exchanged")
@@ -62,7 +61,10 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     for way in found:
         for name in ("like", "contained", "named", "side", "number"):
             way[f"{name}_task"] = way.get(name, 0.0) * same
-        way["two_signs"] = float(sum(name in way for name in SIGNS) > 1)
+        respects = way.get("axes", 0.0) + sum(
+            name in way for name in ("number", "bare", "forbids", "rules_out")
+        )
+        way["two_signs"] = float(respects > 1)
         way["number_named"] = float("named" in way and ("number" in way or "bare" in way))
     return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
 
@@ -93,7 +95,7 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
 def _signs(a: Clause, b: Clause) -> dict[str, float]:
     """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing."""
     found: dict[str, float] = {}
-    if a.open or b.open or _other_case(a, b):
+    if a.open or b.open:
         return found
     differ, _ = _figures(a, b)
     if differ is not None:
@@ -123,6 +125,7 @@ def _agreed(a: Clause, b: Clause) -> dict[str, float]:
     measured = bool(a.figures and b.figures)
     return {
         "agree_number": float(_figures(a, b)[1]),
+        "axes": float(len(turned(a.sides + a.named, b.sides + b.named))),
         "agree_side": float(not set(a.sides).isdisjoint(b.sides)),
         "label_same": float(measured and len(left) < len(a.labels)),
         "label_apart": float(measured and bool(left and right)),
@@ -155,7 +158,7 @@ def _figures(a: Clause, b: Clause) -> tuple[str | None, bool]:
 
 
 def _sides_in(words: Words) -> Sides:
-    return tuple((word[:-1], 1 if word[-1] == "+" else -1) for word in sorted(words) if word[-1] in _OTHER)
+    return tuple((word[:-1], 1 if word[-1] == "+" else -1) for word in sorted(words) if word[-1] in "+-")
 
 
 def _axes(clause: Clause) -> Words:
@@ -176,17 +179,6 @@ def _unshared(mine: Words, theirs: Words) -> tuple[Words, Words]:
 
 def _names(said: Reading) -> set[str]:
     return {name for clause in said.clauses for name in clause.names}
-
-
-def _other_case(a: Clause, b: Clause) -> bool:
-    """Whether two clauses hold in opposite cases, "at night" and "during the day"."""
-    return any(
-        _opposite(word) in b.when - {word} and _opposite(word) not in a.when - {word} for word in a.when
-    )
-
-
-def _opposite(word: str) -> str:
-    return word[:-1] + _OTHER.get(word[-1], word[-1])
 
 
 def _exchanged(a: Clause, b: Clause) -> bool:
