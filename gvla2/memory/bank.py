@@ -36,7 +36,8 @@ from gvla2.memory.curation.governance import Governed
 from gvla2.memory.curation.induction import RulesInducer
 from gvla2.memory.curation.judging import Judged
 from gvla2.memory.curation.replay import Replayed
-from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.operations import Operations
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.hybrid import HybridRetriever
@@ -61,7 +62,8 @@ class KnowledgeBank:
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already; ""
     is the user's own memory. It is created where there is none. By default it ranks by words, vectors, quality and
     geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes again, ``judge`` who decides
-    whether texts that are suspected of it contradict each other; ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
+    whether texts that are suspected of it contradict each other; ``clock`` gives seconds since the epoch.
+    Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
     it as a memory turns that into a degraded answer. Options that cannot be raise

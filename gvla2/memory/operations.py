@@ -33,7 +33,8 @@ from gvla2.memory.curation.learning import Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.curation.trust import Origin, least
-from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
 from gvla2.memory.storage.store import Store, StoredEpisode
 
@@ -360,9 +361,9 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
 
 def _wrong_numbers(effect: Mapping[str, Any]) -> str:
     """What cannot be about the numbers of an effect, "" for nothing."""
-    for name, least in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
-        number = effect.get(name, least)
-        if not isinstance(number, int | float) or not least <= number <= LARGEST:
+    for name, lowest in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
+        number = effect.get(name, lowest)
+        if not isinstance(number, int | float) or not lowest <= number <= LARGEST:
             return f"{name} {str(number)[:40]}"
     return ""
 

@@ -18,8 +18,8 @@ class GovernedConfig(BankOptions, ComponentConfig):
 
     ``url`` is ``sqlite:///path`` or ``postgresql://…``; "" is ``memory.db`` in ``$GVLA2_HOME``, else in
     ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``. ``bank`` names the bank in it. ``busy_seconds`` is how
-    long to wait for other processes. All other options are the bank's own; the ablations are ``admission``, ``replay``, ``governance`` and ``failures``
-    false, and ``retrieval`` semantic.
+    long to wait for other processes. All other options are the bank's own; the ablations are ``admission``,
+    ``replay``, ``governance`` and ``failures`` false, and ``retrieval`` semantic.
     """
 
     url: str = ""

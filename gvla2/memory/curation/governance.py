@@ -18,9 +18,9 @@ from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
-from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, summary_of, tasks_of
+from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, summary_of, tasks_of, wordings_of
 from gvla2.memory.curation.trust import LEVELS
-from gvla2.memory.indexing.index import SERVED
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.indexing.terms import terms
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
@@ -201,9 +201,9 @@ class Governing:
             return False
         if alike_but_for_numbers(record, other):
             return True
-        mine, theirs = terms(record.content), terms(other.content)
-        shared = len(mine & theirs)
-        if shared < self._options.summary_match * (len(mine) + len(theirs) - shared):
+        least = self._options.summary_match
+        said, told = ([terms(one.told()) for one in wordings_of(r)] for r in (record, other))
+        if not any(len(a & b) >= least * len(a | b) > 0 for a in said for b in told):
             return False
         found = compare(record, other)
         return not found.effect and (found.suspicion or 0.0) < SUSPECT

@@ -112,10 +112,9 @@ class View:
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        for model, length, stored, *row in self._sql.execute(
-            query.where(RECORD.c.bank == bank, RECORD.c.rev > since)
-        ):
-            record = sound(tuple(row), forgotten=True)
+        for whole in self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since)):
+            model, length, stored, *row = tuple[Any, ...](whole)
+            record = sound(row, forgotten=True)
             if record is not None:
                 vector = vector_of(length, stored)
                 found.append((record, vector, model if vector is not None else ""))
@@ -154,7 +153,7 @@ class View:
         rows = set(self._chunked(query, LINK.c.source, ids))
         if ids is not None:
             rows |= set(self._chunked(query, LINK.c.target, ids))
-        return sorted((Link(*row) for row in rows), key=lambda link: (link.source, link.kind, link.target))
+        return [Link(*row) for row in sorted(tuple[Any, ...](row) for row in rows)]
 
     # Events and episodes ------------------------------------------------------------------------------------------
 

@@ -2,51 +2,55 @@
 that was read anew."""
 
 import json
+import random
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.setting import admission
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
-from gvla2.memory.indexing.index import Index
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.indexing.index import STATES, Index
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
 
 Open = Callable[..., KnowledgeBank]
+GOOD = Verdict.from_criteria({"done": 0.9}, verifier="v")
+UNSURE = Verdict.from_criteria({"done": 0.5}, verifier="v")
 Item = tuple[Lesson, Verdict, MemoryTask | str, str]
 
 
 def stream(count: int) -> list[Item]:
     """Lessons of which many say the same, in other words, or the opposite, some of them from one source."""
+    rng = random.Random(5)
+    words = ["valve", "hinge", "crate", "lever", "bottle", "wrench", "panel", "socket", "basket", "ladle", "ribbon"]
     items: list[Item] = []
-    for i, record in enumerate(lessons(count, 5)):
-        lesson, verdict, task, _ = admission(record, i)
+    for i in range(count):
         thing, side = ("mug", "drawer", "lamp")[i % 3], ("left", "right")[i % 7 // 4]
+        own = f"Check the {' '.join(rng.sample(words, 3))} before the {rng.choice(words)}."
         said = (
-            lesson.content,
+            own,
             f"Turn the {thing} to the {side} before you lift it.",
             f"Lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait.",
             f"Always lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait!",
         )[i % 4]
-        about = MemoryTask(f"use the {thing}") if i % 4 else task
-        items.append((Lesson(lesson.type, said), verdict, about, f"run/{i // 9}" if i % 2 else ""))
+        kind, verdict = (("procedural_hint", GOOD), ("tool_usage", GOOD), ("tool_usage", UNSURE))[(i % 11) // 4]
+        about = MemoryTask(f"use the {thing}" if i % 4 else f"work with {rng.choice(words)}")
+        items.append((Lesson(kind, said), verdict, about, f"run/{i // 9}" if i % 2 else ""))
     return items
 
 
 def columns(index: Index) -> dict[str, Any]:
     """All that an index holds of each record."""
     index.refresh()
-    rows = index._rows
+    held = index.candidates(STATES, now=2e9)
     return {
         id: (
-            rows.record(row),
-            rows.vectors.exact[row].tobytes(),
-            [column[row].item() for name, column in rows.columns.items() if name != "skill"],
+            index.record(index.rows([id])[0]),
+            index.vector(index.rows([id])[0]).tobytes(),
+            [column[place].item() for column in (held.confidence, held.ages, held.usage, held.conflicts)],
         )
-        for id, row in rows.row_of.items()
+        for place, id in enumerate(held.ids)
     }
 
 
@@ -90,7 +94,7 @@ def test_an_index_follows_what_was_decided_as_if_it_were_read_anew(tmp_path: Pat
             now[0] += 86400
             if place % 3 == 2:
                 bank.govern()
-            assert columns(bank._index) == columns(Index(store, "default", HashEmbedder()))
+            assert columns(bank._index) == columns(Index(store, "default", StaticEmbedder()))
         states = store.stats("default")["states"]
         assert states["archive"] > 0
         assert states["active"] <= 40
