@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from gvla2.memory.indexing.stop_words import STOP_WORDS
 from gvla2.memory.meaning.english import (
@@ -61,10 +62,15 @@ class Clause:
     forbidden: bool = False
     open: bool = False
 
-    @property
+    @cached_property
     def everything(self) -> Words:
         """Words and sides together."""
         return self.words | {side_word(axis, sign) for axis, sign in self.sides + self.named}
+
+    @cached_property
+    def topics(self) -> Words:
+        """What it speaks of, whichever way: words, axes, and what comes before or after it."""
+        return self.words | self.when | {axis for axis, _ in self.sides + self.named}
 
 
 @dataclass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 
 def word_set(text: str) -> frozenset[str]:
@@ -63,6 +64,7 @@ _FOREIGN = word_set(
 _LETTERS = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
 
 
+@lru_cache(maxsize=16384)
 def is_english(text: str) -> bool:
     """Whether a text may be read here. Short texts that show no language count as English where they are ASCII."""
     words = _LETTERS.findall(text[:MAX_READ].casefold().replace("’", "'"))
