@@ -283,10 +283,10 @@ class KnowledgeBank:
         ``head`` is "SEQ:HASH" of :meth:`stats`, kept elsewhere: with it, an end that was cut off is found, too.
         """
         problems = self._store.verify(self.bank, head=head)
-        named = {(problem.where, problem.id) for problem in problems}
+        named = {problem.id for problem in problems if problem.where in ("record", "vector")}
         with self._store.reading() as view:
             found = foreign_vectors(view, self.bank, self._embedder)
-        return problems + [problem for problem in found if (problem.where, problem.id) not in named]
+        return problems + [problem for problem in found if problem.id not in named]
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""

@@ -15,7 +15,7 @@ from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, 
 from gvla2.memory.curation.induction import RulesInducer
 from gvla2.memory.storage.addresses import settled
 from gvla2.testing.component import check_component
-from gvla2_plugins import governed, hash_embedder, hybrid
+from gvla2_plugins import embedders, governed, hybrid
 from gvla2_plugins.governed import GovernedConfig
 from gvla2_plugins.governed.memory import GovernedMemory
 
@@ -36,12 +36,12 @@ def build(**options: Any) -> GovernedMemory:
     """Built through the components, as a run builds it."""
     (memory,) = governed.gvla2_memories()
     retriever = hybrid.gvla2_retrievers()[0]
-    (embedder,) = hash_embedder.gvla2_embedders()
-    assert memory.needs == ("retriever", "embedder", "verifier", "inducer")
+    embedder = next(e for e in embedders.gvla2_embedders() if e.name == "static")
+    assert memory.needs == ("retriever", "embedder", "verifier", "inducer", "judge")
     return memory.build(
         memory.config(name="governed", **options),
         retriever=retriever.build(retriever.config(name="hybrid")),
-        embedder=embedder.build(embedder.config(name="hash")),
+        embedder=embedder.build(embedder.config(name="static")),
         verifier=Unavailable(),
     )
 
@@ -192,9 +192,9 @@ def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = {}
     for kind, (component,) in (
         ("retriever", hybrid.gvla2_retrievers()[:1]),
-        ("embedder", hash_embedder.gvla2_embedders()),
+        ("embedder", [e for e in embedders.gvla2_embedders() if e.name == "static"]),
     ):
         check_component(component, kind)
         parts[kind] = component.build(component.config(name=component.name))
     (memory,) = governed.gvla2_memories()
-    check_component(memory, "memory", verifier=Unavailable(), inducer=RulesInducer(), **parts)
+    check_component(memory, "memory", verifier=Unavailable(), inducer=RulesInducer(), judge=None, **parts)

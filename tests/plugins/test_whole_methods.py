@@ -9,7 +9,7 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.retrieval.rendering import CLOSING, OPENING
 from gvla2.memory.storage.store import Store
 from gvla2.plugins import load_plugins
@@ -39,7 +39,7 @@ def build(url: str):
     def build_(name: str, **options: Any):
         (component,) = METHODS[name].gvla2_memories()
         config = component.config(**{"name": name, "url": url, "busy_seconds": 0.2, **options})
-        made.append(component.build(config, embedder=HashEmbedder()))
+        made.append(component.build(config, embedder=StaticEmbedder()))
         return made[-1]
 
     yield build_
@@ -59,7 +59,7 @@ def test_it_conforms(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
     (component,) = METHODS[name].gvla2_memories()
     assert set(component.needs) <= {"embedder", "inducer"}
-    given = {"embedder": HashEmbedder(), "inducer": load_plugins().build({"inducer": "rules"}, "inducer")}
+    given = {"embedder": StaticEmbedder(), "inducer": load_plugins().build({"inducer": "rules"}, "inducer")}
     check_component(component, "memory", **{need: given[need] for need in component.needs})
     assert (tmp_path / "memory.db").exists()
 

@@ -16,6 +16,7 @@ from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import Change
 
+__all__ = ["SERVED", "Index"]
 _MANY = 200
 """Texts that some models embed for more than a second."""
 
@@ -79,12 +80,6 @@ class Index:
             self._rows, self.rev = Rows(self._dimension), 0  # half applied: read all of it again
             raise
 
-    def count(self, state: str, ids: Sequence[str] | None = None) -> int:
-        """How many of the records held, or of those with these ids, are in a state."""
-        states = self._rows.column("state")
-        chosen = states if ids is None else states[self.rows(ids)]
-        return int(np.count_nonzero(chosen == STATES.index(state)))
-
     def candidates(self, states: Sequence[str] = SERVED, *, now: float | None = None) -> RowCandidates:
         """The records of these states, as a retriever ranks them.
 
@@ -125,15 +120,15 @@ class Index:
 
     def vector(self, row: int) -> NDArray[np.float32]:
         """(D,) the embedding of a row."""
-        return self._rows.vectors[row].copy()
+        return np.array(self._rows.vectors[row])
 
     def _vectors(self, changes: Sequence[Change]) -> list[NDArray[np.float32]]:
         """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""
-        model, shape = self._embedder.model, (self._dimension,)
+        model = self._embedder.model
         found = [
-            vector if change.model == model and (vector := change.vector) is not None and _sound(vector, shape) else None
+            change.vector if change.model == model and _sound(change.vector, self._dimension) else None
             for change in changes
-        ]  # fmt: skip
+        ]
         missing = [i for i, vector in enumerate(found) if vector is None]
         if len(missing) > _MANY:
             log.info(
@@ -146,9 +141,9 @@ class Index:
         return [vector for vector in found if vector is not None]
 
 
-def _sound(vector: NDArray[np.float32], shape: tuple[int, ...]) -> bool:
+def _sound(vector: NDArray[np.float32] | None, dimension: int) -> bool:
     """Whether a stored vector may be used: finite, and of length 1 or 0."""
-    if vector.shape != shape:
+    if vector is None or vector.shape != (dimension,):
         return False
     square = float(vector.astype(np.float64) @ vector)
     return square == 0.0 or abs(square - 1.0) < 2e-2

@@ -101,7 +101,7 @@ class Rows:
         """(N,) which rows are in one of these states."""
         wanted = np.zeros(len(STATES) + 1, np.bool_)  # dead rows are -1, which is the last
         wanted[[STATES.index(state) for state in states if state in STATES]] = True
-        return wanted[self.column("state")]
+        return np.asarray(wanted[self.column("state")])
 
     def _append(self, new: Sequence[Entry]) -> None:
         last = len(self.records) + len(new)

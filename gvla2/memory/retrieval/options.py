@@ -43,8 +43,8 @@ class HybridOptions:
     """Options of :class:`gvla2.memory.retrieval.hybrid.HybridRetriever`.
 
     Text relevance is ``lexical_weight`` x the share of the query's information that a record's words hold +
-    ``cosine_weight`` x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and at most ``top_k_constraints`` constraints
-    beside them: a hint must not crowd out a constraint.
+    ``cosine_weight`` x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and at
+    most ``top_k_constraints`` constraints beside them: a hint must not crowd out a constraint.
 
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
     that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the

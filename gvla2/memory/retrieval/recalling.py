@@ -9,7 +9,8 @@ from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
 from gvla2.memory.indexing.candidates import RowCandidates
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
-from gvla2.memory.retrieval.rendering import render, visible
+from gvla2.memory.retrieval.rendering import render
+from gvla2.memory.screening.disguises import sanitised
 
 MAX_THINGS = 64
 
@@ -84,7 +85,7 @@ def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryIte
     return MemoryItem(
         id=record.id,
         type=record.record_type,
-        content=visible(record.content),
+        content=sanitised(record.content),
         confidence=record.confidence,
         score=score,
         terms=dict(terms),

@@ -65,11 +65,11 @@ def _success(weights: ScoreWeights, outcomes: NDArray[np.int8], avoidance: NDArr
         "unavailable": weights.unjudged,
     }
     by_outcome = np.array([bonus[outcome] for outcome in OUTCOMES])
-    return np.where(avoidance & (outcomes == _FAIL), weights.verified, by_outcome[outcomes])
+    return np.asarray(np.where(avoidance & (outcomes == _FAIL), weights.verified, by_outcome[outcomes]))
 
 
 def scene_distance(signature: Mapping[str, float], candidates: Candidates) -> Array:
-    """(N,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan where they share none."""
+    """(N,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
     total, shared = np.zeros(len(candidates.ids)), np.zeros(len(candidates.ids))
     for name, asked in signature.items():
         if math.isfinite(asked):

@@ -113,7 +113,7 @@ class View:
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
         for whole in self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since)):
-            model, length, stored, *row = tuple[Any, ...](whole)
+            (model, length, stored), row = whole[:3], whole[3:]
             record = sound(row, forgotten=True)
             if record is not None:
                 vector = vector_of(length, stored)

@@ -48,14 +48,15 @@ def through_bank(
     embedder: Embedder, lessons: Sequence[dict[str, str]], irrelevant: Sequence[str], tasks: bool
 ) -> tuple[int, int]:
     """(paraphrases told, irrelevant queries answered)."""
+    verdict = Verdict.from_criteria({"completion": 0.95}, verifier="measuring")
     with (
         tempfile.TemporaryDirectory() as folder,
-        KnowledgeBank.open(f"sqlite:///{folder}/memory.db", embedder=embedder) as bank,
+        KnowledgeBank(f"{folder}/memory.db", embedder=embedder) as bank,
     ):
         for number, line in enumerate(lessons):
             lesson = Lesson("procedural_hint", line["lesson"])
-            verdict = Verdict.from_criteria({"completion": 0.95}, verifier=f"measuring-{number}")
-            bank.admit(lesson, verdict, task=line["task"] if tasks else "", source=f"episode-{number}")
+            task = line["task"] if tasks else ""
+            bank.admit(lesson, verdict, task=task, source=f"episode-{number}", trusted=True)
         told = sum(
             any(item.content == line["lesson"] for item in bank.recall(MemoryTask(line["query"])).items)
             for line in lessons
