@@ -36,7 +36,9 @@ class Outcome:
 
     def learned(self) -> Learned:
         """The same as the contract's answer."""
-        added, merged, held = (tuple(dict.fromkeys(ids)) for ids in (self.added, self.merged, self.provisional))
+        added, merged, held = (
+            tuple(dict.fromkeys(ids)) for ids in (self.added, self.merged, self.provisional)
+        )
         return Learned(added, merged, held, self.discarded, tuple(self.notes))
 
 
