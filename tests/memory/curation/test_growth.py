@@ -5,7 +5,6 @@ from typing import Any
 
 import pytest
 
-from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, Verdict
 
 Open = Callable[..., Any]
