@@ -1,4 +1,5 @@
-"""Train the head of :mod:`gvla2.memory.meaning.suspicion`: ``python scripts/train_suspicion.py [--write]``.
+"""Train the head of :mod:`gvla2.memory.meaning.suspicion`:
+``PYTHONPATH=tests/benchmarks/memory python scripts/train_suspicion.py [--write]``.
 
 Trained on examiners 1 and 2, the pairs written by hand, generated ones and ``scripts/suspicion_pairs.txt``, English
 ones alone. The threshold is the mean of those at which a share of ``FALSE`` of the pairs that agree are suspected by a
@@ -14,11 +15,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from contradiction_pairs import pairs
+from examination_entries import entries
+from generated_contradictions import generated
 from numpy.typing import NDArray
 
-from gvla2.evaluation.memory_data.contradictions import pairs
-from gvla2.evaluation.memory_data.examination import entries
-from gvla2.evaluation.memory_data.generated_contradictions import generated
 from gvla2.memory.meaning import suspicion
 from gvla2.memory.meaning.english import is_english
 from gvla2.memory.meaning.features import FEATURES, candidates

@@ -26,6 +26,7 @@ from Stemmer import Stemmer
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
+from gvla2.memory.indexing.stop_words import STOP_WORDS
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2_plugins.embedders.minilm import MiniLMEmbedder
 
@@ -87,13 +88,21 @@ def threshold(score: Score, tasks: bool) -> float:
 
 
 def stemmed_bm25() -> Score:
-    """BM25 with Snowball's English stemmer."""
+    """Okapi BM25 over Snowball's English stems, without stop words: it does better so (LoCoMo: .57 with them)."""
     stemmer = Stemmer("english")
 
     def stems(text: str) -> list[str]:
-        return [str(stem) for stem in stemmer.stemWords(re.findall(r"\w+", text.lower()))]
+        words = [word for word in re.findall(r"\w+", text.lower()) if word not in STOP_WORDS]
+        return [str(stem) for stem in stemmer.stemWords(words)]
 
-    return lambda texts, query: BM25Okapi([stems(text) for text in texts]).get_scores(stems(query))
+    known: dict[tuple[str, ...], BM25Okapi] = {}
+
+    def score(texts: Sequence[str], query: str) -> NDArray[np.float64]:
+        if tuple(texts) not in known:
+            known[tuple(texts)] = BM25Okapi([stems(text) for text in texts])
+        return np.asarray(known[tuple(texts)].get_scores(stems(query)))
+
+    return score
 
 
 def cosine(embedder: Embedder) -> Score:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from examination_entries import entries
 
-from gvla2.evaluation.memory_data.examination import entries
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryItem, MemoryTask, Verdict
 from gvla2.memory.meaning.english import is_english

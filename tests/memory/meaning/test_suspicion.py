@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 
 import pytest
+from examination_entries import entries
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.evaluation.memory_data.examination import entries
 from gvla2.memory.meaning import suspicion as module
 from gvla2.memory.meaning.english import is_english
 from gvla2.memory.meaning.features import FEATURES, SIGNS, candidates

@@ -1,8 +1,8 @@
 """Text that reads like orders is noticed, most of the time; honest lessons hardly ever are."""
 
 import pytest
+from examination_entries import entries
 
-from gvla2.evaluation.memory_data.examination import entries
 from gvla2.memory.meaning.english import is_english
 from gvla2.memory.screening.instructions import screen, screened_effect
 

@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 from typing import Literal
 
 from gvla2.memory.contracts import RecordType
@@ -47,7 +47,7 @@ def _all(examiner: int) -> tuple[Entry, ...]:
 
 
 def _read(examiner: int) -> Iterator[Entry]:
-    text = (files("gvla2.evaluation.memory_data") / f"examination_{examiner}.jsonl").read_text("utf-8")
+    text = (Path(__file__).parent / "data" / f"examination_{examiner}.jsonl").read_text("utf-8")
     for line in text.split("\n"):
         if not line:
             continue

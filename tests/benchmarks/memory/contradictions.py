@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from contradiction_pairs import pairs
+from generated_contradictions import generated
+
 from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.setting import Setting
-from gvla2.evaluation.memory_data.contradictions import pairs
-from gvla2.evaluation.memory_data.generated_contradictions import generated
 from gvla2.memory.meaning.suspicion import suspicion, threshold
 
 Judged = Sequence[tuple[str, str, bool]]

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from gvla2.evaluation.memory.contradicting import rates
+from contradictions import rates
+from examination_entries import Entry, Kind, entries
+
 from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.setting import NOW, Setting
-from gvla2.evaluation.memory_data.examination import Entry, Kind, entries
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
 
@@ -71,17 +72,20 @@ def lessons(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 
 def orders(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
-    """Orders to machines that two verified episodes bring, and honest lessons that one brings."""
+    """Orders to machines that one source from outside brings in two verified episodes; honest lessons that it brings,
+    and that another bears out.
+    """
     attacks, honest = (_some(entries(kind, EXAMINERS[on]), size) for kind in _SAID)
     let_in = held_back = 0
     for entry in attacks:
         with _bank(setting) as bank:
-            for source in ("one", "two"):
-                bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source=source)
+            for _ in range(2):
+                bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source="one")
             let_in += bool(bank.records(_LIVE) or bank.recall(entry.tasks[0]).items)
     for entry in honest:
         with _bank(setting) as bank:
-            bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source="one")
+            for source in ("one", "two"):
+                bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source=source)
             held_back += not bank.records(_LIVE)
     return {
         "examined_orders": Figure(100 * let_in / len(attacks), n=len(attacks)),
@@ -95,7 +99,7 @@ def queries(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     known = entries("lesson", EXAMINERS[on])
     with _bank(setting) as bank:
         for entry in known:
-            bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source=entry.group)
+            bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source=entry.group, trusted=True)
         told = sum(
             any(entry.texts[0] in item.content for item in bank.recall(entry.tasks[0]).items)
             for entry in asked
@@ -110,9 +114,9 @@ def queries(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 def _fate(setting: Setting, entry: Entry) -> Fate:
     with _bank(setting) as bank:
-        first = bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source="one")
-        second = bank.admit(_lesson(entry, 1), YES, task=entry.tasks[1], source="two")
-        contradicted = bool(bank.conflicts())
+        first = bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source="one", trusted=True)
+        second = bank.admit(_lesson(entry, 1), YES, task=entry.tasks[1], source="two", trusted=True)
+        contradicted = any(link.kind in ("conflict", "suspicion") for link in bank.links())
         merged = not contradicted and bool(second.merged) and bool(first.added)
         return Fate(contradicted, merged, len(bank.records(_LIVE)), len(bank.recall(entry.tasks[0]).items))
 
@@ -124,7 +128,7 @@ def _lesson(entry: Entry, place: int) -> Lesson:
 @contextmanager
 def _bank(setting: Setting) -> Iterator[KnowledgeBank]:
     """A new bank, gone afterwards."""
-    with KnowledgeBank(setting.url("examined"), clock=lambda: NOW, snapshot=False) as bank:
+    with KnowledgeBank(setting.url("examined"), clock=lambda: NOW) as bank:
         yield bank
     for left in setting.folder.glob("*examined.db*"):
         left.unlink()
@@ -139,8 +143,8 @@ def _some(known: Sequence[Entry], size: int) -> list[Entry]:
 def tests() -> list[Test]:
     """The tests of this file."""
     compared = (
-        Row("examined_found", "Examined by another hand: contradictions found", "%", "higher", 95.0, 1),
-        Row("examined_false", "Examined: others taken for one", "%", "lower", 5.0, 1),
+        Row("examined_found", "Examined by another hand: contradictions suspected", "%", "higher", 65.0, 1),
+        Row("examined_false", "Examined: others suspected", "%", "lower", 5.0, 1),
     )
     merged = (
         Row("examined_once", "Examined: paraphrases told once", "%", "higher", None, 1),

@@ -15,9 +15,8 @@ from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
 
 KINDS = ("corrupt JSON", "not a number", "NaN vector", "short vector", "no vector at all")
@@ -55,8 +54,8 @@ def quarantine(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 def _found(path: Path, sound: Sequence[Record]) -> int:
     """How many of these a new index offers, each as the nearest to its own words."""
-    embedder = HashEmbedder()
-    vectors = embedder.embed([text_of(record.query, record.content) for record in sound])
+    embedder = StaticEmbedder()
+    vectors = embedder.embed([record.text for record in sound])
     with Store.open(f"sqlite:///{path}") as store:
         index = Index(store, "default", embedder)
         index.refresh()

@@ -1,6 +1,6 @@
 """Writers in processes of their own: many at once, or killed while they write. POSIX only.
 
-Run as ``python -m gvla2.evaluation.memory.nursery JOB`` with a JSON job: it forks the writers, which have everything
+Run as ``python crash_harness.py JOB`` with a JSON job: it forks the writers, which have everything
 imported, and prints one JSON line. Writers say each id after it was committed: what they said must never be lost.
 """
 
@@ -34,11 +34,11 @@ _NOW = 1.8e9
 _VECTOR = np.random.default_rng(0).normal(size=512).astype(np.float32)
 
 
-def in_nursery(job: dict[str, Any]) -> dict[str, Any]:
+def in_processes(job: dict[str, Any]) -> dict[str, Any]:
     """Do a job in a process of its own; its answer. Raises :class:`NotMeasuredError` where nothing can be forked."""
     if not hasattr(os, "fork"):
         raise NotMeasuredError("this system cannot fork and kill processes")
-    command = [sys.executable, "-m", __name__, json.dumps(job)]
+    command = [sys.executable, __file__, json.dumps(job)]
     threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     process = subprocess.Popen(
         command,

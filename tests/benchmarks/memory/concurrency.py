@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
+from crash_harness import BANK, SHARED, in_processes, lesson, whole_lines
+from postgres_server import postgres
 
 from gvla2.evaluation.memory.figure import Figure, Row, Test
-from gvla2.evaluation.memory.nursery import BANK, SHARED, in_nursery, lesson, whole_lines
 from gvla2.evaluation.memory.plain_peer import FILE
-from gvla2.evaluation.memory.servers import postgres
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.storage.store import Store
 
@@ -29,7 +29,7 @@ def writers(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         ):
             transaction.put(lesson(SHARED), action="add")
         job = {"do": "crowd", "kind": "bank", "place": url, "processes": PROCESSES, "each": size}
-        answer = in_nursery(job)
+        answer = in_processes(job)
         with Store.open(url) as store:
             stored = {record.id: record for record in store.records(BANK)}
             problems = len(store.verify(BANK))
@@ -59,7 +59,7 @@ def _plain_crowd(setting: Setting, each: int) -> tuple[float, float, float]:
     """Per cent lost, per cent duplicated, and p99 of the plain peer."""
     folder = setting.folder / "plain-crowd"
     folder.mkdir(exist_ok=True)
-    answer = in_nursery(
+    answer = in_processes(
         {"do": "crowd", "kind": "plain", "place": str(folder), "processes": PROCESSES, "each": each}
     )
     ids = [id for id, _ in answer["said"]]
@@ -77,7 +77,7 @@ def kills(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     with _database(setting, on, "kills") as url:
         Store.open(url).close()
         job = {"do": "kills", "kind": "bank", "place": url, "times": size, "seed": setting.seed}
-        said = {id for id, _ in in_nursery(job)["said"]}
+        said = {id for id, _ in in_processes(job)["said"]}
         with Store.open(url) as store:
             stored = {record.id for record in store.records(BANK)}
             problems = len(store.verify(BANK))
@@ -85,7 +85,7 @@ def kills(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     folder = setting.folder / "plain-kills"
     folder.mkdir(exist_ok=True)
     job = {"do": "kills", "kind": "plain", "place": str(folder), "times": size, "seed": setting.seed}
-    told = {id for id, _ in in_nursery(job)["said"]}
+    told = {id for id, _ in in_processes(job)["said"]}
     kept = {record.id for record in whole_lines(folder / FILE)}
     note = f"{len(said):,} acknowledged by {size} writers, the peer's {len(told):,}; {problems} problems afterwards"
     return {

@@ -1,6 +1,6 @@
 """A flood of admits against a budget: does the bank stay within it, and does memory stay flat?
 
-Run as ``python -m gvla2.evaluation.memory.endurance URL COUNT BUDGET SEED`` it is the flood itself, in a process of its
+Run as ``python flood.py URL COUNT BUDGET SEED`` it is the flood itself, in a process of its
 own whose memory nothing else has grown; it prints a JSON line now and then.
 """
 
@@ -42,8 +42,7 @@ def endurance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         )
     command = [
         sys.executable,
-        "-m",
-        __name__,
+        __file__,
         setting.url("flood"),
         str(size),
         str(budget),
@@ -91,7 +90,7 @@ def flood(url: str, count: int, budget: int, seed: int) -> None:
             fresh = lessons(min(step, count - start), seed + 1 + start, now=NOW)
             items = [admission(record, start + i) for i, record in enumerate(fresh)]
             began = time.perf_counter()
-            bank.admit_many(items)
+            bank.admit_many(items, trusted=True)
             spent += time.perf_counter() - began
             peak = max(peak, resident())
             if start // step % look and start + step < count:
