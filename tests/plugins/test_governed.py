@@ -183,7 +183,9 @@ def test_switches_reach_the_bank(path: Path) -> None:
     ours = {name: field.default for name, field in GovernedConfig.__dataclass_fields__.items()}
     theirs = {name: field.default for name, field in BankOptions.__dataclass_fields__.items()}
     assert {
-        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds") and not name.startswith("writer_")
+        name: ours[name]
+        for name in ours
+        if name not in ("name", "url", "bank", "busy_seconds") and not name.startswith("writer_")
     } == theirs
 
 

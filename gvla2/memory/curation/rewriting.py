@@ -1,4 +1,4 @@
-"""Consolidation by whoever can write: ADD, MERGE, REPLACE or DISCARD, the paper's four edits, decided in the background.
+"""Consolidation by whoever can write: the paper's four edits (ADD, MERGE, REPLACE, DISCARD), in the background.
 
 ``asked`` picks what to ask about; the writer answers outside of any transaction; ``carry_out`` applies an answer within
 one, as far as it can be trusted: a text that lost a number, or that reads like orders, gives way to the rules' own.
@@ -39,7 +39,7 @@ def asked(
     index: Index, considered: Collection[str], options: BankOptions, limit: int | None
 ) -> list[tuple[Record, list[Record]]]:
     """Lessons in words that nobody has considered, the latest first, each with those near it; those alone left out."""
-    found = []
+    found: list[tuple[Record, list[Record]]] = []
     for record in sorted(index.records("active"), key=lambda r: (-r.updated, r.id)):
         if limit is not None and len(found) >= limit:
             break

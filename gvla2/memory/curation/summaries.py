@@ -78,7 +78,8 @@ def _filled(gap: Mapping[str, Sequence[str]]) -> str:
         return values[0]
     if len(values) <= _SHOWN:
         return " or ".join(f"{v} ({'; '.join(gap[v]) or 'once'})" for v in values)
-    return f"{values[0]} to {values[-1]} ({'; '.join(gap[values[0]])} ... {'; '.join(gap[values[-1]])})"
+    first, last = (next(iter(gap[value]), "") for value in (values[0], values[-1]))
+    return f"{values[0]} to {values[-1]}" + (f" ({first} ... {last})" if first != last else "")
 
 
 def _size(value: str) -> tuple[float, str]:

@@ -33,22 +33,16 @@ def filled(tmp_path: Path, verdicts: Any) -> Iterator[Callable[[Writer], Knowled
     """A bank with two lessons about one thing, and one about another."""
     opened = []
 
-    def make(writer: Writer) -> KnowledgeBank:
-        bank = KnowledgeBank(
-            tmp_path / "memory.db", writer=writer, clock=lambda: 1.8e9 + len(bank_.records())
-        )
-        return bank
-
-    with KnowledgeBank(tmp_path / "memory.db", clock=lambda: 1.8e9) as bank_:
+    with KnowledgeBank(tmp_path / "memory.db", clock=lambda: 1.8e9) as first:
         for text, task in (
             (FIRST, "clear the table"),
             (SECOND, "wash up"),
             ("Salt the soup at the end.", "cook"),
         ):
-            bank_.admit(text, verdicts["success"], task=task, source=task, trusted=True)
+            first.admit(text, verdicts["success"], task=task, source=task, trusted=True)
 
         def open_(writer: Writer) -> KnowledgeBank:
-            opened.append(make(writer))
+            opened.append(KnowledgeBank(tmp_path / "memory.db", writer=writer, clock=lambda: 1.8e9))
             return opened[-1]
 
         yield open_
