@@ -112,9 +112,9 @@ class View:
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        for row in self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since)):
-            model, length, stored = row[0], row[1], row[2]
-            record = sound(row[3:], forgotten=True)
+        rows: Any = self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since))
+        for model, length, stored, *row in rows:
+            record = sound(row, forgotten=True)
             if record is not None:
                 vector = vector_of(length, stored)
                 found.append((record, vector, model if vector is not None else ""))
