@@ -1,7 +1,7 @@
 """Train the head of :mod:`gvla2.memory.meaning.suspicion`:
-``PYTHONPATH=tests/benchmarks/memory python scripts/train_suspicion.py [--write]``.
+``python tests/benchmarks/memory/train_suspicion.py [--write]``.
 
-Trained on examiners 1 and 2, the pairs written by hand, generated ones and ``scripts/suspicion_pairs.txt``, English
+Trained on examiners 1 and 2, the pairs written by hand, generated ones and ``data/suspicion_pairs.txt``, English
 ones alone. The threshold is the mean of those at which a share of ``FALSE`` of the pairs that agree are suspected by a
 head trained on the other writers' pairs: a bank meets writers that nobody trained on. Examiners 3 and 4 are measured.
 """
@@ -69,7 +69,9 @@ def training() -> list[Pair]:
     found += [
         Pair(a, b, ("", ""), real, "generated", GENERATED_WEIGHT) for a, b, real in generated(3, GENERATED)
     ]
-    for line in Path(__file__).with_name("suspicion_pairs.txt").read_text("utf-8").splitlines():
+    for line in (
+        Path(__file__).with_name("data").joinpath("suspicion_pairs.txt").read_text("utf-8").splitlines()
+    ):
         if line[:1] in "!=" and line:
             tasks, first, second = (part.strip() for part in line[1:].split("|"))
             one, _, two = (part.strip() for part in tasks.partition(";"))
