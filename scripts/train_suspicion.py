@@ -2,8 +2,8 @@
 ``PYTHONPATH=tests/benchmarks/memory python scripts/train_suspicion.py [--write]``.
 
 Trained on examiners 1 and 2, the pairs written by hand, generated ones and ``scripts/suspicion_pairs.txt``, English
-ones alone. The threshold is picked where a share of ``FALSE`` of the pairs that agree are suspected by a head trained
-on the other writers' pairs: a bank meets writers that nobody trained on. Examiners 3 and 4 are only measured.
+ones alone. The threshold is the mean of those at which a share of ``FALSE`` of the pairs that agree are suspected by a
+head trained on the other writers' pairs: a bank meets writers that nobody trained on. Examiners 3 and 4 are measured.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gvla2.memory.meaning import suspicion
 from gvla2.memory.meaning.english import is_english
 from gvla2.memory.meaning.features import FEATURES, candidates
 
-FALSE = 0.02
+FALSE = (0.01, 0.04)
 RIDGE = 1.0
 GENERATED, GENERATED_WEIGHT = 200, 0.2
 WEIGHTS = Path(suspicion.__file__).with_name("suspicion_weights.json")
@@ -120,11 +120,11 @@ def main() -> None:
         apart[writers == writer] = judged(head, [ways[j] for j in np.flatnonzero(writers == writer)])
     counted = weight == 1.0
     agreeing = np.sort(apart[counted & (real == 0)])[::-1]
-    limit = round(float(agreeing[int(FALSE * len(agreeing))]), 3)
+    least, most = (int(share * len(agreeing)) for share in FALSE)
+    limit = round(float(agreeing[least : most + 1].mean()), 3)
     found = (apart[counted & (real == 1)] > limit).mean()
-    print(
-        f"{len(known)} pairs; of writers unseen {100 * found:.1f} % found at {100 * FALSE:.0f} % false, from {limit} on"
-    )
+    false = (apart[counted & (real == 0)] >= limit).mean()
+    print(f"{len(known)} pairs; of writers unseen {found:.1%} found, {false:.1%} false, from {limit} on")
     head = fit(ways, real, weight)
     for examiner in (3, 4):
         asked = examined(examiner)

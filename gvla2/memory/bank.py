@@ -19,6 +19,7 @@ from uuid import uuid4
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
+    Consolidator,
     Embedder,
     Inducer,
     Judge,
@@ -36,13 +37,15 @@ from gvla2.memory.curation.governance import Governed
 from gvla2.memory.curation.induction import RulesInducer
 from gvla2.memory.curation.judging import Judged
 from gvla2.memory.curation.replay import Replayed
-from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.curation.rewriting import Rewritten
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.operations import Operations
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.audit import foreign_vectors
 from gvla2.memory.storage.store import Event, Link, Problem, Store
@@ -52,6 +55,8 @@ CHUNK = 256
 """Lessons that one transaction of :meth:`KnowledgeBank.admit_many` takes."""
 JUDGED = 16
 """Suspicions that are decided after each episode."""
+WRITTEN = 2
+"""Lessons that a writer looks at after each episode."""
 FROZEN = "The bank is frozen: nothing was learnt."
 
 
@@ -61,7 +66,9 @@ class KnowledgeBank:
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already; ""
     is the user's own memory. It is created where there is none. By default it ranks by words, vectors, quality and
     geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes again, ``judge`` who decides
-    whether texts that are suspected of it contradict each other; ``clock`` gives seconds since the epoch. Waits for other processes at most ``busy_seconds`` at a time.
+    whether texts that are suspected of it contradict each other, ``writer`` who merges lessons in words of his own
+    (rules sum up without him); ``clock`` gives seconds since the epoch.
+    Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
     it as a memory turns that into a degraded answer. Options that cannot be raise
@@ -78,6 +85,7 @@ class KnowledgeBank:
         inducer: Inducer | None = None,
         verifier: Verifier | None = None,
         judge: Judge | None = None,
+        writer: Consolidator | None = None,
         options: BankOptions | None = None,
         busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
@@ -85,7 +93,7 @@ class KnowledgeBank:
         self.bank = bank
         self.options = options or BankOptions()
         self.options.check()
-        self._clock, self._verifier, self._judge = clock, verifier, judge
+        self._clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
         self._embedder = embedder or StaticEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
@@ -154,6 +162,8 @@ class KnowledgeBank:
             learned = self._operations.learn(episode, verdict)
             if self._judge is not None and self.options.governance and self.options.replay_per_episode:
                 self._operations.judge(self._judge, limit=JUDGED)
+            if self._writer is not None and self.options.governance:
+                self._operations.consolidate(self._writer, limit=WRITTEN)
             if self._verifier is not None and self.options.replay and self.options.replay_per_episode:
                 limit = self.options.replay_per_episode
                 self._operations.replay(self._verifier, limit=limit, but=episode.source)
@@ -204,14 +214,16 @@ class KnowledgeBank:
     def govern(self) -> Governed:
         """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
 
-        Where a judge was given, it decides all suspicions first.
+        Where a judge was given, it decides all suspicions first, and a writer looks at all that he has not seen.
         """
         if not self.options.governance or self.options.frozen:
             return Governed()
         with self._lock:
             judged = self.judge() if self._judge is not None else Judged()
+            written = self._operations.consolidate(self._writer) if self._writer is not None else Rewritten()
             done = self._operations.govern()
-            done.replaced += judged.archived
+            done.replaced += [*judged.archived, *written.replaced]
+            done.summaries += written.merged
             return done
 
     def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
@@ -281,10 +293,10 @@ class KnowledgeBank:
         ``head`` is "SEQ:HASH" of :meth:`stats`, kept elsewhere: with it, an end that was cut off is found, too.
         """
         problems = self._store.verify(self.bank, head=head)
-        named = {(problem.where, problem.id) for problem in problems}
+        named = {problem.id for problem in problems if problem.where in ("record", "vector")}
         with self._store.reading() as view:
             found = foreign_vectors(view, self.bank, self._embedder)
-        return problems + [problem for problem in found if (problem.where, problem.id) not in named]
+        return problems + [problem for problem in found if problem.id not in named]
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""

@@ -354,3 +354,34 @@ class Judge(Protocol):
     def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
         """A judgement for each, in their order; one that could not be asked about is None, with the reason."""
         ...
+
+
+@dataclass(frozen=True)
+class Near:
+    """A lesson as a consolidator is shown it: its ``id``, what it says, and the instruction that it first came from."""
+
+    id: str
+    content: str
+    query: str = ""
+
+
+@dataclass(frozen=True)
+class ConsolidationEdit:
+    """What to do with a lesson, about which ``target`` near it; the paper's four edits.
+
+    ADD keeps both; MERGE puts ``content``, written of both, in their place; REPLACE archives the target, which the
+    lesson corrects; DISCARD archives the lesson, which says nothing new.
+    """
+
+    action: Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
+    target: str = ""
+    content: str = ""
+    reason: str = ""
+
+
+class Consolidator(Protocol):
+    """Reads a lesson and those near it, and writes."""
+
+    def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
+        """The edit; raises :class:`~gvla2.errors.Gvla2Error` where it cannot tell."""
+        ...

@@ -12,6 +12,7 @@ from gvla2.errors import Gvla2Error
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     TYPES,
+    Consolidator,
     Embedder,
     Inducer,
     Judge,
@@ -23,7 +24,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.curation import replay
+from gvla2.memory.curation import replay, rewriting
 from gvla2.memory.curation.admission import Decision, admit, believed
 from gvla2.memory.curation.governance import SECONDS_PER_DAY, Governed, Governing
 from gvla2.memory.curation.grounding import ungrounded
@@ -33,7 +34,8 @@ from gvla2.memory.curation.learning import Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.curation.trust import Origin, least
-from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
 from gvla2.memory.storage.store import Store, StoredEpisode
 
@@ -150,6 +152,25 @@ class Operations:
                         done.archived.append(record.id)
         return done
 
+    def consolidate(self, writer: Consolidator, *, limit: int | None = None) -> rewriting.Rewritten:
+        """Let lessons be merged, replaced or discarded by who can write; he works outside any transaction."""
+        done = rewriting.Rewritten()
+        self._index.refresh()
+        with self._store.reading() as view:
+            considered = view.decided(self._index.bank, rewriting.CONSIDERED)
+        answers = []
+        for record, near in rewriting.asked(self._index, considered, self._options, limit):
+            try:
+                (shown,) = rewriting.told([record])
+                answers.append((record, near, writer.consolidate(shown, rewriting.told(near))))
+            except Gvla2Error as error:
+                done.notes += [str(error)] if str(error) not in done.notes else []
+        if answers:
+            with self.writing("consolidate") as ledger:
+                for record, near, edit in answers:
+                    rewriting.carry_out(ledger, self._options, record, near, edit, done)
+        return done
+
     @contextmanager
     def writing(self, actor: str) -> Iterator[Ledger]:
         """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
@@ -185,7 +206,7 @@ class Operations:
             for id in learning.touched if options.governance else ():
                 record = ledger.get(id)
                 if record is not None and record.state == "active":
-                    governing.sum_up(record)
+                    governing.sum_up(record, learning.rivals.get(id))
         if options.governance:
             if ledger.now - self._retired_at > SECONDS_PER_DAY / 24:
                 self._retired_at = ledger.now
@@ -360,9 +381,9 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
 
 def _wrong_numbers(effect: Mapping[str, Any]) -> str:
     """What cannot be about the numbers of an effect, "" for nothing."""
-    for name, least in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
-        number = effect.get(name, least)
-        if not isinstance(number, int | float) or not least <= number <= LARGEST:
+    for name, lowest in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
+        number = effect.get(name, lowest)
+        if not isinstance(number, int | float) or not lowest <= number <= LARGEST:
             return f"{name} {str(number)[:40]}"
     return ""
 

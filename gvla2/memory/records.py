@@ -29,8 +29,9 @@ class Record:
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose
     outcome was verified either way. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
     ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect``
-    one or "". ``trust`` is what the origins of its events amount to. The store alone sets ``version``, which counts the changes of this record (0: not stored yet), and
-    ``rev``, the number of the bank's transaction that last changed it or a link of it.
+    one or "". ``trust`` is what the origins of its events amount to. The store alone sets
+    ``version``, which counts the changes of this record (0: not stored yet), and ``rev``, the number of the bank's
+    transaction that last changed it or a link of it.
     """
 
     id: str

@@ -18,13 +18,19 @@ class GovernedConfig(BankOptions, ComponentConfig):
 
     ``url`` is ``sqlite:///path`` or ``postgresql://…``; "" is ``memory.db`` in ``$GVLA2_HOME``, else in
     ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``. ``bank`` names the bank in it. ``busy_seconds`` is how
-    long to wait for other processes. All other options are the bank's own; the ablations are ``admission``, ``replay``, ``governance`` and ``failures``
-    false, and ``retrieval`` semantic.
+    long to wait for other processes. All other options are the bank's own; the ablations are ``admission``,
+    ``replay``, ``governance`` and ``failures`` false, and ``retrieval`` semantic.
+
+    ``writer_url`` is the OpenAI-compatible address of a model that merges lessons in words of its own ("": rules sum
+    up), ``writer_model`` its name there, and ``writer_key_env`` the environment variable with the key.
     """
 
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
+    writer_url: str = ""
+    writer_model: str = ""
+    writer_key_env: str = ""
 
 
 def _build(

@@ -259,8 +259,9 @@ def test_foreign_text_is_shown_once_two_sources_bear_it_out(
 ) -> None:
     bank = open_bank()
     for _ in range(10):  # however often one source repeats it
-        assert bank.admit(content, verdicts["success"], task="move", source="lab/1").provisional
-        assert bank.admit(content, verdicts["success"], task="move", source="lab/2").provisional
+        for source in ("lab/1", "lab/2"):
+            learned = bank.admit(content, verdicts["success"], task="move", source=source)
+            assert (learned.added, learned.merged) == ((), ())
     assert bank.recall("move").items == ()
     assert bank.admit(content, verdicts["success"], task="move", source="another").merged
     assert [(r.state, r.trust) for r in bank.records()] == [("active", "confirmed")]

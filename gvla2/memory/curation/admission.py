@@ -6,13 +6,12 @@ Decisions on plain data.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from math import isfinite
 
 from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
 from gvla2.memory.curation.trust import Origin, trust_of
 from gvla2.memory.curation.trust import believed as is_believed
-from gvla2.memory.meaning.words import topic_words
+from gvla2.memory.indexing.terms import terms
 from gvla2.memory.screening.instructions import screen, screened_effect
 
 QUARANTINED = "quarantined: "
@@ -88,14 +87,9 @@ def admit(
     return Decision("active", note, level, bool(suspicious))
 
 
-@lru_cache(maxsize=4096)
-def _topics(text: str) -> frozenset[str]:
-    return frozenset(topic_words(text))
-
-
 def repeats(content: str, query: str) -> bool:
     """Whether a text says hardly more than the task that it would be found by."""
-    said, asked = _topics(content), _topics(query)
+    said, asked = terms(content), terms(query)
     return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
 
 

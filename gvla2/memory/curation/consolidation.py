@@ -11,13 +11,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.curation.contesting import SUSPECT, compare, same_lesson
+from gvla2.memory.curation.contesting import SUSPECT, Compared, compare, same_lesson
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
-from gvla2.memory.curation.summaries import alike_but_for_numbers
+from gvla2.memory.curation.summaries import alike_but_for_numbers, shares
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import Record
 
+COMPARABLE = 0.34
+"""Share of the shorter text's terms from which two are read sentence by sentence."""
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
 
 
@@ -52,16 +54,20 @@ def consolidate(
     for rival, cosine in sorted(rivals, key=lambda entry: (-entry[1], entry[0].id)):
         if rival.id == candidate.id or (rival.state == "summary" and alike_but_for_numbers(candidate, rival)):
             continue  # the summary will take it in, its numbers beside the others
-        found = compare(candidate, rival)
-        if found.effect:
-            against.append((rival, found.effect))
-        elif found.suspicion is not None and found.suspicion >= SUSPECT:
-            suspected.append((rival.id, f"suspected by {found.suspicion:.2f}"))
-        elif rival.state == "active" and (
+        both = bool(candidate.effect and rival.effect)
+        if not both and shares(candidate, rival)[1] < COMPARABLE:
+            continue
+        one = rival.state == "active" and (
             rival.dedup_key == candidate.dedup_key
             or (cosine >= options.match and same_lesson(candidate, rival))
-        ):
+        )
+        found = Compared() if one and not both else compare(candidate, rival)
+        if found.effect:
+            against.append((rival, found.effect))
+        elif one:
             same.append((rival, cosine))
+        elif found.suspicion is not None and found.suspicion >= SUSPECT:
+            suspected.append((rival.id, f"suspected by {found.suspicion:.2f}"))
     doubts = tuple(suspected)
     if against:
         return _settled(candidate, against, doubts)

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from gvla2.memory.meaning.effects import effects_conflict, same_parameter
-from gvla2.memory.meaning.english import is_english
-from gvla2.memory.meaning.function_words import word_set
+from gvla2.memory.meaning.english import is_english, word_set
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import quantities
 from gvla2.memory.meaning.stems import stem

@@ -1,4 +1,4 @@
-"""How a record is made of a lesson, and how it grows by what later episodes say: pooled evidence, phrasings, effects."""
+"""How a record is made of a lesson, and how it grows by what later episodes say: pooled evidence, and phrasings."""
 
 from __future__ import annotations
 

@@ -18,10 +18,9 @@ from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
-from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, summary_of, tasks_of, wordings_of
+from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shares, summary_of, tasks_of
 from gvla2.memory.curation.trust import LEVELS
-from gvla2.memory.indexing.index import SERVED
-from gvla2.memory.indexing.terms import terms
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
 
@@ -157,13 +156,18 @@ class Governing:
 
     # Summaries ----------------------------------------------------------------------------------------------------
 
-    def sum_up(self, record: Record) -> None:
-        """Fold a success into the summary that it is like, or make one of it and others like it."""
+    def sum_up(self, record: Record, rivals: Sequence[Record] | None = None) -> None:
+        """Fold a success into the summary that it is like, or make one of it and others like it.
+
+        ``rivals`` are those nearest to it, where they are at hand.
+        """
         record = self._ledger.latest(record)
         if not self._summable(record):
             return
-        found = self._ledger.nearest(self._ledger.vector(record), self._options.rivals)
-        near = [other for other, _ in found if other.id != record.id]
+        if rivals is None:
+            found = self._ledger.nearest(self._ledger.vector(record), self._options.rivals)
+            rivals = [other for other, _ in found]
+        near = [other for other in map(self._ledger.latest, rivals) if other.id != record.id]
         group = [record, *(r for r in near if self._summable(r) and self._alike(record, r))]
         summaries = [r for r in group if r.state == "summary"]
         if len(group) < 2 or not (summaries or len(group) >= self._options.summary_size):
@@ -171,14 +175,15 @@ class Governing:
         told_alike = all(alike_but_for_numbers(record, other) for other in group[1:])
         if not summaries and not told_alike and len(tasks_of(group)) < 2:
             return
-        self._write(group)
+        self.write(group)
 
-    def _write(self, group: Sequence[Record]) -> None:
-        summary = summary_of(group, self._ledger.now)
+    def write(self, group: Sequence[Record], text: str = "") -> Record:
+        """One summary in place of several records, by rule unless ``text`` was written for it."""
+        summary = summary_of(group, self._ledger.now, text)
         known = self._ledger.get(summary.id)
         if known is not None and not summary.version:  # archived, or one of the same words that was not near
             if known.state == "summary":
-                summary = summary_of([known, *group], self._ledger.now)
+                summary = summary_of([known, *group], self._ledger.now, text)
             else:
                 summary = replace(summary, version=known.version, created=known.created)
         why = f"{len(group)} records of {len(tasks_of(group))} tasks are alike"
@@ -190,6 +195,7 @@ class Governing:
                 self._archive(member, "SUMMED_UP", why, f"{SUMMED_UP}{summary.id}")
                 self._ledger.link(summary.id, "summary_of", member.id, why)
                 self.done.summed_up.append(member.id)
+        return summary
 
     def _summable(self, record: Record) -> bool:
         short = record.state == "summary" or len(record.content) <= LONGEST
@@ -201,9 +207,7 @@ class Governing:
             return False
         if alike_but_for_numbers(record, other):
             return True
-        least = self._options.summary_match
-        said, told = ([terms(one.told()) for one in wordings_of(r)] for r in (record, other))
-        if not any(len(a & b) >= least * len(a | b) > 0 for a in said for b in told):
+        if shares(record, other)[0] < self._options.summary_match:
             return False
         found = compare(record, other)
         return not found.effect and (found.suspicion or 0.0) < SUSPECT

@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode
-from gvla2.memory.meaning.stems import stem
-from gvla2.memory.meaning.words import topic_words
+from gvla2.memory.indexing.terms import terms
 from gvla2.memory.verification.transcripts import acts_of
 
 _WORD = re.compile(r"\w+")
@@ -33,9 +32,9 @@ def ungrounded(lesson: Lesson, episode: MemoryEpisode) -> str:
     if any(passage not in transcript for passage in passages):
         return "its evidence does not stand in the episode"
     acts = acts_of(episode.transcript)
-    own = _words(" ".join([episode.task.query, *episode.task.things, *acts]))
-    said = _words(lesson.content)
-    if len(said & (_words(episode.transcript) - own)) > len(said & own):
+    own = terms(" ".join([episode.task.query, *episode.task.things, *acts]))
+    said = terms(lesson.content)
+    if len(said & (terms(episode.transcript) - own)) > len(said & own):
         return "it passes on what a tool returned"
     if len(said & own) < ABOUT * len(said) or not said:
         return "it is not about what the task names or the agent did"
@@ -44,7 +43,3 @@ def ungrounded(lesson: Lesson, episode: MemoryEpisode) -> str:
 
 def _flat(text: str) -> str:
     return " ".join(_WORD.findall(text.casefold()))
-
-
-def _words(text: str) -> frozenset[str]:
-    return frozenset(stem(word) for word in topic_words(text))

@@ -15,7 +15,7 @@ from gvla2.memory.curation.contesting import same_lesson
 from gvla2.memory.curation.evidence import confirmed, counted, new_record, repeated, restarted
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
-from gvla2.memory.indexing.index import SERVED
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
 
@@ -60,6 +60,8 @@ class Learning:
         self._known = list(dict.fromkeys(known))
         self._origin = str(Origin(own, episode.source))
         self.touched: list[str] = []
+        self.rivals: dict[str, list[Record]] = {}
+        """What was found nearest to the records that were compared."""
 
     def apply(self, candidate: Candidate) -> None:
         """Add the candidate, merge it, promote what it confirms, or leave the bank as it is."""
@@ -162,6 +164,7 @@ class Learning:
             grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
             record = replace(grown, state="active", outcome=fresh.outcome, trust=fresh.trust, note="")
         rivals = self._ledger.nearest(candidate.vector, options.rivals) if options.governance else []
+        self.rivals[record.id] = [rival for rival, _ in rivals]
         edit = consolidate(record, rivals, options) if options.governance else Edit("ADD")
         if edit.action == "MERGE" or (edit.action == "DISCARD" and not edit.conflicts):
             self._fold(record, fresh, candidate, edit)
@@ -241,16 +244,21 @@ class Learning:
         self.touched.append(record.id)
 
     def _heir(self, archived: Record) -> Record | None:
-        """The live record that took an archived one in."""
-        for link in self._ledger.links(archived.id):
-            if link.target == archived.id and link.kind in ("merged", "summary_of"):
-                heir = self._ledger.get(link.source)
-                if heir is not None and heir.state in SERVED:
-                    return heir
+        """The live record that took an archived one in, or took in whoever did."""
+        due, seen = [archived.id], {archived.id}
+        while due:
+            id = due.pop()
+            for link in self._ledger.links(id):
+                if link.target == id and link.kind in ("merged", "summary_of") and link.source not in seen:
+                    heir = self._ledger.get(link.source)
+                    if heir is not None and heir.state in SERVED:
+                        return heir
+                    seen.add(link.source)
+                    due.append(link.source)
         return None
 
     def _recent(self) -> int:
-        """How many records the episode's source brought of late that planners see, in words of their own or summed up."""
+        """How many records the episode's source brought of late that planners see, also summed up."""
         if not self._episode.source:
             return 0
         since = self._ledger.now - self._options.per_source_days * SECONDS_PER_DAY

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder, Learned
-from gvla2.memory.indexing.index import SERVED, Index
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record, numbered
 from gvla2.memory.storage.store import Link, Put, StoredEpisode, Tie, Transaction
 
@@ -35,8 +36,10 @@ class Outcome:
 
     def learned(self) -> Learned:
         """The same as the contract's answer."""
-        listed = (tuple(dict.fromkeys(ids)) for ids in (self.added, self.merged, self.provisional))
-        return Learned(*listed, self.discarded, tuple(self.notes))
+        added, merged, held = (
+            tuple(dict.fromkeys(ids)) for ids in (self.added, self.merged, self.provisional)
+        )
+        return Learned(added, merged, held, self.discarded, tuple(self.notes))
 
 
 class Ledger:
@@ -126,9 +129,9 @@ class Ledger:
                 found[record.id] = (self.latest(record), cosine)
         changed = [id for id in self._near if self._latest[id].state in states]
         if changed:
-            cosines = np.stack([self._near[id] for id in changed]) @ vector
-            for place in np.argsort(-cosines, kind="stable")[: 2 * k].tolist():
-                found[changed[place]] = (self._latest[changed[place]], float(cosines[place]))
+            alike = np.stack([self._near[id] for id in changed]) @ vector
+            for place in np.argsort(-alike, kind="stable")[:k].tolist():
+                found[changed[place]] = (self._latest[changed[place]], float(alike[place]))
         kept = [one for one in found.values() if one[0].state in states and one[1] >= _UNLIKE]
         return sorted(kept, key=lambda entry: (-entry[1], entry[0].id))[:k]
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 from gvla2.memory.contracts import Trust
 from gvla2.memory.curation.evidence import MAX_SOURCES, phrasings, support
 from gvla2.memory.curation.trust import least
-from gvla2.memory.records import Record, dedup_key, dump, record_id
+from gvla2.memory.indexing.terms import terms
+from gvla2.memory.records import Record, dedup_key, dump, load_object, record_id
 
 LINES = 6
 """Wordings that a summary tells."""
@@ -76,7 +78,8 @@ def _filled(gap: Mapping[str, Sequence[str]]) -> str:
         return values[0]
     if len(values) <= _SHOWN:
         return " or ".join(f"{v} ({'; '.join(gap[v]) or 'once'})" for v in values)
-    return f"{values[0]} to {values[-1]} ({'; '.join(gap[values[0]])} ... {'; '.join(gap[values[-1]])})"
+    first, last = (next(iter(gap[value]), "") for value in (values[0], values[-1]))
+    return f"{values[0]} to {values[-1]}" + (f" ({first} ... {last})" if first != last else "")
 
 
 def _size(value: str) -> tuple[float, str]:
@@ -98,7 +101,44 @@ def alike_but_for_numbers(first: Record, second: Record) -> bool:
     """Whether two records, or what summaries tell, have a wording in common."""
     if (first.type, first.skill) != (second.type, second.skill):
         return False
-    return not {w.key for w in wordings_of(first)}.isdisjoint(w.key for w in wordings_of(second))
+    return not _keys(first).isdisjoint(_keys(second))
+
+
+def _keys(record: Record) -> frozenset[str]:
+    return _kept_keys(record.provenance) if record.state == "summary" else frozenset((_key(record.content),))
+
+
+@lru_cache(maxsize=1024)
+def _kept_keys(provenance: str) -> frozenset[str]:
+    kept = load_object(provenance).get("told") or ()
+    return frozenset(Wording(one["text"], one["count"], one["gaps"]).key for one in kept)
+
+
+@lru_cache(maxsize=16384)
+def _key(content: str) -> str:
+    return Wording(_NUMBER.sub(_GAP, " ".join(content.split())), 1, []).key
+
+
+@lru_cache(maxsize=16384)
+def _terms(text: str) -> frozenset[str]:
+    return terms(text)
+
+
+def shares(first: Record, second: Record) -> tuple[float, float]:
+    """Of the terms of two records (of a summary, of the wording that is likest): the shared among all, and among
+    those of the shorter one.
+    """
+    best = (0.0, 0.0)
+    for mine in _texts(first):
+        for theirs in _texts(second):
+            a, b = _terms(mine), _terms(theirs)
+            if shared := len(a & b):
+                best = max(best, (shared / len(a | b), shared / min(len(a), len(b))))
+    return best
+
+
+def _texts(record: Record) -> list[str]:
+    return [w.told() for w in wordings_of(record)] if record.state == "summary" else [record.content]
 
 
 def tasks_of(group: Iterable[Record]) -> list[str]:

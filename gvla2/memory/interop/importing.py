@@ -85,7 +85,7 @@ def _record(entry: Entry, layout: Layout, bank: str, now: float, origin: Origin)
     screened = screen(f"{entry.query}\n{entry.content}")
     trust: Trust = trust_of([origin], screened=bool(screened))
     if origin.own and entry.ours.get("trust") in LEVELS:
-        trust = min(trust, str(entry.ours["trust"]), key=LEVELS.index)  # type: ignore[assignment, arg-type]
+        trust = min(trust, str(entry.ours["trust"]), key=LEVELS.index)  # type: ignore[arg-type]
     state: LifecycleState = entry.state
     note = ""
     if not believed(trust) and state != "archive":

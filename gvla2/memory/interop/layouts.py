@@ -70,7 +70,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Told:
-    """A record with what it is linked to, for a line: the ids that it ``replaces`` and that it is in ``conflict`` with."""
+    """A record for a line, with the ids that it ``replaces`` and that it is in ``conflict`` with."""
 
     record: Record
     replaces: tuple[str, ...] = ()

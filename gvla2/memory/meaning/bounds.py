@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from gvla2.memory.meaning.function_words import word_set
+from gvla2.memory.meaning.english import word_set
 
 _MORE = (
     "more greater higher larger bigger longer faster quicker harder heavier hotter warmer wider deeper thicker taller "

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
+from gvla2.memory.indexing.stop_words import STOP_WORDS
 from gvla2.memory.meaning.english import (
     CONDITIONS,
     DETERMINERS,
@@ -17,7 +19,6 @@ from gvla2.memory.meaning.english import (
     SOFT,
     WORD,
 )
-from gvla2.memory.meaning.function_words import FUNCTION_WORDS
 from gvla2.memory.meaning.opposites import PHRASES, SIDES
 from gvla2.memory.meaning.quantities import Quantity, quantities
 from gvla2.memory.meaning.stems import stem
@@ -31,11 +32,6 @@ Sides = tuple[Side, ...]
 _AHEAD = re.compile(r"\b(?:before|prior to|ahead of|until|till)\b")
 _BEHIND = re.compile(r"\b(?:after|once|as soon as|following)\b")
 _EVERY = re.compile(r"\b(?:every|each|per)\s*$")
-DOES = (
-    r"(?:goes|is|are|was|were|has|have|had|must|should|may|can|needs?|belongs?|takes?|gets?|stands?|hangs?|comes?|stays?"
-    r"|works?|holds?|slips?|beats?|go|runs?|listens?|looks?|sits?)\b"
-)
-_SUBJECT = re.compile(rf"\s*(?P<who>(?:\w+ ){{0,2}}?\w+) (?={DOES})")
 _LEAVING = re.compile(r"\b(?:rather than|instead of|in place of|not|never|don't|do|avoid)\b")
 _COMMA = "xcommax"
 _PARTICLES = ("on", "off", "out", "alone")
@@ -66,10 +62,15 @@ class Clause:
     forbidden: bool = False
     open: bool = False
 
-    @property
+    @cached_property
     def everything(self) -> Words:
         """Words and sides together."""
         return self.words | {side_word(axis, sign) for axis, sign in self.sides + self.named}
+
+    @cached_property
+    def topics(self) -> Words:
+        """What it speaks of, whichever way: words, axes, and what comes before or after it."""
+        return self.words | self.when | {axis for axis, _ in self.sides + self.named}
 
 
 @dataclass
@@ -114,8 +115,6 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
         forbidden = False
     if forbidden and said.lacks:  # "don't solder without flux" asks for flux
         said.words, said.lacks, forbidden = said.words | said.lacks, set(), False
-    if (subject := _SUBJECT.match(main)) is not None:
-        said.things |= content(subject["who"])
     names = frozenset(word for word in said.words if any(map(str.isdigit, word)))
     return Clause(
         words=frozenset(said.words),
@@ -157,8 +156,8 @@ def _sorted(main: str) -> _Sorted:
     place = ""
     words = [*_joined(WORD.findall(main.replace(",", f" {_COMMA} "))), ""]
     for before, word, behind in zip(["", *words], words, words[1:], strict=False):
-        noun = word in DETERMINERS or word in PREPOSITIONS or (noun and word not in FUNCTION_WORDS)
-        if noun and word not in FUNCTION_WORDS:
+        noun = word in DETERMINERS or word in PREPOSITIONS or (noun and word not in STOP_WORDS)
+        if noun and word not in STOP_WORDS:
             _take(word, said.things, [])
             said.roles.append((place, word))
         place = word if word in PREPOSITIONS else place
@@ -170,7 +169,7 @@ def _sorted(main: str) -> _Sorted:
             said.negations += 1
         elif lacking:
             _take(word, said.lacks, None)
-        elif before in DETERMINERS and behind and behind not in FUNCTION_WORDS | {_COMMA}:
+        elif before in DETERMINERS and behind and behind not in STOP_WORDS | {_COMMA}:
             _take(word, said.words, said.named)
         elif before in DETERMINERS:
             _take(word, said.words, said.sides, only=PLACES)
@@ -215,7 +214,7 @@ def _take(word: str, words: set[str], sides: list[Side] | None, only: Words = fr
     elif "-" in word:
         for part in word.split("-"):
             _take(part, words, sides, only)
-    elif word not in SOFT and word not in FUNCTION_WORDS and word != _COMMA and len(word) > 1:
+    elif word not in SOFT and word not in STOP_WORDS and word != _COMMA and len(word) > 1:
         words.add(root)
 
 

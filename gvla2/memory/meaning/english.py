@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
-from gvla2.memory.meaning.function_words import word_set
+
+def word_set(text: str) -> frozenset[str]:
+    """The words of a text that spaces and line ends part."""
+    return frozenset(text.split())
+
 
 MAX_READ = 2000
 """Characters that are read of a text."""
@@ -59,6 +64,7 @@ _FOREIGN = word_set(
 _LETTERS = re.compile(r"[^\W\d_]+(?:'[^\W\d_]+)?")
 
 
+@lru_cache(maxsize=16384)
 def is_english(text: str) -> bool:
     """Whether a text may be read here. Short texts that show no language count as English where they are ASCII."""
     words = _LETTERS.findall(text[:MAX_READ].casefold().replace("’", "'"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ TOLERANCE: Mapping[str, float] = {"temperature": 0.15, "angle": 0.15, "times": 0
 """How far two figures of a dimension may lie apart, as a share of the larger one, and still agree; else 20 %."""
 CROSSED = 0.2
 """From here on two orders are taken for each other's reverse."""
-_OTHER = {"+": "-", "-": "+"}
 EXACT = frozenset(("port", "version", "pin", "channel", "id", "seed"))
 """Bare numbers of these agree only when they are equal."""
 SIGNS = ("number", "bare", "side", "named", "forbids", "rules_out", "order", "choice", "exchanged")
@@ -22,7 +22,7 @@ SIGNS = ("number", "bare", "side", "named", "forbids", "rules_out", "order", "ch
 meant; one forbids what the other may do, or all that it does; what comes first, what is taken, what goes where.
 """
 FEATURES = (
-    *SIGNS, "like", "held", "contained", "replaced", "own_words", "own_things", "own_given", "same_task", "task_apart",
+    *SIGNS, "like", "held", "contained", "replaced", "own_words", "own_things", "own_given", "same_task",
     "like_task", "contained_task", "named_task", "side_task", "number_task", "agree_number", "agree_side", "names",
     "when", "two_signs", "number_named", "label_same", "label_apart", "steps", "shared", "one_figure",
 )  # fmt: skip
@@ -34,16 +34,18 @@ they agree, and which single things, cases and labels they name.
 def candidates(first: str, second: str, first_query: str = "", second_query: str = "") -> NDArray[np.float64]:
     """(K, F) the :data:`FEATURES` of each way in which two English texts may contradict each other.
 
-    K is 0 where no sign of it was found. The texts may be exchanged.
+    K is 0 where no sign of it was found, and where their tasks are about different things: what is right for the one
+    may be wrong for the other. The texts may be exchanged.
     """
+    same = _same_task(first_query, second_query)
+    if same < 0:
+        return np.empty((0, len(FEATURES)))
     one, two = read(first), read(second)
-    same, apart = _task(first_query, second_query)
     # What one task is about goes without saying: whoever leaves it out means it, too.
     given = _all(read(first_query)) if same == 1.0 else frozenset()
     whole = _unshared(one.words, two.words)
     context = {
         "same_task": same,
-        "task_apart": apart,
         "names": float(bool(_names(one) - _names(two)) and bool(_names(two) - _names(one))),
         "steps": min(max(len(one.clauses), len(two.clauses)) - 1, 4) / 4,
         "shared": (len(one.words) - len(whole[0])) / max(min(len(one.words), len(two.words)), 1),
@@ -54,6 +56,8 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     found: list[dict[str, float]] = []
     for a in one.clauses:
         for b in two.clauses:
+            if same == 0.0 and a.topics.isdisjoint(b.topics):
+                continue  # of other tasks, and of nothing that the other speaks of
             if signs := _signs(a, b):
                 found.append({**context, **signs, **_agreed(a, b), **_compared(a, b, given)})
     for name, mine, theirs in (("order", one.orders, two.orders), ("choice", one.choices, two.choices)):
@@ -62,14 +66,17 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     for way in found:
         for name in ("like", "contained", "named", "side", "number"):
             way[f"{name}_task"] = way.get(name, 0.0) * same
-        way["two_signs"] = float(sum(name in way for name in SIGNS) > 1)
+        respects = way.get("axes", 0.0) + sum(
+            name in way for name in ("number", "bare", "forbids", "rules_out")
+        )
+        way["two_signs"] = float(respects > 1)
         way["number_named"] = float("named" in way and ("number" in way or "bare" in way))
     return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
 
 
 def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
     """How far two clauses speak of one thing in one case."""
-    mine, theirs = a.words | _axes(a) | a.when, b.words | _axes(b) | b.when
+    mine, theirs = a.topics, b.topics
     left, right = _unshared(mine, theirs)
     shared = len(mine) - len(left)
     # Who says nothing of what it is about ("use 4 N") may speak of anything.
@@ -93,7 +100,7 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
 def _signs(a: Clause, b: Clause) -> dict[str, float]:
     """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing."""
     found: dict[str, float] = {}
-    if a.open or b.open or _other_case(a, b):
+    if a.open or b.open:
         return found
     differ, _ = _figures(a, b)
     if differ is not None:
@@ -123,6 +130,7 @@ def _agreed(a: Clause, b: Clause) -> dict[str, float]:
     measured = bool(a.figures and b.figures)
     return {
         "agree_number": float(_figures(a, b)[1]),
+        "axes": float(len(turned(a.sides + a.named, b.sides + b.named))),
         "agree_side": float(not set(a.sides).isdisjoint(b.sides)),
         "label_same": float(measured and len(left) < len(a.labels)),
         "label_apart": float(measured and bool(left and right)),
@@ -155,38 +163,26 @@ def _figures(a: Clause, b: Clause) -> tuple[str | None, bool]:
 
 
 def _sides_in(words: Words) -> Sides:
-    return tuple((word[:-1], 1 if word[-1] == "+" else -1) for word in sorted(words) if word[-1] in _OTHER)
-
-
-def _axes(clause: Clause) -> Words:
-    return frozenset(axis for axis, _ in clause.sides + clause.named)
+    return tuple((word[:-1], 1 if word[-1] == "+" else -1) for word in sorted(words) if word[-1] in "+-")
 
 
 def _unshared(mine: Words, theirs: Words) -> tuple[Words, Words]:
     """The words of each that the other has not, words that begin alike taken for one."""
-    left, right = set(mine - theirs), set(theirs - mine)
+    left, right = mine - theirs, theirs - mine
+    if not left or not right or {word[:4] for word in left}.isdisjoint([word[:4] for word in right]):
+        return left, right
+    mine_left, their_right = set(left), set(right)
     for word in sorted(left):
-        for other in sorted(right):
+        for other in sorted(their_right):
             if len(word) > 3 and len(other) > 3 and (word.startswith(other) or other.startswith(word)):
-                left.discard(word)
-                right.discard(other)
+                mine_left.discard(word)
+                their_right.discard(other)
                 break
-    return frozenset(left), frozenset(right)
+    return frozenset(mine_left), frozenset(their_right)
 
 
 def _names(said: Reading) -> set[str]:
     return {name for clause in said.clauses for name in clause.names}
-
-
-def _other_case(a: Clause, b: Clause) -> bool:
-    """Whether two clauses hold in opposite cases, "at night" and "during the day"."""
-    return any(
-        _opposite(word) in b.when - {word} and _opposite(word) not in a.when - {word} for word in a.when
-    )
-
-
-def _opposite(word: str) -> str:
-    return word[:-1] + _OTHER.get(word[-1], word[-1])
 
 
 def _exchanged(a: Clause, b: Clause) -> bool:
@@ -222,20 +218,18 @@ def _held(mine: Words, theirs: Words) -> float:
     return min((len(mine) - len(left)) / least, 1.0) if least else 0.0
 
 
-def _task(first: str, second: str) -> tuple[float, float]:
-    """Whether two queries, one instruction a line, are one task, and whether each has something of its own."""
+@lru_cache(maxsize=16384)
+def _same_task(first: str, second: str) -> float:
+    """Whether two queries, one instruction a line, are one task: 1 where they share one, .5 where one is not known, 0
+    where one only says more than the other, -1 where each has something of its own: another thing, another case.
+    """
     if not first.strip() or not second.strip():
-        return 0.5, 0.0
+        return 0.5
     mine, theirs = first.casefold().split("\n"), second.casefold().split("\n")
     if set(mine) & set(theirs):
-        return 1.0, 0.0
-    apart = 1.0
-    for line in mine:
-        for other in theirs:
-            one, two = read(line), read(other)
-            words = _unshared(_all(one), _all(two))
-            apart = min(apart, min(len(words[0]), len(words[1]), 2) / 2)
-    return 0.0, apart
+        return 1.0
+    pairs = ((_all(read(line)), _all(read(other))) for line in mine for other in theirs)
+    return -1.0 if all(all(_unshared(*pair)) for pair in pairs) else 0.0
 
 
 def _all(said: Reading) -> Words:

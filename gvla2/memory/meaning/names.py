@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from gvla2.memory.meaning.function_words import FUNCTION_WORDS
+from gvla2.memory.indexing.stop_words import STOP_WORDS
 
 _VERSIONED = (
     "python|numpy|scipy|pandas|torch|pytorch|tensorflow|jax|cuda|cudnn|driver|node|nodejs|npm|java|jdk|kotlin|scala|php|ruby"
@@ -127,7 +127,7 @@ def marked(text: str) -> str:
 
 def _letter(found: re.Match[str]) -> str:
     text = found.group()
-    return _marked(found) if len(text) == 1 or text.casefold() in FUNCTION_WORDS else text
+    return _marked(found) if len(text) == 1 or text.casefold() in STOP_WORDS else text
 
 
 def _marked(found: re.Match[str]) -> str:

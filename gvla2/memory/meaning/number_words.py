@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from gvla2.memory.meaning.function_words import word_set
+from gvla2.memory.meaning.english import word_set
 from gvla2.memory.meaning.units import UNITS
 
 _SMALL = (

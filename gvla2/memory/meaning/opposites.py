@@ -90,7 +90,7 @@ strength: strong / weak
 daytime: day daytime / night nighttime
 ends: first beginning start / last end
 hands: one-handed / two-handed
-freezing: freeze / thaw defrost
+freezing: freeze frozen froze / thaw defrost
 facing: face-up upright / face-down upside-down
 driving: manual manually by-hand / automatic automatically
 encryption: encrypt / decrypt plaintext

@@ -10,27 +10,20 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from gvla2.memory.meaning.clauses import DOES, Clause, Order, Words, clause_of, content
+from gvla2.memory.meaning.clauses import Clause, Order, Words, clause_of, content
 from gvla2.memory.meaning.english import IDIOMS, MAX_READ, WORD
 from gvla2.memory.meaning.plain_text import plain_text
 
 _SENTENCE = re.compile(r"[!?;\n]+|\.(?=\s|$)")
+_DOES = (
+    r"(?:goes|is|are|was|were|has|have|had|must|should|may|can|needs?|belongs?|takes?|gets?|stands?|hangs?|comes?|stays?"
+    r"|works?|holds?|slips?|beats?|go|runs?|listens?|looks?|sits?)\b"
+)
 _NUMBERED = re.compile(
     r"(?P<name>(?:^|(?<=[.;,:] )|(?<=\bon )|(?<=\bat )|(?<=\bthe ))[a-z]{3,}) (?P<number>\d{1,4})"
-    rf" (?={DOES})"
+    rf" (?={_DOES})"
 )
 """A number behind a noun and before what it does names one of several: "waypoint 3 was reached"."""
-_ASIDE = re.compile(
-    r",\s*(?=(?:the|its|their|that|this|those|these) [^,.]*?\b(?:is|are|was|were|\w+s|had|can|may|will|would|\w+ed)\b)"
-)
-"""Behind it a statement of its own follows an order: "start from the right end, the left one is blocked"."""
-_REASON = re.compile(
-    r",?\s*\b(?:so that|because|since (?=the|it|they|this|there|i|we)|otherwise|or else|in order to|lest)\b"
-    r"|,\s*(?=(?:it|this|that|they|which|i|we) (?:\w+ )?(?:was|were|is|are|made|makes|gave|gives|had|has|did|would|will"
-    r"|could|tore|broke|fell|slipped|came|failed|works?|helps?|keeps?)\b)"
-    r"|\bor (?=(?:it|they|the \w+) (?:will|gets?|may|might|can|\w+s)\b)"
-)
-"""What follows tells why, or how it went."""
 _STEP = re.compile(
     r",?\s*\b(?:and )?then\b,?\s*|,\s+(?:and|but)\s+|\s+but\s+"
     r"|\s+and\s+(?=\w+\s+(?:the|a|an|it|them|its|each|every|all|to|by|for|at|in|into|on|with|from|after|before|lightly"
@@ -71,10 +64,9 @@ def read(text: str) -> Reading:
     choices: list[Order] = []
     plain = _NUMBERED.sub(r"\g<name> nr\g<number> ", plain_text(text[:MAX_READ]))
     for sentence in _SENTENCE.split(IDIOMS.sub(_positive, plain)):
-        said = _told(sentence)
         parts: list[Words] = []
         first = last = -1
-        for step in _steps(said):
+        for step in _steps(sentence):
             taken, left = _choice(step)
             if taken and left:
                 choices.append((content(taken), content(left)))
@@ -86,19 +78,11 @@ def read(text: str) -> Reading:
             parts.append(order[0] | order[1] if order else clause.everything)
         if len(parts) == 2 and (first > 0 or last == 0):
             parts.reverse()
-        if first >= 0 or last >= 0 or "then" in said:
+        if first >= 0 or last >= 0 or "then" in sentence:
             orders += [(parts[i], later) for i in range(len(parts)) for later in parts[i + 1 :]]
     words = {word for clause in clauses for word in clause.words | clause.when}
     words |= {word for taken_, left_ in choices for word in taken_ | left_}
     return Reading(tuple(clauses), tuple(orders), tuple(choices), frozenset(words))
-
-
-def _told(sentence: str) -> str:
-    """A sentence without what only tells why, or how it went."""
-    said = _REASON.split(sentence, maxsplit=1)[0]
-    if _CASE.match(said) is None:
-        said = _ASIDE.split(said, maxsplit=1)[0]
-    return said if WORD.search(said) else sentence
 
 
 def _positive(found: re.Match[str]) -> str:
@@ -106,11 +90,11 @@ def _positive(found: re.Match[str]) -> str:
     return found.group() if found.group().endswith(" than") else " "
 
 
-def _steps(said: str) -> list[str]:
+def _steps(sentence: str) -> list[str]:
     """The statements of a sentence."""
-    cut = _ANY_AND if _FIRST.search(said) or _LATER.search(said) else _STEP
+    cut = _ANY_AND if _FIRST.search(sentence) or _LATER.search(sentence) else _STEP
     found: list[str] = []
-    for step in cut.split(said):
+    for step in cut.split(sentence):
         head, comma, tail = step.partition(",")
         # "Don't pull it, push it" forbids one thing and asks for another.
         two = comma and _NOT.search(head) and len(tail.split()) > 1 and not _CASE.match(head)

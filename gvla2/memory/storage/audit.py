@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -157,7 +158,8 @@ def _records(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
 
 def _vectors(view: View, bank: str) -> Iterable[Problem]:
     models = view.models(bank)
-    for id, model, dimension, stored, state in view.vector_rows(bank):
+    for row in view.vector_rows(bank):
+        id, model, dimension, stored, state = tuple[Any, ...](row)
         if state in (None, FORGOTTEN):
             yield Problem("vector", id, "it belongs to no record")
         elif vector_of(dimension, stored) is None:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 
-from sqlalchemy import Connection, delete, insert, update
+from sqlalchemy import Connection, Table, delete, insert, update
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import FORGOTTEN, clean, dump, finite
@@ -105,7 +105,7 @@ class Chain:
         """
         self.flush()
         for column, wanted in ((EVENT.c.record, naming), (EVENT.c.target, naming), (EVENT.c.seq, seqs)):
-            ordered = sorted(wanted)  # type: ignore[type-var]
+            ordered = sorted(wanted)
             for start in range(0, len(ordered), _TOGETHER):
                 some = column.in_(ordered[start : start + _TOGETHER])
                 self.sql.execute(update(EVENT).where(EVENT.c.bank == self.bank, some).values(ERASED))
@@ -118,12 +118,12 @@ class Chain:
             where = (RECORD.c.bank == self.bank) & some & (RECORD.c.state != FORGOTTEN)
             self.sql.execute(update(RECORD).where(where).values(rev=self.rev))
 
-    def delete(self, table: object, column: str, values: Collection[str]) -> None:
+    def delete(self, table: Table, column: str, values: Collection[str]) -> None:
         """Delete the bank's rows of a table whose column has one of these values."""
         ordered = sorted(set(values))
         for start in range(0, len(ordered), _TOGETHER):
-            some = table.c[column].in_(ordered[start : start + _TOGETHER])  # type: ignore[attr-defined]
-            self.sql.execute(delete(table).where(table.c.bank == self.bank, some))  # type: ignore[arg-type, attr-defined]
+            some = table.c[column].in_(ordered[start : start + _TOGETHER])
+            self.sql.execute(delete(table).where(table.c.bank == self.bank, some))
 
     def finish(self) -> None:
         """Advance the bank's own row, if anything happened; the last thing before the commit."""

@@ -34,8 +34,8 @@ class Event:
     """One decision: who (``actor``), what (``action``), about which ``record`` (and ``target``), why, by which scores.
 
     ``at`` is in seconds since the epoch and never runs backwards within a bank; ``seq`` counts from 1 without gaps;
-    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` says who brought the
-    evidence behind the decision, "" for nobody: what a record is trusted is what its origins amount to.
+    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` says who brought
+    the evidence behind the decision, "" for nobody: what a record is trusted is what its origins amount to.
     """
 
     bank: str

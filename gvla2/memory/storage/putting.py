@@ -88,7 +88,7 @@ def _next(
     """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
     old = before
     if old is None and row is not None and row.state != FORGOTTEN and not damage_of(tuple(row)):
-        old = Record(*row)
+        old = Record(*tuple[Any, ...](row))
     expected = old.version if old else 0
     if record.version != expected:
         raise StaleRecordError(

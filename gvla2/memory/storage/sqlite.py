@@ -246,7 +246,7 @@ def _in_use(path: Path) -> bool:
 
 
 def _version(path: Path, mode: str, busy_seconds: float) -> str:
-    """What a file says of its tables, "" for no tables at all; raises for a file of something else, or a corrupt one."""
+    """What a file says of its tables, "" for no tables; raises for a corrupt file, and for one of something else."""
     address = f"file:{quote(str(path))}?{mode}"
     with closing(sqlite3.connect(address, uri=True, timeout=busy_seconds)) as connection:
         names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}

@@ -187,8 +187,8 @@ class Transaction:
         if not rows:
             return
         chain = self._chain
-        for row in chain.view.episode_rows(self.bank, rows):
-            rows[row.source]["name"] = row.name  # it stays
+        for stored in chain.view.episode_rows(self.bank, rows):
+            rows[stored.source]["name"] = stored.name  # it stays
         with chain.whole():
             chain.sql.execute(upsert(chain.sql, EPISODE, ("bank", "source")), list(rows.values()))
             chain.delete(TAUGHT, "source", rows)

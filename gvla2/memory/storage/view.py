@@ -112,10 +112,9 @@ class View:
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        for model, length, stored, *row in self._sql.execute(
-            query.where(RECORD.c.bank == bank, RECORD.c.rev > since)
-        ):
-            record = sound(tuple(row), forgotten=True)
+        rows: Any = self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since))
+        for model, length, stored, *row in rows:
+            record = sound(row, forgotten=True)
             if record is not None:
                 vector = vector_of(length, stored)
                 found.append((record, vector, model if vector is not None else ""))
@@ -154,7 +153,7 @@ class View:
         rows = set(self._chunked(query, LINK.c.source, ids))
         if ids is not None:
             rows |= set(self._chunked(query, LINK.c.target, ids))
-        return sorted((Link(*row) for row in rows), key=lambda link: (link.source, link.kind, link.target))
+        return [Link(*row) for row in sorted(tuple[Any, ...](row) for row in rows)]
 
     # Events and episodes ------------------------------------------------------------------------------------------
 
@@ -176,6 +175,11 @@ class View:
         names = [id, *self._sql.execute(named).scalars()]
         query = select(EVENT).where(EVENT.c.bank == bank, EVENT.c.record.in_(names))
         return [Event(*row) for row in self._sql.execute(query.order_by(EVENT.c.seq))]
+
+    def decided(self, bank: str, action: str) -> set[str]:
+        """Ids of the records that a decision of this name was made about."""
+        query = select(EVENT.c.record).where(EVENT.c.bank == bank, EVENT.c.action == action)
+        return set(self._sql.execute(query.distinct()).scalars())
 
     def origins(self, bank: str, ids: Collection[str]) -> dict[str, list[str]]:
         """Who brought the evidence behind each of these records, oldest first; those with none left out."""

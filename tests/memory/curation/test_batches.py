@@ -55,14 +55,14 @@ def columns(index: Index) -> dict[str, Any]:
 
 
 def decisions(path: Path) -> list[tuple[Any, ...]]:
-    """What was decided in which order, without what tells transactions apart."""
+    """What was decided, without what tells transactions apart: within one, decisions on rows come first."""
     with sqlite3.connect(path) as connection:
         found = connection.execute(
             "SELECT action, record, target, why FROM memory_event WHERE action <> 'episode'"
             " ORDER BY record, target, seq"
         ).fetchall()
     connection.close()
-    return found
+    return sorted(found)
 
 
 def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:

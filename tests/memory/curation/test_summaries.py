@@ -22,7 +22,7 @@ def near_copies(count: int, how: str) -> list[tuple[str, str]]:
             "numbers": f"Lift the cup {number} cm before you move it sideways.",
             "counters": f"Lift the cup high before you move it sideways (run {i}).",
             "objects": f"Lift the {cup} {number} cm before you move it sideways.",
-            "words": f"{rng.choice(['Lift', 'Raise'])} the cup {rng.choice(['well', 'clearly', 'straight up', 'first'])} "
+            "words": f"{rng.choice(['Lift', 'Raise'])} the cup {rng.choice(['well', 'far', 'straight up', 'first'])} "
             f"before you {rng.choice(['move', 'carry', 'shift'])} it {rng.choice(['sideways', 'away', 'to the box'])}.",
         }
         said.append((texts[how], f"put the {cup} away"))

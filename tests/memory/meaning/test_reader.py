@@ -90,12 +90,6 @@ def test_what_is_taken_and_what_is_left(text: str) -> None:
     assert [("pip" in taken, "conda" in left) for taken, left in read(text).choices] == [(True, True)]
 
 
-def test_reasons_are_left_out() -> None:
-    said = read("Pull the handle with 18 N, otherwise the hinge bends.")
-    assert said.words == {"handl"}
-    assert "block" not in read("Start at the right end, the left one is blocked.").words
-
-
 def test_numbered_things_are_names() -> None:
     assert only("Waypoint 3 was 4 mm off.").names == {"nr3"}
     assert only("Marker 17 hangs at the ramp.").names == {"nr17"}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.methods.vector_store import Draft, VectorStore
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
+from gvla2_plugins.memory_baselines.vector_store import Draft, VectorStore
 
 GOOD = Verdict.from_criteria({"done": 1.0})
 POOR = Verdict.from_criteria({"done": 0.7})

@@ -19,11 +19,11 @@ from gvla2.memory.contracts import (
     MemoryTask,
     Verdict,
 )
-from gvla2.memory.methods.options import VectorStoreConfig
-from gvla2.memory.methods.vector_store import Draft, Found, VectorStore
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.store import Store
+from gvla2_plugins.memory_baselines import VectorStoreConfig
+from gvla2_plugins.memory_baselines.vector_store import Draft, Found, VectorStore
 
 
 class Method(Protocol):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.methods.exemplars import show_exemplars, with_values
-from gvla2.memory.methods.vector_store import Draft, Found
+from gvla2_plugins.memory_baselines.exemplars import show_exemplars, with_values
+from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 
 class Exemplars:

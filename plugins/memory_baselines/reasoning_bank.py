@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.methods.exemplars import show_exemplars, with_values
-from gvla2.memory.methods.vector_store import Draft, Found
 from gvla2.memory.verification.transcripts import abstracted, ending_of, steps_of
+from gvla2_plugins.memory_baselines.exemplars import show_exemplars, with_values
+from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 _SENTENCE = re.compile(r"(?<=[.!?。！？])\s+|\n")
 _TITLE_WORDS = 8
