@@ -99,7 +99,7 @@ def launch(
     registry = load_plugins()
     own = [kind for kind in KINDS if kind in {field.name for field in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
-    register(registry, PRIMARY, own if config_name == "memory" else KINDS)
+    register(registry, PRIMARY, own) if config_name == "memory" else register(registry, PRIMARY)
     main = hydra.main(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
     )
