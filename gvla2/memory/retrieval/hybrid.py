@@ -17,6 +17,7 @@ from gvla2.memory.retrieval.programs import filled
 from gvla2.memory.retrieval.scoring import relative_difference, scene_distance, score_terms
 
 Array = NDArray[np.float64]
+_FIRST = 64
 
 
 class HybridRetriever:
@@ -61,7 +62,7 @@ class HybridRetriever:
             rows,
             # Of the best, as BM25 / its maximum is: else what is sure would outdo what is asked for.
             relevance=relevance / max(float(relevance.max()), 1e-9),
-            distance=scene_distance(task.signature, candidates)[rows],
+            distance=scene_distance(task.signature, candidates, rows),
             filled=_filled(task, candidates, rows),
         )
         scores = np.sum(list(terms.values()), axis=0)
@@ -71,15 +72,11 @@ class HybridRetriever:
                 f"least {options.min_score:.2f} is asked."
             )
         reliable = scores >= options.min_score
-        place = {row: i for i, row in enumerate(rows.tolist())}
         best = chosen(_best_first(rows[reliable], scores[reliable], candidates.ids), candidates, options)
+        places = np.searchsorted(rows, best).tolist()
         return [
-            Ranked(
-                row,
-                float(scores[place[row]]),
-                {name: float(term[place[row]]) for name, term in terms.items()},
-            )
-            for row in best
+            Ranked(row, float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
+            for row, i in zip(best, places, strict=True)
         ], ""
 
     def _fitting(self, task: MemoryTask, candidates: Candidates) -> NDArray[np.bool_]:
@@ -118,7 +115,10 @@ def _filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) ->
 
 
 def _best_first(rows: NDArray[np.intp], scores: Array, ids: Sequence[str]) -> Iterator[int]:
-    """Rows by falling score, equal ones by id."""
-    order = np.argsort(-scores, kind="stable").tolist()
-    for _, equal in groupby(order, key=lambda i: float(scores[i])):
-        yield from sorted((int(rows[i]) for i in equal), key=lambda row: ids[row])
+    """Rows by falling score, equal ones by id; the first few, which are mostly enough, without sorting the rest."""
+    first = np.argpartition(-scores, _FIRST)[:_FIRST] if len(scores) > _FIRST else np.arange(len(scores))
+    least = scores[first].min(initial=np.inf)
+    for part in (np.flatnonzero(scores >= least), np.flatnonzero(scores < least)):
+        order = part[np.argsort(-scores[part], kind="stable")].tolist()
+        for _, equal in groupby(order, key=lambda i: float(scores[i])):
+            yield from sorted((int(rows[i]) for i in equal), key=lambda row: ids[row])

@@ -48,8 +48,8 @@ class HybridOptions:
 
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
     that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
-    constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries that
-    stand in tests/benchmarks/memory/data/calibration.jsonl; they serve the static and the MiniLM embedder alike.
+    constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries of their
+    own (tests/benchmarks/memory/data: calibration, and the first examiner); they serve static and MiniLM alike.
 
     A record from another geometry does not apply, whatever it says: those of the numbers ``essential`` that both
     scenes have may differ by ``max_difference`` of the larger one.
@@ -62,8 +62,8 @@ class HybridOptions:
     cosine_weight: float = 0.4
     top_k: int = 3
     top_k_constraints: int = 3
-    words_count: float = 0.25
-    min_evidence: float = 0.30
+    words_count: float = 0.15
+    min_evidence: float = 0.32
     min_words: float = 0.6
     min_score: float = 1.2
     max_difference: float = 0.5

@@ -68,12 +68,12 @@ def _success(weights: ScoreWeights, outcomes: NDArray[np.int8], avoidance: NDArr
     return np.asarray(np.where(avoidance & (outcomes == _FAIL), weights.verified, by_outcome[outcomes]))
 
 
-def scene_distance(signature: Mapping[str, float], candidates: Candidates) -> Array:
-    """(N,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
-    total, shared = np.zeros(len(candidates.ids)), np.zeros(len(candidates.ids))
+def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows: NDArray[np.intp]) -> Array:
+    """(K,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
+    total, shared = np.zeros(len(rows)), np.zeros(len(rows))
     for name, asked in signature.items():
         if math.isfinite(asked):
-            difference = relative_difference(candidates.numbers(name), float(asked))
+            difference = relative_difference(candidates.numbers(name)[rows], float(asked))
             known = ~np.isnan(difference)
             total[known] += difference[known]
             shared += known
