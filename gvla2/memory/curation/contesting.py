@@ -84,8 +84,8 @@ def same_lesson(first: Record, second: Record) -> bool:
 def same_words(first: str, second: str) -> bool:
     """Whether two texts say the same in the same words: their forms, units and words that say nothing aside.
 
-    When or where it holds may stand in front or behind ("in the tunnel, slow down"); otherwise the order of the words is
-    kept, for "wrap it and pack it" is not "pack it and wrap it".
+    When or where it holds may stand in front or behind ("in the tunnel, slow down"); otherwise the order of the words
+    is kept, for "wrap it and pack it" is not "pack it and wrap it".
     """
     one, two = _said(first), _said(second)
     if len(one) != len(two) or not one:
