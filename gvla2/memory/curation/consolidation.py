@@ -14,12 +14,10 @@ from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.curation.contesting import SUSPECT, Compared, compare, same_lesson
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
-from gvla2.memory.curation.summaries import alike_but_for_numbers, shares
+from gvla2.memory.curation.summaries import alike_but_for_numbers
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import Record
 
-COMPARABLE = 0.34
-"""Share of the shorter text's terms from which two are read sentence by sentence."""
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
 
 
@@ -55,8 +53,6 @@ def consolidate(
         if rival.id == candidate.id or (rival.state == "summary" and alike_but_for_numbers(candidate, rival)):
             continue  # the summary will take it in, its numbers beside the others
         both = bool(candidate.effect and rival.effect)
-        if not both and shares(candidate, rival)[1] < COMPARABLE:
-            continue
         one = rival.state == "active" and (
             rival.dedup_key == candidate.dedup_key
             or (cosine >= options.match and same_lesson(candidate, rival))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from gvla2.memory.meaning.effects import effects_conflict, same_parameter
-from gvla2.memory.meaning.english import is_english, word_set
+from gvla2.memory.meaning.english import PREPOSITIONS, is_english, word_set
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import quantities
 from gvla2.memory.meaning.stems import stem
@@ -24,9 +24,14 @@ _FAILURE = re.compile(
     r"\b(?:fail|slip|collid|crash|stuck|missed|error|broke|did not|was not|could not)|\bdropped\b"
 )
 _IDLE = word_set(
-    """the a an its s you is are be been being has have always please just simply really ensure sure must should then
+    """the a an its s you is are be been being has have always please just simply really ensure sure must should
     carefully properly"""
 )
+_ORDERING = frozenset(
+    map(stem, word_set("and then before after first next later last afterwards until once"))
+)
+_FRONT = frozenset(map(stem, PREPOSITIONS | word_set("before after when while if")))
+"""What may stand in front, up to a comma, as well as behind."""
 _TOKEN = re.compile(r"\w+(?:[./:-]\w+)*")
 
 
@@ -79,13 +84,20 @@ def same_lesson(first: Record, second: Record) -> bool:
 def same_words(first: str, second: str) -> bool:
     """Whether two texts say the same in the same words: their forms, units and words that say nothing aside.
 
-    What stands in front may stand behind ("in the tunnel, slow down"); otherwise the order of the words is kept, for
-    "the cup on the plate" is not "the plate on the cup".
+    When or where it holds may stand in front or behind ("in the tunnel, slow down"); otherwise the order of the words
+    is kept, for "wrap it and pack it" is not "pack it and wrap it".
     """
     one, two = _said(first), _said(second)
     if len(one) != len(two) or not one:
         return False
-    return one == two or any(one[i:] + one[:i] == two for i in range(1, len(one)))
+    if one == two:
+        return True
+    return any(
+        turned[i:] + turned[:i] == kept
+        for turned, kept in ((one, two), (two, one))
+        if turned[0] in _FRONT and _ORDERING.isdisjoint(turned[1:])
+        for i in range(2, len(one))
+    )
 
 
 @lru_cache(maxsize=16384)

@@ -68,6 +68,10 @@ def test_the_same_in_the_same_words(first: str, second: str) -> None:
     ("first", "second"),
     [
         ("Put the cup on the plate.", "Put the plate on the cup."),
+        ("Wrap the cup, then pack it.", "Then pack it, wrap the cup."),
+        ("Wrap, then pack.", "Pack, then wrap."),
+        ("Rinse the cup and dry the plate.", "Dry the plate and rinse the cup."),
+        ("Milk before water.", "Water before milk."),
         ("Turn the light on.", "Turn the light off."),
         ("Lift the cup 15 cm.", "Lift the cup 16 cm."),
         ("Lift the cup.", "Lift the red cup."),
