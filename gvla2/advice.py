@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 from gvla2.diagnosis import diagnose
 from gvla2.errors import PlanningError
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice
 from gvla2.planning.effects import Effect
+from gvla2.planning.programs import Program
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 
-def advice_for(record: EpisodeRecord) -> Advice:
-    """Memory's text and effects, then those of the failed attempts, whose effects bind as memory's do."""
+def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> Advice:
+    """Memory's text, effects and programs, then what failed attempts say, whose effects bind as memory's do."""
     context = record.recalled or MemoryContext()
-    effects = [Effect.from_json(item.effect, source=item.id) for item in context.items if item.effect]
+    told = [(item.effect, item.id) for item in context.items if item.effect]
+    effects = [Effect.from_json(effect, source) for effect, source in told if not _is_program(effect)]
+    programs = [Program.from_json(effect, source) for effect, source in told if _is_program(effect)]
     lines = [context.text] if context.text else []
     for number, attempt in enumerate(record.attempts, 1):
-        source, signals = f"attempt {number}", diagnose(attempt)
+        source, signals = f"attempt {number}", diagnose(attempt, skills)
         effects += [replace(signal.effect, source=source) for signal in signals if signal.effect is not None]
         reasons = [signal.words for signal in signals]
         if not reasons and attempt.verdict is not None:
@@ -26,7 +33,7 @@ def advice_for(record: EpisodeRecord) -> Advice:
         why = "; ".join(reasons) or "the goal was not reached"
         skill = f" ({attempt.plan.skill})" if attempt.plan is not None and attempt.plan.skill else ""
         lines.append(f"Earlier in this episode, {source}{skill} failed: {why}.")
-    return Advice("\n".join(lines), tuple(effects))
+    return Advice("\n".join(lines), tuple(effects), tuple(programs))
 
 
 def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:
@@ -34,10 +41,16 @@ def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str
     items, notes = [], []
     for item in context.items:
         try:
-            if item.effect:
+            if item.effect and _is_program(item.effect):
+                Program.from_json(item.effect)
+            elif item.effect:
                 Effect.from_json(item.effect)
         except PlanningError as error:
             notes.append(f"The effect of the remembered '{item.id}' was passed over: {error}")
             item = replace(item, effect=None)  # its words may still serve
         items.append(item)
     return replace(context, items=tuple(items)), tuple(notes)
+
+
+def _is_program(effect: Mapping[str, Any]) -> bool:
+    return effect.get("kind") == "program"

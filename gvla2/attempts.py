@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord
 from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 NO_MORE = ("not_started", "interrupted", "diverged")
 """Ways to stop after which the same robot had better not move again by itself."""
@@ -20,7 +23,7 @@ RISE = 0.10
 """Metres that the opened hand backs off straight up before it goes home, or as far as the workspace goes."""
 
 
-def worth_another(record: EpisodeRecord) -> bool:
+def worth_another(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> bool:
     """Whether to plan anew: something was executed, surely failed, and trying again means the same.
 
     "10 cm to the left" is said of where a thing stood: after a failed push or placement without a goal that can be seen
@@ -31,8 +34,23 @@ def worth_another(record: EpisodeRecord) -> bool:
     if record.report is None or not record.report.waypoints or record.after is None:
         return False
     stopped = record.report.abort
-    relative = record.plan.skill in ("push", "place") and "goal" not in record.plan.roles
-    return not relative and (stopped is None or stopped.abort not in NO_MORE)
+    return not _relative(record, skills) and (stopped is None or stopped.abort not in NO_MORE)
+
+
+def _relative(record: EpisodeRecord, skills: Mapping[str, Skill]) -> bool:
+    """Whether a part of the attempt goes by where a thing stood."""
+    for part in record.whole:
+        plan = part.plan
+        if plan is None:
+            continue
+        skill = skills.get(plan.skill)
+        if plan.calls:  # a place on the table stays where it is
+            found = any(call.direction is not None for call in plan.calls)
+        else:
+            found = skill is not None and skill.aimed and "goal" not in plan.roles
+        if found:
+            return True
+    return False
 
 
 def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
@@ -52,6 +70,7 @@ def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
         verdict=None,
         failure=None,
         timings={},
+        parts=(),
     )
 
 
@@ -73,9 +92,11 @@ def back_off(robot: RobotBackend, attempt: EpisodeRecord, listener: ExecutionLis
     assert attempt.after is not None
     scene = attempt.after_scene or attempt.scene
     assert scene is not None
-    report = robot.execute(_way_home(robot, attempt, scene), scene, listener)
-    stopped = report.abort
-    return f"The arm did not get home before the next attempt: {stopped.message}" if stopped else ""
+    way = _way_home(robot, attempt, scene)
+    stopped = robot.execute(way, scene, listener).abort
+    if stopped is not None and stopped.stage == "back off":  # no straight way up: another may be found
+        stopped = robot.execute(Trajectory(way.waypoints[-1:]), scene, listener).abort
+    return f"The arm did not get home before it looked again: {stopped.message}" if stopped else ""
 
 
 def _way_home(robot: RobotBackend, attempt: EpisodeRecord, scene: Scene) -> Trajectory:

@@ -16,7 +16,8 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import DISABLE_VARIABLE, Offering, Plugin, Problem, describe, discover, unannounced
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
-from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, kind_of
+from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SKILL_HOOK, SLOTS, kind_of
+from gvla2.skills.skill import Skill, fault_of
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 REINSTALL = "reinstall it with `pip install -e .`"
@@ -40,11 +41,22 @@ class Registry:
         plugins: Iterable[Plugin] = (),
         problems: Iterable[Problem] = (),
         search_paths: Iterable[str] = (),
+        skills: Iterable[tuple[Skill, Plugin]] = (),
     ) -> None:
         self._offers = {kind: dict(offers.get(kind, {})) for kind in KINDS}
         self.plugins = tuple(plugins)
         self.problems = tuple(problems)
         self.search_paths = tuple(search_paths)
+        self._skills = tuple(skills)
+
+    @property
+    def skills(self) -> dict[str, Skill]:
+        """Every skill that is offered, by name, in the order in which plugins were found."""
+        return {skill.name: skill for skill, _ in self._skills}
+
+    def skill_plugin(self, name: str) -> Plugin:
+        """Who offers the skill; raises :class:`KeyError` for one that nobody does."""
+        return {skill.name: plugin for skill, plugin in self._skills}[name]
 
     def offers(self, kind: str) -> dict[str, Offer]:
         """Components with their plugins, by name, sorted."""
@@ -69,7 +81,7 @@ class Registry:
         ``name`` is the one that was asked for. "" when there is nothing to say.
         """
         hook = kind_of(kind).hook
-        known = {*HOOKS, SEARCH_PATH_HOOK, DISABLE_VARIABLE} - {hook}
+        known = {*HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK, DISABLE_VARIABLE} - {hook}
         broken = sorted({p.plugin for p in self.problems if p.hook not in known})
         notes = []
         if broken:
@@ -85,26 +97,31 @@ class Registry:
             )
         return " ".join(notes)
 
-    def build(self, root: object, kind: str) -> Any:
+    def build(self, root: object, kind: str, built: dict[str, Any] | None = None) -> Any:
         """Build the component that ``root`` chose for ``kind``, after the components it needs.
 
         ``root`` is a composed configuration (a dataclass, a DictConfig or a mapping) with a field for each kind;
-        the field's ``name`` chooses. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a
+        the field's ``name`` chooses. A slot (:data:`~gvla2.kinds.SLOTS`) may stand for a kind; None is what it holds
+        where it chose ``none``. Raises :class:`UnknownComponentError`, :class:`ConfigurationError` for a
         wrong option or a circle of needs, and :class:`PluginError` for a component that fails or breaks its
-        protocol; a :class:`Gvla2Error` of the component itself passes through.
+        protocol; a :class:`Gvla2Error` of the component itself passes through. ``built`` as for :meth:`build_all`.
         """
-        return self.build_all(root, (kind,))[kind]
+        return self.build_all(root, (kind,), built)[kind]
 
-    def build_all(self, root: object, kinds: Iterable[str]) -> dict[str, Any]:
+    def build_all(
+        self, root: object, kinds: Iterable[str], built: dict[str, Any] | None = None
+    ) -> dict[str, Any]:
         """Like :meth:`build` for several kinds; a component that two of them need is built once.
 
-        After a failure the components already built are closed, where they have a ``close``.
+        ``built`` holds components that there are already, by kind, and gets all that are built here, the needed ones
+        too. After a failure the components built here are closed, where they have a ``close``.
         """
-        built: dict[str, Any] = {}
+        built = {} if built is None else built
+        before = len(built)
         try:
             return {kind: self._build(root, kind, (), built) for kind in kinds}
         except BaseException:
-            for made in reversed(built.values()):
+            for made in reversed(list(built.values())[before:]):
                 close = getattr(made, "close", None)
                 if callable(close):
                     close()
@@ -113,19 +130,23 @@ class Registry:
     def _build(self, root: object, kind: str, path: tuple[str, ...], built: dict[str, Any]) -> Any:
         if kind in built:
             return built[kind]
+        if nothing_in(root, kind):
+            built[kind] = None
+            return None
         if kind in path:
             circle = " -> ".join((*path[path.index(kind) :], kind))
             raise ConfigurationError(f"These components need one another in a circle: {circle}.")
         config, component = self.configure(root, kind)
         needs = {need: self._build(root, need, (*path, kind), built) for need in component.needs}
-        what = f"The {kind} '{component.name}' of plugin '{self._offers[kind][component.name].plugin.name}'"
+        own = SLOTS.get(kind, kind)
+        what = f"The {kind} '{component.name}' of plugin '{self._offers[own][component.name].plugin.name}'"
         try:
             made = component.build(config, **needs)
         except Gvla2Error:
             raise
         except Exception as error:
             raise PluginError(f"{what} could not be built: {describe(error)}") from error
-        lacking = kind_of(kind).missing(made)
+        lacking = kind_of(own).missing(made)
         if lacking:
             raise PluginError(f"{what} built a {type(made).__name__}, which lacks {', '.join(lacking)}.")
         built[kind] = made
@@ -133,12 +154,12 @@ class Registry:
 
     def configure(self, root: object, kind: str) -> tuple[ComponentConfig, Component[Any]]:
         """The typed options that ``root`` holds for ``kind``, and the component that they are for."""
-        kind_of(kind)
-        node: Any = root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
+        own = kind_of(SLOTS.get(kind, kind)).name
+        node = _node(root, kind)
         name = node if isinstance(node, str) else _name_in(node)
         if not name:
             raise ConfigurationError(f"The configuration chooses no {kind}. Choose one with {kind}=NAME.")
-        component = self.get(kind, name)
+        component = self.get(own, name)
         if isinstance(node, component.config):
             return node, component
         if dataclasses.is_dataclass(node):
@@ -198,12 +219,22 @@ def assemble(
     found = list(problems)
     offers: dict[str, dict[str, Offer]] = {kind: {} for kind in KINDS}
     paths: list[str] = []
+    skills: dict[str, tuple[Skill, Plugin]] = {}
     for offering in offerings:
         for item in offering.items:
             if offering.hook == SEARCH_PATH_HOOK:
                 fault = _fault_of_path(item)
                 if not fault:
                     paths.append(str(item))
+            elif offering.hook == SKILL_HOOK:
+                fault = fault_of(item)
+                if not fault:
+                    assert isinstance(item, Skill)
+                    if item.name in skills:
+                        owner = skills[item.name][1].name
+                        fault = f"'{item.name}' is already offered by plugin '{owner}', which wins. Rename this one."
+                    else:
+                        skills[item.name] = item, offering.plugin
             else:
                 taken = offers[HOOKS[offering.hook].name]
                 fault = _fault_of_component(item, HOOKS[offering.hook].name, taken)
@@ -212,7 +243,16 @@ def assemble(
                     taken[item.name] = Offer(item, offering.plugin)
             if fault:
                 found.append(Problem(offering.plugin.name, offering.hook, fault))
-    return Registry(offers, plugins, found, paths)
+    return Registry(offers, plugins, found, paths, skills.values())
+
+
+def nothing_in(root: object, kind: str) -> bool:
+    """Whether the kind is a slot (:data:`~gvla2.kinds.SLOTS`) that ``root`` leaves empty."""
+    return kind in SLOTS and _name_in(_node(root, kind)) in ("", "none")
+
+
+def _node(root: object, kind: str) -> Any:
+    return root.get(kind) if isinstance(root, Mapping | DictConfig) else getattr(root, kind, None)
 
 
 def _name_in(node: Any) -> str:

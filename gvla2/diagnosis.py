@@ -5,31 +5,32 @@ A failure without a diagnosed signal teaches words alone; guessing a bound would
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from gvla2.correspondence import correspond
-from gvla2.diagnosis_mechanisms import EMPTY, Signal, fell_short
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import BEFORE, Effect
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Waypoint
 from gvla2.record.contents import EpisodeRecord
 from gvla2.robot.report import ExecutionReport, WaypointReport
+from gvla2.skills.outcome import EMPTY, Outcome, Reached, Signal
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 CLEARANCE_MARGIN = 0.03
 """Metres to stay clear by, beyond the clearance at which something was touched."""
 DEPTH_MARGIN = 0.005
 """Metres to grasp deeper at least after a slip; a tenth of the object's height where that is more."""
-PUSH_TOLERANCE = 0.01
-"""Metres off the goal's centre that are no error of the push."""
 DROP = 0.03
 """Metres lower that something is put down, not let go of by a stop's play; and aside that are the same place."""
 
 
-def diagnose(record: EpisodeRecord) -> list[Signal]:
-    """The signals of an executed episode, none for one that was not executed.
+def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> list[Signal]:
+    """The signals of an executed episode, none for one that was not executed; ``skills`` add their own diagnoses.
 
     Bounds on parameters that go with the object's size are shares of it, as the plan's ``scales`` say.
     """
@@ -40,11 +41,10 @@ def diagnose(record: EpisodeRecord) -> list[Signal]:
     found = [
         _slip(plan, report, theme),
         _touch(plan, report),
-        _misplaced_push(plan, record.scene, record.after_scene, theme),
         _opened_early(plan, report),
         _unreachable(plan, report),
     ]
-    short = fell_short(plan, report, record.scene, record.after_scene, theme)
+    short = _fell_short(record, skills.get(plan.skill), theme)
     if short is not None:
         if report.completed and any(s is not None and s.kind in ("slip", "missed_grasp") for s in found):
             short = None  # what was lost could not be moved further
@@ -76,6 +76,24 @@ def approach_of(plan: Plan) -> str:
     closing = next((w for w in turned if w.gripper < 0.5), turned[0])
     down = -closing.orientation.vector[2] / (float(np.linalg.norm(closing.orientation.vector)) or 1.0)
     return "top" if down > 0.7 else "below" if down < -0.7 else "side"
+
+
+def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject | None) -> Signal | None:
+    """What the skill's own diagnosis says of how far things were moved; None where it has none or cannot tell.
+
+    It is asked of motions that ran to their end, or lost what the thing that is moved may have held back.
+    """
+    plan, report, before, after = record.plan, record.report, record.scene, record.after_scene
+    if skill is None or skill.diagnose is None or theme is None:
+        return None
+    if plan is None or report is None or before is None or after is None:
+        return None
+    slipped = report.abort is not None and report.abort.abort == "slipped"
+    if not (report.completed or (skill.held_back and slipped)):
+        return None
+    reached = tuple(Reached(r.index, r.stage, r.gripper_width) for r in report.waypoints)
+    later = correspond(before, after).of
+    return skill.diagnose(Outcome(plan, before, theme, later, reached, slipped))
 
 
 def _planned(plan: Plan, report: WaypointReport) -> Waypoint | None:
@@ -141,29 +159,6 @@ def _touch(plan: Plan, report: ExecutionReport) -> Signal | None:
             )
             return Signal("contact", f"the robot touched something during '{done.stage}'", effect or None)
     return None
-
-
-def _misplaced_push(
-    plan: Plan, before: Scene, after: Scene | None, theme: SceneObject | None
-) -> Signal | None:
-    """Pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
-    goal = next((o for o in before.objects if o.id == plan.roles.get("goal")), None)
-    if plan.skill != "push" or after is None or theme is None or goal is None:
-        return None
-    later = correspond(before, after).of(theme.id)
-    way = (goal.centre - theme.centre)[:2]
-    length = float(np.linalg.norm(way))
-    if later is None or length < 1e-6:
-        return None
-    along = float((later.centre - goal.centre)[:2] @ way) / length
-    if abs(along) <= PUSH_TOLERANCE:
-        return None
-    used = plan.parameters.get("push_overshoot")
-    if along > 0:
-        bound = None if used is None else Effect("bound", "push_overshoot", used - along, "<=", skill="push")
-        return Signal("overshoot", "the object was pushed past the goal", bound)
-    bound = None if used is None else Effect("bound", "push_overshoot", used - along, ">=", skill="push")
-    return Signal("undershoot", "the object was not pushed as far as the goal", bound)
 
 
 def _opened_early(plan: Plan, report: ExecutionReport) -> Signal | None:

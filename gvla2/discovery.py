@@ -22,7 +22,7 @@ from typing import Any
 import pluggy
 
 from gvla2 import hookspecs
-from gvla2.kinds import HOOKS, SEARCH_PATH_HOOK
+from gvla2.kinds import HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.markers import PROJECT
 
 DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
@@ -31,7 +31,7 @@ DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
 OWN_PLUGINS = "gvla2_plugins"
 """The package of gvla2's own plugins, one folder each. They are announced like anybody else's."""
 
-_KNOWN_HOOKS = (*HOOKS, SEARCH_PATH_HOOK)
+_KNOWN_HOOKS = (*HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK)
 
 
 @dataclass(frozen=True)

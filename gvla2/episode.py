@@ -2,9 +2,9 @@
 
     observe -> perceive -> reconstruct -> recall -> plan -> check -> execute -> verify -> learn
 
-Read :func:`run_episode` first; each stage below it is one function from record to record. Where an attempt is seen to
-have failed, the stages from observe to verify may be gone through again. A simulator's referee speaks last, after
-everything was learnt, so that no stage can see true state.
+Read :func:`run_episode` first; each stage below it is one function from record to record. A program that takes more
+than one plan goes round from observe to verify part by part; where an attempt is seen to have failed, all of it may be
+gone through again. A simulator's referee speaks last, after everything was learnt, so that no stage can see true state.
 """
 
 from __future__ import annotations
@@ -17,9 +17,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.advice import advice_for, with_sound_effects
+from gvla2.advice import with_sound_effects
 from gvla2.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
-from gvla2.checking import check_plan
+from gvla2.consulting import Asked, Consultation
+from gvla2.continuing import (
+    clear_the_view,
+    goes_on,
+    next_part,
+    rest_of_program,
+    too_long,
+    words_of_part,
+)
 from gvla2.errors import (
     Gvla2Error,
     MemoryStoreError,
@@ -29,10 +37,11 @@ from gvla2.errors import (
     SimulationError,
 )
 from gvla2.evidence import RobotEvidence
-from gvla2.lessons import memory_episode, memory_task, transcript
+from gvla2.language.endpoint import LanguageModel
+from gvla2.language.failures import ModelUnavailableError
+from gvla2.lessons import memory_task, transcript
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
-from gvla2.planning.asking import ask
-from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
+from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
 from gvla2.refine import GeometryParts, refine_scene
@@ -40,8 +49,11 @@ from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+from gvla2.telling import told_of
 
-ABANDONED: tuple[str, ...] = ("error", "crashed", "interrupted")
+ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""
 
 VOID = "simulation"
@@ -50,7 +62,11 @@ VOID = "simulation"
 
 @dataclass(frozen=True)
 class Parts:
-    """The components of one run, built; ``choices`` are their names by Hydra group."""
+    """The components of one run, built; ``choices`` are their names by Hydra group.
+
+    ``fallback`` plans where the planner fails or declines for want of means; ``skills`` are those that planners call;
+    ``language`` is the model that some of them ask, None where none does.
+    """
 
     robot: RobotBackend
     task: Task | None
@@ -60,14 +76,18 @@ class Parts:
     planner: Planner
     verifier: Verifier
     choices: Mapping[str, str]
+    fallback: Planner | None = None
+    skills: Mapping[str, Skill] = field(default_factory=lambda: STANDARD)
+    language: LanguageModel | None = None
 
 
 @dataclass(frozen=True)
 class EpisodeRequest:
     """What to run: ``instruction`` None takes the task's own sentence for the seed; ``source`` identifies the run.
 
-    After an attempt that the verifier is sure has failed there are up to ``replan`` further ones. A planner that does
-    not answer within ``planner_timeout`` seconds ends the episode; 0 waits for ever.
+    A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
+    ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
+    there is a fallback; 0 waits for ever.
     """
 
     seed: int
@@ -76,6 +96,7 @@ class EpisodeRequest:
     source: str = ""
     replan: int = 0
     planner_timeout: float = 60.0
+    max_parts: int = 6
 
 
 class EpisodeListener(Protocol):
@@ -107,31 +128,60 @@ def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener
         seed=request.seed,
         choices=parts.choices,
     )
-    attempt: _Stages = (
+    counted = _counting(parts.language)
+    once: _Stages = (
         ("observe", lambda r: _observe(r, parts, request, listener)),
         ("perceive", lambda r: _perceive(r, parts)),
         ("reconstruct", lambda r: _reconstruct(r, parts)),
         ("recall", lambda r: _recall(r, parts)),
-        ("plan", lambda r: _plan(r, parts, request)),
-        ("check", lambda r: _check(r, parts, request)),
+        ("plan", lambda r: _consultation(r, parts, request).plan(r)),
+        ("check", lambda r: _consultation(r, parts, request).check(r)),
         ("execute", lambda r: _execute(r, parts, request, listener)),
         ("verify", lambda r: _verify(r, parts)),
     )
-    record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *attempt), record, listener)
+    once = counted(once)
+    again = tuple(entry for entry in once if entry[0] != "recall")  # its answer stays
+    record = _go_through((("setup", lambda r: _set_up(r, parts, request)), *once), record, listener)
+    record = _to_the_end(record, again, request.max_parts, listener)
     for _ in range(request.replan):
-        if not worth_another(record):
+        if not worth_another(record, parts.skills):
             break
-        again = tuple(entry for entry in attempt if entry[0] != "recall")  # its answer stays
         record = _go_through(again, next_attempt(record), listener)
         if record.report is None:
             broken = record.failure is not None and record.failure.kind in (*ABANDONED, VOID)
             record = record if broken else came_to_nothing(record)
             break
+        record = _to_the_end(record, again, request.max_parts, listener)
     closing: _Stages = (("learn", lambda r: _learn(r, parts)), ("judge", lambda r: _judge(r, parts)))
-    return _go_through(closing, record, listener)
+    return _go_through(counted(closing), record, listener)
 
 
 _Stages = tuple[tuple[Stage, Callable[[EpisodeRecord], EpisodeRecord]], ...]
+
+
+def _to_the_end(
+    record: EpisodeRecord, stages: _Stages, most: int, listener: EpisodeListener
+) -> EpisodeRecord:
+    """Carry out what the first plan of an attempt left to do, part by part, until it is done or a part fails."""
+    while goes_on(record):
+        if len(record.whole) >= most:
+            return too_long(record, most)
+        record = _go_through(stages, next_part(record), listener)
+    return record
+
+
+def _counting(language: LanguageModel | None) -> Callable[[_Stages], _Stages]:
+    """Stages that note in their record what the model has cost from now on."""
+    if language is None:
+        return lambda stages: stages
+    ledger, before = language.ledger, language.ledger.totals()
+
+    def counting(
+        function: Callable[[EpisodeRecord], EpisodeRecord],
+    ) -> Callable[[EpisodeRecord], EpisodeRecord]:
+        return lambda record: replace(function(record), language=ledger.totals(before))
+
+    return lambda stages: tuple((stage, counting(function)) for stage, function in stages)
 
 
 def _go_through(stages: _Stages, record: EpisodeRecord, listener: EpisodeListener) -> EpisodeRecord:
@@ -155,9 +205,10 @@ def _still_worthwhile(stage: Stage, record: EpisodeRecord) -> bool:
         return False
     if stage == "verify":
         return record.plan is not None
+    earlier = bool(record.attempts or record.parts)
     if stage == "learn":
-        return record.verdict is not None or bool(record.attempts)
-    return stage == "judge" and (record.observation is not None or bool(record.attempts))
+        return record.verdict is not None or earlier
+    return stage == "judge" and (record.observation is not None or earlier)
 
 
 def _run_stage(
@@ -190,6 +241,8 @@ def _run_stage(
         return ended(replace(record, failure=Failure(stage, "invalid_plan", str(error))))
     except SimulationError as error:
         return ended(replace(record, failure=Failure(stage, VOID, str(error))))
+    except ModelUnavailableError as error:
+        return ended(replace(record, failure=Failure(stage, "unavailable", str(error))))
     except Gvla2Error as error:
         return ended(replace(record, failure=Failure(stage, "error", str(error))))
     except KeyboardInterrupt:
@@ -211,11 +264,21 @@ def _set_up(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> Epi
 def _observe(
     record: EpisodeRecord, parts: Parts, request: EpisodeRequest, listener: EpisodeListener
 ) -> EpisodeRecord:
-    if record.attempts:
-        trouble = back_off(parts.robot, record.attempts[-1], ExecutionListener(listener.frame))
+    if record.attempts or record.parts:
+        moving = ExecutionListener(listener.frame)
+        trouble = (
+            clear_the_view(parts.robot, record.parts[-1], moving)
+            if record.parts
+            else back_off(parts.robot, record.attempts[-1], moving)
+        )
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
-    noise = np.random.default_rng([request.seed, 2 * len(record.attempts)])
+    noise = np.random.default_rng([request.seed, 2 * _looks(record)])
     return replace(record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise))
+
+
+def _looks(record: EpisodeRecord) -> int:
+    """How many times the robot has looked and moved before this attempt's present part."""
+    return sum(len(each.whole) for each in record.attempts) + len(record.parts)
 
 
 def _perceive(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
@@ -241,54 +304,15 @@ def _recall(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     return replace(record, recalled=context, notes=record.notes + notes + skipped)
 
 
-def _plan(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
-    """Ask the planner; an answer that is no plan is given back to it once, with what is wrong with it."""
-    planner, seconds = parts.choices.get("planner", ""), request.planner_timeout
-    try:
-        plan = ask(parts.planner, _plan_request(record, parts), planner, seconds)
-    except PlannerTimeoutError:
-        raise
-    except PlanningError as error:
-        plan = ask(parts.planner, _plan_request(record, parts, (str(error),)), planner, seconds)
-        record = replace(record, notes=(*record.notes, f"{error} It was asked again."))
-    notes = (f"The planner '{plan.fallback}' stepped in.",) if plan.fallback else ()
-    record = replace(record, plan=plan, notes=record.notes + notes)
-    if plan.abstention is not None:
-        return replace(record, failure=Failure("plan", plan.abstention.kind, plan.abstention.message))
-    return record
-
-
-def _plan_request(record: EpisodeRecord, parts: Parts, rejections: tuple[str, ...] = ()) -> PlanRequest:
-    assert record.scene is not None
-    assert record.observation is not None
-    return PlanRequest(
-        instruction=record.instruction,
-        scene=record.scene,
-        arm=parts.robot.arm,
-        start=record.observation.world_from_tcp,
-        joints=record.observation.joints,
-        observation=record.observation,
-        advice=advice_for(record),
-        rejections=rejections,
-    )
-
-
-def _check(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> EpisodeRecord:
-    """Check the plan; on findings repair it once, then ask the planner once more with the reasons."""
-    assert record.plan is not None
-    record, report = check_plan(record, parts.robot.arm)
-    if not report.passed:
-        rejected = report.reasons
-        asked = _plan_request(record, parts, rejections=rejected)
-        plan = ask(parts.planner, asked, parts.choices.get("planner", ""), request.planner_timeout)
-        if plan.abstention is None:
-            record, report = check_plan(replace(record, plan=plan), parts.robot.arm)
-            note = f"The first plan was rejected ({'; '.join(rejected)}) and the planner asked again."
-            record = replace(record, notes=(*record.notes, note))
-    record = replace(record, checks=report)
-    if not report.passed:
-        return replace(record, failure=Failure("check", "rejected", " ".join(report.reasons)))
-    return record
+def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) -> Consultation:
+    """Whom to ask for a plan: the planner and its fallback, or for a later part the program itself."""
+    name, other = parts.choices.get("planner", ""), parts.choices.get("fallback", "fallback")
+    first, fallback = Asked(name, parts.planner), None
+    if record.parts:
+        first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record))
+    elif parts.fallback is not None:
+        fallback = Asked(other, parts.fallback)
+    return Consultation(first, fallback, request.planner_timeout, parts.robot.arm, parts.skills)
 
 
 def _execute(
@@ -310,7 +334,7 @@ def _execute(
         message = f"Waypoint {stopped.index} ({stopped.stage}): {stopped.message or stopped.abort}"
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
-        noise = np.random.default_rng([request.seed, 2 * len(record.attempts) + 1])
+        noise = np.random.default_rng([request.seed, 2 * _looks(record) + 1])
         after = apply_noise(parts.robot.observe(), request.depth_noise, noise)
         scene = parts.perceiver.perceive(after, record.instruction, parts.robot.arm.workspace)
         return replace(record, after=after, after_scene=scene)
@@ -326,7 +350,7 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
     seen = record.after or record.observation
     assert seen is not None
     evidence = RobotEvidence(
-        instruction=record.instruction,
+        instruction=words_of_part(record) if record.partial else record.instruction,
         transcript=transcript(record),
         before=record.scene,
         after=record.after_scene,
@@ -346,19 +370,14 @@ def _verify(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
 
 
 def _learn(record: EpisodeRecord, parts: Parts) -> EpisodeRecord:
-    """Tell memory of every attempt, each in the light of its own verdict."""
-    told = []
-    for number, attempt in enumerate((*record.attempts, replace(record, attempts=())), 1):
-        verdict = attempt.verdict
-        if attempt.plan is None or verdict is None:
-            continue
-        if number <= len(record.attempts):
-            attempt = replace(attempt, episode_id=f"{record.episode_id}#{number}")
+    """Tell memory of every attempt and every part, each in the light of its own verdict."""
+    answers = []
+    for episode, verdict in told_of(record, parts.skills):
         try:
-            told.append(parts.memory.learn(memory_episode(attempt, verdict), verdict))
+            answers.append(parts.memory.learn(episode, verdict))
         except MemoryStoreError as error:
-            told.append(Learned(degraded=str(error)))
-    learned = pooled(told)
+            answers.append(Learned(degraded=str(error)))
+    learned = pooled(answers)
     notes = (f"Nothing was learnt: {learned.degraded}",) if learned.degraded else ()
     return replace(record, learned=learned, notes=record.notes + notes)
 

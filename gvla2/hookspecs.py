@@ -17,12 +17,14 @@ from gvla2.markers import hookspec
 
 if TYPE_CHECKING:
     from gvla2.component import Component
+    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
     from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor, Renderer
     from gvla2.robot.backend import RobotBackend
     from gvla2.robot.camera import Camera
     from gvla2.robot.task import Task
+    from gvla2.skills.skill import Skill
 
 
 @hookspec
@@ -110,8 +112,20 @@ def gvla2_planners() -> Iterable[Component[Planner]]:
 
 
 @hookspec
+def gvla2_skills() -> Iterable[Skill]:
+    """Return skills that every planner may call: all that are offered, by name (no Hydra group)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
 def gvla2_verifiers() -> Iterable[Component[Verifier]]:
     """Return verifiers: judge an episode from its evidence (Hydra group ``verifier``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_language_models() -> Iterable[Component[LanguageModel]]:
+    """Return language models for components that say ``needs=("language",)`` (Hydra group ``language``)."""
     raise AssertionError("specification only")
 
 

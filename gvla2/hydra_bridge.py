@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import ClassVar
 
 from hydra.core.config_search_path import ConfigSearchPath
@@ -18,7 +18,8 @@ from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry, structured
-from gvla2.kinds import KINDS
+from gvla2.component import ComponentConfig
+from gvla2.kinds import KINDS, SLOTS
 
 PROVIDER = "gvla2"
 LONGEST_FOLDER_NAME = 80
@@ -35,19 +36,24 @@ class PresetSearchPath(SearchPathPlugin):
             search_path.append(provider=PROVIDER, path=path)
 
 
-def register(registry: Registry, schemas: Mapping[str, type] | None = None) -> None:
-    """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``.
+def register(
+    registry: Registry, schemas: Mapping[str, type] | None = None, kinds: Iterable[str] = (*KINDS, *SLOTS)
+) -> None:
+    """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, and in the slots.
 
     ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``. Calling it again with
-    another registry replaces what the former call offered.
+    another registry replaces what the former call offered. ``kinds`` are those that matter: a command of few groups
+    starts the faster.
     """
     store = ConfigStore.instance()
-    for kind in KINDS:
-        group = store.repo.get(kind, {})
+    for group_name in kinds:
+        group = store.repo.get(group_name, {})
         for stale in [key for key, node in group.items() if getattr(node, "provider", None) == PROVIDER]:
             del group[stale]
-        for name, component in registry.components(kind).items():
-            store.store(group=kind, name=name, node=structured(component), provider=PROVIDER)
+        for name, component in registry.components(SLOTS.get(group_name, group_name)).items():
+            store.store(group=group_name, name=name, node=structured(component), provider=PROVIDER)
+    for slot in SLOTS:
+        store.store(group=slot, name="none", node=ComponentConfig(name="none"), provider=PROVIDER)
     for name, schema in (schemas or {}).items():
         store.store(name=f"{name}_schema", node=schema, provider=PROVIDER)
     PresetSearchPath.paths = registry.search_paths

@@ -13,6 +13,8 @@ from typing import Any
 from gvla2.errors import ConfigurationError
 
 SEARCH_PATH_HOOK = "gvla2_config_search_path"
+SKILL_HOOK = "gvla2_skills"
+"""Skills are a table, not one choice of several: all that are offered can be called, so they are no kind."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +67,17 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("judge", "gvla2_judges", "gvla2.memory.contracts:Judge"),
             Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
             Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
+            Kind("language", "gvla2_language_models", "gvla2.language.endpoint:LanguageModel"),
         )
     }
 )
-"""All kinds by name, in the order of an episode."""
+"""All kinds by name, in the order of an episode; last the model that others may ask."""
+
+SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
+"""Hydra groups that choose once more among the components of a kind, or ``none`` of them: the slot and its kind."""
 
 HOOKS: Mapping[str, Kind] = MappingProxyType({kind.hook: kind for kind in KINDS.values()})
-"""The kinds by hook; the one hook without a kind is :data:`SEARCH_PATH_HOOK`."""
+"""The kinds by hook; hooks without a kind are :data:`SEARCH_PATH_HOOK` and :data:`SKILL_HOOK`."""
 
 
 def kind_of(name: str) -> Kind:

@@ -8,47 +8,26 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 import gvla2
 from gvla2.diagnosis import approach_of, diagnose, theme_of
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import Effect, sides_of
+from gvla2.planning.programs import calls_program, kind_of, waypoints_program
+from gvla2.planning.relative import relative_steps
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
 
 TRANSCRIPT_LIMIT = 8000
-SKILL_WORDS = {
-    "pick": "Pick up (grasp, grab, take, lift, raise)",
-    "place": "Place (put, set down on or into a goal)",
-    "push": "Push (slide, shove, move to a goal)",
-    "press": "Press (push down, switch or turn on)",
-    "open": "Open (swing, lift, flip up a lid)",
-    "close": "Close (shut, swing or fold down a lid)",
-    "pull": "Pull (draw, slide out, open a drawer)",
-    "shut": "Shut (close, push in a drawer)",
-    "draw": "Draw out (extract, pull out, take from between)",
-    "twist": "Twist (turn, unscrew, open, take off a cap)",
-    "insert": "Insert (put, slide, thread over a post)",
-}
-"""How a lesson names a skill; the other verbs let other wordings of an instruction find it."""
-KEY_PARAMETERS = {
-    "pick": ("grasp_depth", "approach_tilt", "standoff"),
-    "place": ("place_height", "grasp_depth", "transit_clearance"),
-    "push": ("push_overshoot", "push_height", "standoff"),
-    "press": ("press_depth", "standoff"),
-    "open": ("open_angle", "lip_depth", "standoff"),
-    "close": ("let_go_angle", "hook_depth", "standoff"),
-    "pull": ("pull_distance", "grasp_depth", "standoff"),
-    "draw": ("grasp_depth", "end_distance", "pull_distance"),
-    "twist": ("turn", "grasp_depth", "standoff"),
-    "insert": ("insert_depth", "grasp_depth", "transit_clearance"),
-}
-"""The parameters of each skill that decide most; as many as a recall shows hints at a time.
+MOST_PARAMETERS = 3
+"""Of a skill's key parameters, so many are taught: as many as a recall shows hints at a time.
 
 How high to lift and how far to push are not among them: that is the instruction's to say, not experience's. How far
 to swing, turn or pull something open is: no sentence says it.
 """
-MOST_PARAMETERS = 3
 
 
 def memory_task(record: EpisodeRecord) -> MemoryTask:
@@ -69,14 +48,16 @@ def memory_task(record: EpisodeRecord) -> MemoryTask:
     if theme is not None:
         width, length = sorted(float(v) for v in theme.extents[:2])
         signature |= {"theme_length": length, "theme_width": width, "theme_height": float(theme.extents[2])}
-    return MemoryTask(record.instruction, signature, skill)
+    return MemoryTask(record.instruction, signature, skill, tuple(map(kind_of, record.scene.objects)))
 
 
-def memory_episode(record: EpisodeRecord, verdict: Verdict) -> MemoryEpisode:
+def memory_episode(
+    record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill] = STANDARD
+) -> MemoryEpisode:
     """What memory is told: the lessons of the episode in the light of its verdict, and where they come from."""
     return MemoryEpisode(
         task=memory_task(record),
-        lessons=tuple(_lessons(record, verdict)),
+        lessons=tuple(_lessons(record, verdict, skills)),
         transcript=transcript(record),
         recalled=record.recalled or MemoryContext(),
         source=record.episode_id,
@@ -122,17 +103,17 @@ def transcript(record: EpisodeRecord) -> str:
     return text if len(text) <= TRANSCRIPT_LIMIT else text[: TRANSCRIPT_LIMIT - 1] + "…"
 
 
-def _lessons(record: EpisodeRecord, verdict: Verdict) -> list[Lesson]:
+def _lessons(record: EpisodeRecord, verdict: Verdict, skills: Mapping[str, Skill]) -> list[Lesson]:
     if record.plan is None:
         return []
     if record.report is None or not record.report.waypoints or record.plan.trajectory is None:
-        return _not_executed(record)
+        return _not_executed(record, skills)
     if verdict.outcome == "verified_success":
-        return _from_success(record)
-    return _from_failure(record, certain=verdict.outcome == "verified_fail")
+        return _from_success(record, skills)
+    return _from_failure(record, skills, certain=verdict.outcome == "verified_fail")
 
 
-def _not_executed(record: EpisodeRecord) -> list[Lesson]:
+def _not_executed(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
     """Nothing moved, so nothing was learnt about moving; only how the planner takes such an instruction."""
     assert record.plan is not None
     if record.plan.abstention is not None:
@@ -142,24 +123,25 @@ def _not_executed(record: EpisodeRecord) -> list[Lesson]:
         what = f"the plan was rejected before any motion ({', '.join(kinds)})"
     else:
         return []
-    return [Lesson("tool_usage", f"{_subject(record)}: {what}. Nothing was executed.")]
+    return [Lesson("tool_usage", f"{_subject(record, skills)}: {what}. Nothing was executed.")]
 
 
-def _from_success(record: EpisodeRecord) -> list[Lesson]:
+def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Lesson]:
     """What worked: one hint a key parameter, with its value as a prior; the order of stages without any.
 
     Values that go with the object's size are shares of it, so that they hold for other sizes.
     """
     assert record.plan is not None
-    plan, subject, trajectory = record.plan, _subject(record), record.plan.trajectory
+    plan, subject, trajectory = record.plan, _subject(record, skills), record.plan.trajectory
     assert trajectory is not None
     usable = [n for n, v in plan.parameters.items() if math.isfinite(v)]
-    ranked = KEY_PARAMETERS.get(plan.skill, tuple(sorted(usable)))
+    ranked = (skills[plan.skill].key if plan.skill in skills else ()) or sorted(usable)
     chosen = [n for n in ranked if n in usable][:MOST_PARAMETERS]
     if not chosen:
         stages = list(dict.fromkeys(w.stage for w in trajectory))
-        return [Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")]
-    return [
+        hint = Lesson("procedural_hint", f"{subject}: these stages succeeded: {', '.join(stages)}.")
+        return [hint, *_programs(record, subject)]
+    hints = [
         Lesson(
             "procedural_hint",
             f"{subject}: this {name.replace('_', ' ')} succeeded.",
@@ -169,20 +151,41 @@ def _from_success(record: EpisodeRecord) -> list[Lesson]:
         )
         for name in chosen
     ]
+    return [*hints, *_programs(record, subject)]
 
 
-def _from_failure(record: EpisodeRecord, *, certain: bool) -> list[Lesson]:
+def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
+    """What worked as a program: as the planner meant it, and in the other languages as it was carried out."""
+    assert record.plan is not None
+    assert record.scene is not None
+    plan, names = record.plan, {o.id: o.id for o in record.scene.objects}
+    about = {"roles": plan.roles, "skill": plan.skill, "instruction": record.instruction}
+    found = {plan.program.language: plan.program} if plan.program is not None else {}
+    if "calls" not in found and plan.calls:
+        found["calls"] = calls_program([str(call) for call in plan.calls], names, record.scene, **about)
+    if "waypoints" not in found and plan.trajectory is not None:
+        steps = relative_steps(plan.trajectory, record.scene, plan.roles)
+        if steps and not plan.remaining:
+            found["waypoints"] = waypoints_program(steps, record.scene, **about)
+    words = {"calls": "this program of calls succeeded", "waypoints": "these waypoints of the hand succeeded"}
+    return [
+        Lesson("procedural_hint", f"{subject}: {words[language]}.", program.to_json())
+        for language, program in found.items()
+    ]
+
+
+def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain: bool) -> list[Lesson]:
     """What to avoid: diagnosed causes; or, for a certain failure without any, that it failed and how it ended."""
     assert record.plan is not None
     assert record.report is not None
-    subject = _subject(record)
+    subject = _subject(record, skills)
     lessons = [
         Lesson(
             "failure_avoidance",
             f"{subject}: failed because {signal.words}.",
             signal.effect.to_json() if signal.effect else None,
         )
-        for signal in diagnose(record)
+        for signal in diagnose(record, skills)
     ]
     if lessons or not certain:
         return lessons
@@ -192,11 +195,12 @@ def _from_failure(record: EpisodeRecord, *, certain: bool) -> list[Lesson]:
     return [Lesson("failure_avoidance", words.replace("although it stopped", "and it stopped"))]
 
 
-def _subject(record: EpisodeRecord) -> str:
+def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
     """Skill, size class, build and shape, and approach: the kind of episode, without its colours and numbers."""
     assert record.plan is not None
     plan, theme = record.plan, theme_of(record)
-    words = SKILL_WORDS.get(plan.skill, plan.skill.capitalize() or "Follow an instruction")
+    known = skills[plan.skill].words if plan.skill in skills else ""
+    words = known or plan.skill.capitalize() or "Follow an instruction"
     if theme is None:
         return words
     shape = "object" if theme.shape == "other" else theme.shape

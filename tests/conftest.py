@@ -1,6 +1,7 @@
 """Shared fixtures: composed configurations and the catalog of plugins."""
 
 import logging
+import os
 import re
 import textwrap
 from collections.abc import Callable, Iterator
@@ -83,3 +84,14 @@ def _logging_as_it_was() -> Iterator[None]:
     for handler in set(root.handlers) - set(handlers):
         handler.close()
     root.handlers[:], root.level = handlers, level
+
+
+@pytest.fixture(scope="session")
+def local_model() -> Path:
+    """The file of a real language model; what needs it is marked ``model`` and skipped where it is absent."""
+    folder = Path(os.environ.get("GVLA2_MODELS") or "~/.cache/gvla2/models").expanduser()
+    file = folder / "qwen2.5-coder-1.5b-instruct-q4_k_m.gguf"
+    if not file.is_file():
+        pytest.skip(f"there is no model at {file}: scripts/fetch_model brings it (1.1 GB)")
+    pytest.importorskip("xllamacpp", reason="pip install 'gvla2[local-llm]'")
+    return file

@@ -50,9 +50,9 @@ def parts_of(registry, compose_run):
 
 
 class Clumsy:
-    """A planner whose first ``times`` answers grasp ``off`` metres beside the object."""
+    """A planner whose first ``times`` answers never close the hand and are ``off`` metres beside."""
 
-    def __init__(self, planner, times=1, off=(0.0, 0.12, 0.0), then=None):
+    def __init__(self, planner, times=1, off=(0.0, 0.0, 0.0), then=None):
         self._planner, self._times, self._off, self._then = planner, times, np.array(off), then
         self.requests = []
 
@@ -62,7 +62,8 @@ class Clumsy:
             return self._then or self._planner.plan(request)
         plan = self._planner.plan(request)
         beside = tuple(
-            replace(w, xyz=tuple((np.array(w.xyz) + self._off).tolist()), carries="") for w in plan.trajectory
+            replace(w, xyz=tuple((np.array(w.xyz) + self._off).tolist()), carries="", gripper=1.0)
+            for w in plan.trajectory
         )
         return replace(plan, trajectory=Trajectory(beside))
 

@@ -11,7 +11,7 @@ from omegaconf import OmegaConf
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_workers import in_processes
 from gvla2.commands.primary import PRIMARY
-from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.errors import ConfigurationError, Gvla2Error, PlannerTimeoutError
 from gvla2.hydra_bridge import register
 from gvla2.plugins import load_plugins
 
@@ -122,3 +122,74 @@ def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path
     assert sorted(answers) == sorted((task, task.upper()) for task in tasks)
     with pytest.raises(Gvla2Error, match="worker process died"):
         list(in_processes(dies, [1], 1, tries=2))
+
+
+def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time(
+    registry, tmp_path, monkeypatch
+):
+    from gvla2_plugins.skill.planner import SkillPlanner
+
+    real, asked = SkillPlanner.plan, []
+
+    def late_at_first(self, request):
+        asked.append(request)
+        if len(asked) == 1:
+            raise PlannerTimeoutError("The planner 'skill' gave no answer within 1 s.")
+        return real(self, request)
+
+    monkeypatch.setattr(SkillPlanner, "plan", late_at_first)
+    config = config_of(
+        registry, tmp_path, "tasks=[lamp_on]", "arms=['off']", "episodes=2", "workers=1", "videos=0"
+    )
+    run_bench(config, registry, tmp_path / "first")
+    rows = [row for row in rows_of(tmp_path / "first") if row["profile"] == "eased"]
+    assert [row["success"] for row in rows] == [None, True]
+    assert rows[0]["status"] == "not measured: timeout"
+    page = (tmp_path / "first" / "index.html").read_text()
+    assert "1/1" in page, "what was not measured counts for nobody"
+    assert "not measured" in page
+    run_bench(config, registry, tmp_path / "second")
+    rows = [row for row in rows_of(tmp_path / "second") if row["profile"] == "eased"]
+    assert [row["success"] for row in rows] == [True, True]
+    assert len(asked) == 3, "only the late one is measured again"
+
+
+def test_the_benchs_time_out_is_off_by_default_and_reaches_the_episode(registry, tmp_path, monkeypatch):
+    from gvla2.commands import bench_episodes
+
+    assert config_of(registry, tmp_path).planner_timeout == 0.0
+    seen = []
+
+    def look(parts, request, listener):
+        seen.append(request)
+        raise RuntimeError("seen enough")
+
+    monkeypatch.setattr("gvla2.episode.run_episode", look)
+    config = config_of(
+        registry, tmp_path, "planner_timeout=7", "max_parts=2", "tasks=[lamp_on]", "arms=['off']"
+    )
+    unit = bench_episodes.EpisodeUnit(config, "lamp_on", "off", (1,))
+    with pytest.raises(AssertionError):
+        bench_episodes.run_unit(unit, registry)
+    bench_episodes._forget_parts()
+    assert (seen[0].planner_timeout, seen[0].max_parts) == (7.0, 2)
+
+
+def test_arms_do_not_learn_from_exploration_with_gaps(registry, tmp_path, monkeypatch):
+    from gvla2_plugins.skill.planner import SkillPlanner
+
+    def late(self, request):
+        raise PlannerTimeoutError("The planner 'skill' gave no answer within 1 s.")
+
+    monkeypatch.setattr(SkillPlanner, "plan", late)
+    config = config_of(
+        registry,
+        tmp_path,
+        "tasks=[lamp_on]",
+        "arms=['off','on']",
+        "episodes=1",
+        "exploration_seeds=[0]",
+        "workers=1",
+    )
+    with pytest.raises(Gvla2Error, match="1 of 1 explored episodes could not be measured"):
+        run_bench(config, registry, tmp_path / "out")

@@ -11,7 +11,7 @@ from gvla2 import hookspecs
 from gvla2.catalog import Registry, load_plugins
 from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, UnknownComponentError
-from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, kind_of
+from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SKILL_HOOK, kind_of
 
 Install = Callable[..., str]
 
@@ -24,7 +24,7 @@ def gvla2_planners():
 
 def test_every_hook_is_documented_and_has_a_kind():
     hooks = {name for name in vars(hookspecs) if name.startswith("gvla2_")}
-    assert hooks == {*HOOKS, SEARCH_PATH_HOOK}
+    assert hooks == {*HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK}
     for name in hooks:
         assert (vars(hookspecs)[name].__doc__ or "").startswith("Return"), name
     for kind in KINDS.values():

@@ -62,6 +62,14 @@ def test_it_is_listed_with_its_options(python):
     assert "broken" not in done.stdout
 
 
+def test_its_skill_is_offered_beside_the_standard_ones(python):
+    done = python("-m", "gvla2.cli", "plugins", "skill", "--json")
+    assert done.returncode == 0, done.stderr
+    listed = {s["name"]: s["plugin"] for s in json.loads(done.stdout)["skills"]}
+    assert listed["tap"] == "hover_skill"
+    assert listed["pick"] == "standard_skills"
+
+
 def test_it_composes(python):
     done = python(
         "-m", "gvla2.cli", "run", "--cfg", "job", "-p", "planner", "planner=hover", "planner.height=0.2"
@@ -88,7 +96,7 @@ def test_they_conform(python):
     tests = [str(example / "tests") for example in (EXAMPLE, TASK)]
     done = python("-m", "pytest", "-q", "-p", "no:cacheprovider", *tests)
     assert done.returncode == 0, done.stdout
-    assert "2 passed" in done.stdout
+    assert "3 passed" in done.stdout
 
 
 def test_it_runs_in_a_sweep(python, tmp_path: Path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -75,8 +76,10 @@ class BenchConfig:
     ``arm_options`` configures an arm's memory by the arm's name (``arm_options.on.admission=false``). Each of
     ``seeds`` lays out ``episodes``. Experience comes from ``exploration_seeds``, whose plans vary by ``exploration``
     (a relative spread), and is frozen before the test. ``replan`` further attempts are allowed
-    in an episode; ``scale`` is the objects' size; ``videos`` failed episodes of
-    each task and arm are run once more with the camera on.
+    in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one.
+    With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
+    language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
+    objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
 
     Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
     ``seeds``; ``tasks`` are all by default, ``scale`` and ``depth_noise`` as above.
@@ -104,6 +107,8 @@ class BenchConfig:
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
     replan: int = 0
+    max_parts: int = 6
+    planner_timeout: float = 0.0
     scale: float = 1.0
     videos: int = 1
     perceivers: list[str] = field(default_factory=lambda: ["classical"])
@@ -113,11 +118,13 @@ class BenchConfig:
     perceiver: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
+    fallback: ComponentConfig = field(default_factory=ComponentConfig)
     verifier: ComponentConfig = field(default_factory=ComponentConfig)
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
     inducer: ComponentConfig = field(default_factory=ComponentConfig)
     judge: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
     surface_samples: int = 100_000
     workers: int = 0
     quiet: bool = False
@@ -136,6 +143,10 @@ class BenchConfig:
         if not self.arms or self.episodes < 1 or self.videos < 0 or self.replan < 0:
             raise ConfigurationError(
                 "arms must name at least one, episodes be 1 or more; no count is negative."
+            )
+        if self.max_parts < 1 or not 0 <= self.planner_timeout < math.inf:
+            raise ConfigurationError(
+                "max_parts must be 1 or more; planner_timeout is in seconds, finite and not negative (0: off)."
             )
         if not self.perceivers:
             raise ConfigurationError("perceivers must name at least one.")

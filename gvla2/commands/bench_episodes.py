@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry, load_plugins
+from gvla2.catalog import Registry, load_plugins, nothing_in
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.design import MEMORY_OF, failure_class
@@ -21,13 +21,14 @@ if TYPE_CHECKING:
 
     from gvla2.episode import Parts
     from gvla2.evaluation.robot.experience import Experience
+    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Memory, MemoryTask
     from gvla2.record.contents import EpisodeRecord, Stage
 
-LOOP = ("robot", "task", "perceiver", "planner", "verifier")
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
-HELPED = ("camera", *MEMORY)
+HELPED = ("camera", *MEMORY, "language")
 RARELY = 0.05
 """Pictures a second of an episode that nobody watches."""
 
@@ -54,7 +55,9 @@ class EpisodeUnit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone."""
+    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone, one an
+    attempt and part.
+    """
 
     layout: int
     succeeded: Mapping[str, bool]
@@ -62,7 +65,7 @@ class Outcome:
     failure: str
     message: str
     notes: Mapping[str, Any]
-    experience: Experience | None = None
+    experience: tuple[Experience, ...] = ()
 
 
 def chosen_parts(
@@ -94,7 +97,17 @@ def chosen_memory(config: BenchConfig, registry: Registry, arm: str, bank: str) 
     options = {"name": name, **dict(config.arm_options.get(arm) or {})}
     if has_file(registry, arm):
         options |= {"url": f"sqlite:///{bank}"}
-    return {**{kind: getattr(config, kind) for kind in (*MEMORY[1:], "verifier")}, "memory": options}
+    return {
+        **{kind: getattr(config, kind) for kind in (*MEMORY[1:], "verifier", "language")},
+        "memory": options,
+    }
+
+
+def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]) -> list[Any]:
+    """The typed options of the kinds (empty slots have none), and of the language model where one of them asks it."""
+    found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
+    asking = any("language" in component.needs for _, component in found)
+    return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
 
 
 def has_file(registry: Registry, arm: str) -> bool:
@@ -117,7 +130,7 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
         with _memory(unit, registry) as memory:
             parts = replace(_parts_of(unit, registry), memory=memory)
             if unit.arm == "exploration":
-                parts = replace(parts, planner=_exploring(unit.config, registry, layout))
+                parts = replace(parts, planner=_exploring(unit.config, registry, layout, parts.language))
             outcomes.append(_run(unit, parts, layout))
         if outcomes[-1].failure == "error":
             _forget_parts()
@@ -134,6 +147,8 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
         source=f"{unit.task}-{unit.arm}-{layout}",
         replan=unit.config.replan,
+        planner_timeout=unit.config.planner_timeout,
+        max_parts=unit.config.max_parts,
     )
     listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
     started = time.perf_counter()
@@ -146,7 +161,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     judged = record.judgement
     succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
     failure = failure_class(record)
-    explored = Experience.of(record) if unit.arm == "exploration" else None
+    explored = Experience.of(record, parts.skills) if unit.arm == "exploration" else ()
     return Outcome(
         layout,
         succeeded,
@@ -163,6 +178,8 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     return {
         "instruction": record.instruction,
         "skill": plan.skill if plan else "",
+        "skills": [part.plan.skill if part.plan else "" for part in record.whole],
+        "fallback": plan.fallback if plan else "",
         "verdict": record.verdict.outcome if record.verdict else "",
         "quality": record.verdict.quality if record.verdict else None,
         "recalled": [item.id for item in recalled.items] if recalled else [],
@@ -170,6 +187,7 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
         "degraded": recalled.degraded if recalled else "",
         "parameters": dict(plan.parameters) if plan else {},
         "timings": dict(record.timings),
+        "parts": [dict(part.timings) for part in record.parts],
     }
 
 
@@ -200,13 +218,13 @@ class _Watcher:
             self._recorder.finish(self.latest)
 
 
-def _exploring(config: BenchConfig, registry: Registry, layout: int) -> Any:
+def _exploring(config: BenchConfig, registry: Registry, layout: int, language: LanguageModel | None) -> Any:
     """The planner with its theta varied, another way in each episode; as it is, where it has no such option."""
     given = {field.name for field in fields(config.planner)}
     planner = config.planner
     if {"explore", "explore_seed"} <= given:
         planner = replace(planner, explore=config.exploration, explore_seed=layout)  # type: ignore[call-arg]
-    return registry.build({"planner": planner}, "planner")
+    return registry.build({"planner": planner}, "planner", {"language": language} if language else None)
 
 
 @contextmanager
@@ -241,12 +259,15 @@ def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
     if key not in _kept:
         _forget_parts()
         root = chosen_parts(unit.config, registry, unit.task, filmed=bool(unit.film))
-        built = registry.build_all(root, (*LOOP, "memory", *GEOMETRY))
+        built: dict[str, Any] = {}
+        registry.build_all(root, (*LOOP, "memory", *GEOMETRY), built)
         choices = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
         _kept[key] = Parts(
             **{kind: built[kind] for kind in (*LOOP, "memory")},
             geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
             choices={**choices, "task": unit.task},
+            skills=registry.skills,
+            language=built.get("language"),
         )
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
 

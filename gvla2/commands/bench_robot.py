@@ -20,17 +20,19 @@ from gvla2.commands.bench_episodes import (
     Outcome,
     chosen_memory,
     chosen_parts,
+    configured,
     has_file,
     run_there,
     run_unit,
 )
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_workers import in_processes, workers_for
-from gvla2.errors import ConfigurationError
+from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.design import (
     CONTROLS,
     EXPLORATION,
     MEMORY_OF,
+    NOT_MEASURED,
     PROFILES,
     SUITE,
     VERSION,
@@ -46,9 +48,9 @@ if TYPE_CHECKING:
 
 DATA = "simulated"
 MEASURING_CODE = (
-    "gvla2.advice", "gvla2.attempts", "gvla2.checking", "gvla2.correspondence", "gvla2.diagnosis",
-    "gvla2.diagnosis_mechanisms", "gvla2.episode", "gvla2.evaluation.robot", "gvla2.geometry", "gvla2.lessons",
-    "gvla2.memory", "gvla2.planning", "gvla2.refine", "gvla2.robot",
+    "gvla2.advice", "gvla2.attempts", "gvla2.checking", "gvla2.consulting", "gvla2.continuing", "gvla2.correspondence",
+    "gvla2.diagnosis", "gvla2.episode", "gvla2.evaluation.robot", "gvla2.geometry", "gvla2.lessons", "gvla2.memory",
+    "gvla2.planning", "gvla2.refine", "gvla2.robot", "gvla2.skills", "gvla2.telling",
 )  # fmt: skip
 """Code whose change makes stored rows out of date, besides the plugins that were chosen."""
 TOGETHER = 5
@@ -100,6 +102,7 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
 
         lacking = [one for one in exploring if one in missing]
         carry_out(lacking, _units(config, lacking), EXPLORATION)
+        _require_measured(exploring, known)
         experiences = _experiences(exploring, known)
         lacking = [one for one in plan if one in missing]
         banks = _banks(config, registry, sorted({one.arm for one in lacking}), experiences, folder)
@@ -139,9 +142,10 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
     found = {}
     for task in tasks:
         root = chosen_parts(config, registry, task)
-        typed = [registry.configure(root, kind)[0] for kind in (*LOOP, *GEOMETRY)]
+        typed = configured(registry, root, (*LOOP, *GEOMETRY))
+        tries = (config.replan, config.max_parts)
         code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
-        found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), config.replan, code, VERSION)
+        found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), tries, code, VERSION)
     return found
 
 
@@ -164,6 +168,8 @@ def _design(
     common: dict[str, str | int] = {
         kind: getattr(config, kind).name for kind in ("robot", "perceiver", "planner", "verifier")
     }
+    if config.fallback.name not in ("", "none"):
+        common["planner"] = f"{config.planner.name}, then {config.fallback.name}"
     common |= {"depth_noise": config.depth_noise.kind, "scale": str(config.scale)}
     plan = []
     for task in tasks:
@@ -184,7 +190,7 @@ def _memory_key(config: BenchConfig, registry: Registry, arm: str) -> Any:
     root = chosen_memory(config, registry, arm, "")
     from gvla2.evaluation.provenance import code_digest
 
-    typed = [registry.configure(root, kind)[0] for kind in MEMORY]
+    typed = configured(registry, root, MEMORY)
     return [list(map(asdict, typed)), code_digest(tuple(sorted({type(one).__module__ for one in typed})))]
 
 
@@ -246,17 +252,31 @@ def _measure(
 def _cells(planned: _Planned, outcome: Outcome) -> list[Cell]:
     from gvla2.evaluation.results import Cell
 
-    notes: dict[str, Any] = {"status": "ok", "layout": outcome.layout, **outcome.notes}
-    if outcome.experience is not None:
-        notes["experience"] = outcome.experience.to_json()
+    measured = outcome.failure not in NOT_MEASURED
+    status = "ok" if measured else f"not measured: {outcome.failure}"
+    notes: dict[str, Any] = {"status": status, "layout": outcome.layout, **outcome.notes}
+    if outcome.experience:
+        notes["experience"] = [one.to_json() for one in outcome.experience]
     cells = []
     for profile, key in planned.keys.items():
         done = outcome.succeeded.get(profile, outcome.succeeded["eased"])
         failure = "" if done else outcome.failure or "not_strictly"
         told = {"failure": failure, "message": "" if done else outcome.message}
         factors = dict(planned.factors) | ({} if profile == "both" else {"profile": profile})
-        cells.append(Cell(key, factors, {"success": done, "seconds": outcome.seconds}, {**notes, **told}))
+        measures = {"success": done if measured else None, "seconds": outcome.seconds}
+        cells.append(Cell(key, factors, measures, {**notes, **told}))
     return cells
+
+
+def _require_measured(exploring: Sequence[_Planned], known: Mapping[str, Cell]) -> None:
+    """Raises :class:`Gvla2Error` where exploration has gaps: arms that learnt less would pass for full ones."""
+    gaps = [one for one in exploring if known[one.keys["both"]].notes.get("status") != "ok"]
+    if gaps:
+        tasks = ", ".join(dict.fromkeys(one.task for one in gaps))
+        raise Gvla2Error(
+            f"{len(gaps)} of {len(exploring)} explored episodes could not be measured ({tasks}): no answer in time, or "
+            "no language model. What was measured is kept; run again, or with a longer planner_timeout=SECONDS."
+        )
 
 
 def _experiences(plan: Sequence[_Planned], known: Mapping[str, Cell]) -> dict[str, list[Experience]]:
@@ -265,9 +285,8 @@ def _experiences(plan: Sequence[_Planned], known: Mapping[str, Cell]) -> dict[st
 
     found: dict[str, list[Experience]] = {}
     for one in plan:
-        told = known[one.keys["both"]].notes.get("experience")
-        if told is not None:
-            found.setdefault(one.task, []).append(Experience.from_json(told))
+        told = known[one.keys["both"]].notes.get("experience") or ()
+        found.setdefault(one.task, []).extend(map(Experience.from_json, told))
     return found
 
 
@@ -309,7 +328,8 @@ def _filmed(
     for one in plan:
         cell = by_key[one.keys["eased"]]
         old = str(cell.notes.get("film", ""))
-        if cell.measures["success"] or taken[one.task, one.arm] >= config.videos:
+        failed = cell.measures["success"] is not None and not cell.measures["success"]
+        if not failed or taken[one.task, one.arm] >= config.videos:
             continue
         taken[one.task, one.arm] += 1
         if not old or not Path(old).is_dir():

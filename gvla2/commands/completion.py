@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gvla2.commands import COMMANDS
-from gvla2.kinds import KINDS
+from gvla2.kinds import KINDS, SLOTS
 
 if TYPE_CHECKING:
     from gvla2.catalog import Registry
@@ -87,7 +87,7 @@ def _overrides(command: str, words: list[str]) -> list[str]:
         with contextlib.suppress(HydraException, SystemExit), contextlib.redirect_stderr(io.StringIO()):
             offered = completer._query(config_name=command, line=" ".join(words))
             # A component's name is not to be set: the choice `planner=skill` fills it in.
-            return [word for word in offered if word not in {f"{kind}.name=" for kind in KINDS}]
+            return [word for word in offered if word not in {f"{kind}.name=" for kind in (*KINDS, *SLOTS)}]
     return []
 
 

@@ -21,7 +21,7 @@ from omegaconf.errors import (
 from gvla2.catalog import Registry
 from gvla2.discovery import closest, describe
 from gvla2.errors import Gvla2Error, UnknownComponentError
-from gvla2.kinds import KINDS
+from gvla2.kinds import KINDS, SLOTS
 
 
 def explain(error: BaseException, registry: Registry | None = None) -> str:
@@ -54,10 +54,11 @@ def unreadable_choice(
         return None
     for override in overrides:
         kind, _, values = override.lstrip("+").partition("=")
-        offered = registry.components(kind) if kind in KINDS else {}
+        own = SLOTS.get(kind, kind)
+        offered = registry.components(own) if own in KINDS else {}
         for value in values.split(","):  # a sweep has several
-            if kind in KINDS and value not in offered:
-                return UnknownComponentError(kind, value, offered, registry.broken_note(kind))
+            if own in KINDS and value not in offered:
+                return UnknownComponentError(kind, value, offered, registry.broken_note(own))
     return None
 
 
@@ -66,7 +67,8 @@ def _missing_choice(error: MissingConfigException, registry: Registry | None) ->
     if not group:
         return str(error)
     name = name.removesuffix(".yaml")
-    note = registry.broken_note(group, name) if registry is not None and group in KINDS else ""
+    kind = SLOTS.get(group, group)
+    note = registry.broken_note(kind, name) if registry is not None and kind in KINDS else ""
     return str(UnknownComponentError(group, name, error.options or (), note))
 
 

@@ -40,6 +40,7 @@ class MemoryCommandConfig:
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
     verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
 
     def __post_init__(self) -> None:
         unknown = [state for state in self.states if state not in STATES]

@@ -13,6 +13,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Offer, Registry, load_plugins, structured
+from gvla2.commands.skill_listing import SKILL, find_skill, print_skills, skills_json
 from gvla2.commands.tables import console, row, table
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError
@@ -24,9 +25,10 @@ Usage: gvla2 plugins [KIND [NAME]] [--json]
   gvla2 plugins                 everything that can be chosen
   gvla2 plugins planner         the planners with their options (also: kind=planner)
   gvla2 plugins planner skill   one of them (also: kind=planner name=skill)
+  gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and numbers
   --json                        the same for programs
 
-Kinds: {", ".join(KINDS)}.
+Kinds: {", ".join(KINDS)}, skill.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
 """
 
@@ -49,13 +51,17 @@ def main(argv: Sequence[str]) -> int:
     try:
         kind, name = _selection(words)
         registry = load_plugins()
-        if kind and name:
+        if kind == SKILL and name:
+            find_skill(registry, name)
+        elif kind and name:
             registry.get(kind, name)
     except ConfigurationError as error:
         print(f"gvla2: {error}", file=sys.stderr)
         return 2
     if "--json" in argv:
         print(json.dumps(as_json(registry, kind, name), indent=2))
+    elif kind == SKILL:
+        print_skills(registry, name)
     else:
         _print(registry, kind, name)
     return 0
@@ -64,7 +70,9 @@ def main(argv: Sequence[str]) -> int:
 def complete(words: Sequence[str]) -> list[str]:
     """What may stand in place of the last word: a kind, then a name of that kind, then ``--json``."""
     if len(words) == 1:
-        return [*KINDS, "--json"]
+        return [*KINDS, SKILL, "--json"]
+    if len(words) == 2 and words[0] == SKILL:
+        return [*load_plugins().skills, "--json"]
     if len(words) == 2 and words[0] in KINDS:
         return [*load_plugins().components(words[0]), "--json"]
     return ["--json"]
@@ -101,7 +109,9 @@ def as_json(registry: Registry, kind: str = "", name: str = "") -> dict[str, Any
         "components": {
             k: [_offer_json(o) for n, o in registry.offers(k).items() if name in ("", n)]
             for k in ([kind] if kind else KINDS)
+            if k != SKILL
         },
+        "skills": skills_json(registry, name) if kind in ("", SKILL) else [],
         "plugins": [dataclasses.asdict(plugin) for plugin in registry.plugins],
         "problems": [dataclasses.asdict(problem) for problem in registry.problems],
     }
@@ -136,6 +146,7 @@ def _print(registry: Registry, kind: str, name: str) -> None:
             if name in ("", n):
                 _print_options(out, kind, n, offer)
     else:
+        print_skills(registry)
         out.print(
             "`gvla2 plugins KIND` shows the options; `gvla2 run KIND=CHOICE KIND.OPTION=VALUE` sets them."
         )
@@ -182,7 +193,7 @@ def _selection(words: Sequence[str]) -> tuple[str, str]:
         chosen[key] = value
     if chosen["name"] and not chosen["kind"]:
         raise ConfigurationError("Say which kind the name is of: gvla2 plugins KIND NAME.")
-    if chosen["kind"]:
+    if chosen["kind"] and chosen["kind"] != SKILL:
         kind_of(chosen["kind"])
     return chosen["kind"], chosen["name"]
 

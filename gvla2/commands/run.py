@@ -9,11 +9,12 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
 from gvla2.errors import Gvla2Error
+from gvla2.kinds import SLOTS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,9 +33,9 @@ _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 CHOICES = (
     "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
-    "memory", "retriever", "embedder", "inducer", "judge", "planner", "verifier",
+    "memory", "retriever", "embedder", "inducer", "judge", "planner", "fallback", "verifier",
 )  # fmt: skip
-"""The Hydra groups of a run; what was chosen for each is part of its result."""
+"""The Hydra groups of a run, whose choices are part of its result; so is the language model where one is asked."""
 
 
 @dataclass
@@ -120,13 +121,17 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
     from gvla2.episode import Parts
     from gvla2.refine import GeometryParts
 
-    loop = ("robot", "task", "perceiver", "memory", "planner", "verifier")
+    loop = ("robot", "task", "perceiver", "memory", "planner", "fallback", "verifier")
     geometry = ("reconstructor", "prior", "fusion", "renderer")
-    built = registry.build_all(config, (*loop, *geometry))
+    built: dict[str, Any] = {}
+    registry.build_all(config, (*loop, *geometry), built)
+    chosen = (*CHOICES, "language") if "language" in built else CHOICES
     return Parts(
         **{kind: built[kind] for kind in loop},
         geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
-        choices={kind: getattr(config, kind).name for kind in CHOICES},
+        choices={kind: getattr(config, kind).name for kind in chosen},
+        skills=registry.skills,
+        language=built.get("language"),
     )
 
 
@@ -145,7 +150,8 @@ def crashed_component(parts: Parts, registry: Registry, error: BaseException) ->
             inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
             if module == home or inside:
                 name = parts.choices[kind]
-                return f"The {kind} '{name}' of plugin '{registry.offers(kind)[name].plugin.name}' crashed"
+                plugin = registry.offers(SLOTS.get(kind, kind))[name].plugin.name
+                return f"The {kind} '{name}' of plugin '{plugin}' crashed"
     return ""
 
 
@@ -167,6 +173,7 @@ def _run_one(
         source="/".join(recorder.folder.parts[-_TELLING:]),
         replan=config.replan,
         planner_timeout=config.planner_timeout,
+        max_parts=config.max_parts,
     )
     with Progress(quiet=config.quiet) as progress:
         listener = _Listener(recorder, progress)

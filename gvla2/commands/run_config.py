@@ -41,7 +41,9 @@ class RunConfig:
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
     ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
     looks and plans again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
-    ``planner_timeout`` seconds ends its episode; 0 waits for ever.
+    ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
+    means, ``fallback`` plans, another planner or none. A program that takes several plans is carried out in up to
+    ``max_parts``.
     """
 
     instruction: str | None = None
@@ -50,6 +52,7 @@ class RunConfig:
     quiet: bool = False
     replan: int = 0
     planner_timeout: float = 60.0
+    max_parts: int = 6
     robot: ComponentConfig = field(default_factory=ComponentConfig)
     camera: ComponentConfig = field(default_factory=ComponentConfig)
     task: ComponentConfig = field(default_factory=ComponentConfig)
@@ -64,7 +67,9 @@ class RunConfig:
     inducer: ComponentConfig = field(default_factory=ComponentConfig)
     judge: ComponentConfig = field(default_factory=ComponentConfig)
     planner: ComponentConfig = field(default_factory=ComponentConfig)
+    fallback: ComponentConfig = field(default_factory=ComponentConfig)
     verifier: ComponentConfig = field(default_factory=ComponentConfig)
+    language: ComponentConfig = field(default_factory=ComponentConfig)
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
 
     def __post_init__(self) -> None:
@@ -74,6 +79,8 @@ class RunConfig:
             raise ConfigurationError(f"seed is {self.seed}; it must not be negative.")
         if self.replan < 0:
             raise ConfigurationError(f"replan is {self.replan}; it must not be negative.")
+        if self.max_parts < 1:
+            raise ConfigurationError(f"max_parts is {self.max_parts}; it must be at least 1.")
         if not 0 <= self.planner_timeout < math.inf:
             raise ConfigurationError(
                 f"planner_timeout is {self.planner_timeout}; it is in seconds, finite and not negative (0: for ever)."

@@ -1,28 +1,35 @@
-"""Language models at any OpenAI-compatible address: the ground floor for verifiers, inducers and planners.
+"""Language models at any OpenAI-compatible address: the ground floor for planners, verifiers and inducers.
 
-    endpoint = Endpoint(EndpointOptions(base_url="http://127.0.0.1:8000/v1"))
-    answer = endpoint.complete([{"role": "user", "content": "..."}])     # Completion, or a LanguageModelError
+A component that asks a model says ``needs=("language",)`` and gets the run's :class:`LanguageModel` (Hydra group
+``language``). It asks for text by :meth:`LanguageModel.complete`, and for an answer of a certain kind by
+
+    found = ask_typed(language, [{"role": "user", "content": "..."}], parse, purpose="plan", schema={...})
+    found.answer, found.transcript          # or a LanguageModelError
 
 Nothing here knows what the models are asked about.
 """
 
-from gvla2.language.capabilities import Capabilities
-from gvla2.language.completion import Completion, Message, Token, Usage
-from gvla2.language.endpoint import Endpoint, Request
+from gvla2.language.completion import Completion, Token, Usage
+from gvla2.language.endpoint import Endpoint, LanguageModel, Server
 from gvla2.language.failures import (
     LanguageModelError,
     MalformedAnswerError,
     ModelRefusedError,
     ModelUnavailableError,
+    UnusableAnswerError,
 )
 from gvla2.language.ledger import Ledger, Tally
-from gvla2.language.options import EndpointOptions
+from gvla2.language.options import AskingOptions, EndpointOptions
+from gvla2.language.request import Message, Request, picture
+from gvla2.language.typed import Answered, ask_typed, json_in
 
 __all__ = [
-    "Capabilities",
+    "Answered",
+    "AskingOptions",
     "Completion",
     "Endpoint",
     "EndpointOptions",
+    "LanguageModel",
     "LanguageModelError",
     "Ledger",
     "MalformedAnswerError",
@@ -30,7 +37,12 @@ __all__ = [
     "ModelRefusedError",
     "ModelUnavailableError",
     "Request",
+    "Server",
     "Tally",
     "Token",
+    "UnusableAnswerError",
     "Usage",
+    "ask_typed",
+    "json_in",
+    "picture",
 ]

@@ -10,9 +10,6 @@ from typing import Any
 from gvla2.language.failures import MalformedAnswerError
 from gvla2.language.reasoning import locate_answer, split_reasoning
 
-Message = Mapping[str, Any]
-"""``{"role": "system" | "user" | "assistant", "content": str}``."""
-
 
 @dataclass(frozen=True)
 class Token:
@@ -52,7 +49,8 @@ class Completion:
     ``text`` is the answer alone, ``reasoning`` what it thought before. ``tokens`` belong to ``text``, never to the
     reasoning, and cover it from the first token's ``start`` to its end; empty when the server gave no
     log-probabilities, or none that spell the answer. ``finish`` is the server's word ("stop", "length").
-    ``latency`` in seconds, with retries; a ``cached`` answer was not asked for again and cost nothing.
+    ``latency`` in seconds, with retries; a ``cached`` answer was not asked for again and cost nothing. ``unmet`` names
+    what was wished for and not had: "logprobs", "schema", "grammar", "system_role".
     """
 
     text: str
@@ -63,6 +61,7 @@ class Completion:
     model: str = ""
     cached: bool = False
     latency: float = 0.0
+    unmet: tuple[str, ...] = ()
 
 
 def read_completion(body: object, *, cached: bool = False, latency: float = 0.0) -> Completion:

@@ -3,231 +3,206 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.util
 import threading
 import time
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from gvla2.language.cache import AnswerCache, digest
-from gvla2.language.capabilities import MOST_ALTERNATIVES, Capabilities, probe, without_system
-from gvla2.language.completion import Completion, Message, read_completion
-from gvla2.language.failures import LanguageModelError
-from gvla2.language.ledger import Ledger, Purpose
-from gvla2.language.options import EndpointOptions
-from gvla2.language.wire import connect, only_model, post, require_sdk
+from gvla2.errors import MissingDependencyError
+from gvla2.language.answers import AnswerCache, digest
+from gvla2.language.completion import Completion, read_completion
+from gvla2.language.failures import LanguageModelError, ModelRefusedError, ModelUnavailableError
+from gvla2.language.ledger import Ledger
+from gvla2.language.options import AskingOptions, EndpointOptions
+from gvla2.language.request import Request
+from gvla2.language.wire import ask, connect, only_model
 
 if TYPE_CHECKING:
     import openai
 
 T = TypeVar("T")
+_UNKNOWN, _BROKEN = (400, 422), 500
+"""How servers answer a wish that they do not know, and a system role that a template breaks over."""
 
-REMEMBERED = 86400.0
-"""Seconds for which a probe in the cache's folder holds: servers are restarted with other options."""
+
+class LanguageModel(Protocol):
+    """What planners, verifiers and inducers get of the run's ``language``: something that answers."""
+
+    @property
+    def ledger(self) -> Ledger:
+        """What was asked so far, by purpose."""
+        ...
+
+    def complete(self, request: Request, *, purpose: str) -> Completion:
+        """Ask once, for "plan", "verify", "induce"; raises :class:`LanguageModelError`."""
+        ...
+
+    def complete_all(
+        self, requests: Sequence[Request], *, purpose: str
+    ) -> list[Completion | LanguageModelError]:
+        """Ask them all at once: an answer or a failure each, in order."""
+        ...
 
 
-@dataclass(frozen=True)
-class Request:
-    """One question. ``logprobs`` asks for the answer's token probabilities, which a server may not give.
+class Server(Protocol):
+    """Who answers. :class:`EndpointOptions` is one that runs already; another may be started when it is needed.
 
-    The same ``seed`` gives the same answer where the server supports it; different seeds are different questions
-    to the cache. ``temperature`` and ``max_tokens`` None take the endpoint's.
+    ``model`` is its name, "" for the only one; ``identity`` tells the server from others in the cache.
     """
 
-    messages: Sequence[Message]
-    logprobs: bool = False
-    seed: int | None = None
-    temperature: float | None = None
-    max_tokens: int | None = None
+    model: str
+    grammars: bool
+
+    @property
+    def identity(self) -> str:
+        """The same for equal answers."""
+        ...
+
+    def address(self) -> str:
+        """Its ``base_url``; raises :class:`ModelUnavailableError` when it cannot be started."""
+        ...
+
+    def key(self) -> str:
+        """The key, "" for none."""
+        ...
 
 
 class Endpoint:
-    """A model that can be asked. It keeps no connection, so there is nothing to close.
+    """A :class:`LanguageModel` at an OpenAI-compatible server. It keeps no connection: there is nothing to close.
 
     Raises :class:`ConfigurationError` for options that cannot be or a key that is not set, and
-    :class:`MissingDependencyError` without the SDK; it does not look for the server yet. ``ledger`` counts the
-    tokens; give one to several endpoints to count them together.
+    :class:`MissingDependencyError` without the packages; it does not look for the server yet. What the server refuses
+    to do with an answer it is not asked for again. An answer's ``text`` may be empty, when the model spent
+    ``max_tokens`` on reasoning (``finish`` is then "length").
     """
 
-    def __init__(self, options: EndpointOptions, *, ledger: Ledger | None = None) -> None:
+    def __init__(self, options: AskingOptions, server: Server | None = None) -> None:
         options.check()
-        require_sdk()
-        self.options = options
-        self.ledger = ledger or Ledger()
-        self._key = options.api_key()
+        for package in ("openai", "diskcache"):
+            if importlib.util.find_spec(package) is None:
+                what = f"the package '{package}'"
+                raise MissingDependencyError(what, "Asking a language model", "pip install 'gvla2[llm]'")
+        if server is None:
+            assert isinstance(options, EndpointOptions), "AskingOptions do not say where the model is"
+            server = options
+        self._options, self._server, self._ledger = options, server, Ledger()
+        self._key = server.key()
         self._cache = AnswerCache(options.cache) if options.cache else None
         self._free = threading.BoundedSemaphore(options.concurrency)
-        self._learning = threading.Lock()
-        self._model = options.model
-        self._capabilities: Capabilities | None = None
+        self._model, self._without = server.model, frozenset[str]()
 
-    def complete(
-        self,
-        messages: Sequence[Message],
-        *,
-        logprobs: bool = False,
-        seed: int | None = None,
-        temperature: float | None = None,
-        max_tokens: int | None = None,
-        purpose: Purpose = "extra",
-    ) -> Completion:
-        """Ask once. Raises :class:`LanguageModelError` (one of its three kinds).
+    @property
+    def ledger(self) -> Ledger:
+        """What was asked so far, by purpose."""
+        return self._ledger
 
-        The answer's ``text`` may be empty, when the model spent ``max_tokens`` on reasoning (``finish`` is then
-        "length").
-        """
-        request = Request(messages, logprobs, seed, temperature, max_tokens)
+    def complete(self, request: Request, *, purpose: str) -> Completion:
+        """Ask once. Raises :class:`LanguageModelError`."""
         (answer,) = self.complete_all([request], purpose=purpose)
         if isinstance(answer, LanguageModelError):
             raise answer
         return answer
 
     def complete_all(
-        self, requests: Sequence[Request], *, purpose: Purpose = "extra"
+        self, requests: Sequence[Request], *, purpose: str
     ) -> list[Completion | LanguageModelError]:
         """Ask them all at once, within the bound on concurrency: an answer or a failure each, in order."""
+        answers: dict[int, Completion | LanguageModelError] = {}
         try:
-            self.model()
+            keys = [self._key_of(request) for request in requests]
+            answers |= {i: kept for i, key in enumerate(keys) if (kept := self._kept(key, requests[i]))}
+            fresh = [i for i in range(len(requests)) if i not in answers]
+            if fresh:
+                asked = _run(self._ask_all([(requests[i], keys[i]) for i in fresh]))
+                answers |= dict(zip(fresh, asked, strict=True))
         except LanguageModelError as error:
-            return [error for _ in requests]
-        keys = [self._key_of(request) for request in requests]
-        answers: list[Completion | LanguageModelError | None] = [self._kept(key, purpose) for key in keys]
-        open_ = [i for i, answer in enumerate(answers) if answer is None]
-        if open_:
-            try:
-                able = self.capabilities()
-            except LanguageModelError as error:
-                fresh: list[Completion | LanguageModelError] = [error] * len(open_)
-            else:
-                fresh = _run(self._ask_all([(requests[i], keys[i]) for i in open_], able, purpose))
-            for i, answer in zip(open_, fresh, strict=True):
-                answers[i] = answer
-        return [answer for answer in answers if answer is not None]
+            answers |= {i: error for i in range(len(requests)) if i not in answers}
+        for answer in answers.values():
+            self._ledger.add(purpose, answer if isinstance(answer, Completion) else None)
+        return [answers[i] for i in range(len(requests))]
 
     def model(self) -> str:
-        """The model's name: the option, or else what the server lists; asked once.
-
-        Raises :class:`LanguageModelError` when the server cannot be asked or lists not exactly one.
-        """
-        with self._learning:
-            if not self._model:
-                self._model = _run(self._list())
-            return self._model
-
-    def capabilities(self) -> Capabilities:
-        """What the server and model can do; asked once, then remembered (for a day in the cache's folder too).
-
-        Raises :class:`LanguageModelError` when it cannot be found out; the next call tries again.
-        """
-        self.model()
-        with self._learning:
-            if self._capabilities is None:
-                key = digest({"probe": self._identity()})
-                kept = (self._cache.get(key) if self._cache else None) or {}
-                at = kept.get("at")
-                if isinstance(at, int | float) and abs(time.time() - at) < REMEMBERED:
-                    self._capabilities = Capabilities.from_json(kept)
-                if self._capabilities is None:
-                    self._capabilities = _run(self._probe())
-                    if self._cache:
-                        self._cache.put(key, {"at": time.time(), **self._capabilities.to_json()})
-            return self._capabilities
-
-    @property
-    def problem(self) -> str:
-        """Why answers are not kept in the cache, "" when they are or were not meant to be."""
-        return self._cache.problem if self._cache else ""
-
-    def _kept(self, key: str, purpose: Purpose) -> Completion | None:
-        """A kept answer; what was kept and makes no sense is asked for anew."""
-        body = self._cache.get(key) if self._cache else None
-        if body is None:
-            return None
-        try:
-            answer = read_completion(body, cached=True)
-        except LanguageModelError:
-            return None
-        self.ledger.add(purpose, 0, 0, cached=True)
-        return answer
+        """The model's name: the option, or else what the server lists. Raises :class:`LanguageModelError`."""
+        if not self._model:
+            self._model = _run(self._list())
+        return self._model
 
     async def _list(self) -> str:
-        async with connect(self.options, self._key) as client:
-            return await only_model(client, self.options)
+        async with connect(self._server.address(), self._key, self._options) as client:
+            return await only_model(client, self._options)
 
-    async def _probe(self) -> Capabilities:
-        async with connect(self.options, self._key) as client:
+    async def _ask_all(self, asked: Sequence[tuple[Request, str]]) -> list[Completion | LanguageModelError]:
+        async with connect(self._server.address(), self._key, self._options) as client:
+            return await asyncio.gather(*(self._in_turn(client, *each) for each in asked))
 
-            async def ask(wanted: dict[str, Any]) -> dict[str, Any]:
-                unsent = {k for k in ("temperature", "max_tokens") if getattr(self.options, k) is None}
-                full = {"model": self._model, "temperature": 0.0, **wanted}
-                body, _ = await self._send(client, {k: v for k, v in full.items() if k not in unsent})
-                usage = read_completion(body).usage
-                self.ledger.add("extra", usage.prompt_tokens, usage.completion_tokens, metered=usage.metered)
-                return body
-
-            return await probe(ask)
-
-    async def _ask_all(
-        self, asked: Sequence[tuple[Request, str]], able: Capabilities, purpose: Purpose
-    ) -> list[Completion | LanguageModelError]:
-        async with connect(self.options, self._key) as client:
-            return await asyncio.gather(*(self._ask(client, r, key, able, purpose) for r, key in asked))
-
-    async def _ask(
-        self, client: openai.AsyncOpenAI, request: Request, key: str, able: Capabilities, purpose: Purpose
+    async def _in_turn(
+        self, client: openai.AsyncOpenAI, request: Request, key: str
     ) -> Completion | LanguageModelError:
-        body = self._asked(request)
-        if not able.system_role:
-            body["messages"] = without_system(body["messages"])
-        if request.logprobs and able.logprobs:
-            body |= {"logprobs": True, "top_logprobs": min(able.top_logprobs, MOST_ALTERNATIVES)}
-        try:
-            response, latency = await self._send(client, {"model": self._model, **body})
-            answer = read_completion(response, latency=latency)
-        except LanguageModelError as error:
-            return error
-        usage = answer.usage
-        self.ledger.add(purpose, usage.prompt_tokens, usage.completion_tokens, metered=usage.metered)
-        if self._cache and answer.text:
-            self._cache.put(key, response)
-        return answer
-
-    async def _send(
-        self, client: openai.AsyncOpenAI, body: Mapping[str, Any]
-    ) -> tuple[dict[str, Any], float]:
         # The bound holds over all threads, each with a loop of its own, so no asyncio semaphore can keep it.
         while not self._free.acquire(blocking=False):
             await asyncio.sleep(0.005)
+        began = time.monotonic()
         try:
-            return await post(client, self.options, body)
+            document, without = await self._ask(client, request)
+            answer = self._read(document, request, without)
+        except LanguageModelError as error:
+            return error
         finally:
             self._free.release()
+        if self._cache and answer.text:
+            self._cache.put(key, {"answer": document, "without": sorted(without)})
+        return replace(answer, latency=time.monotonic() - began)
 
-    def _asked(self, request: Request) -> dict[str, Any]:
-        options = self.options
-        body: dict[str, Any] = {
-            "messages": [{k: _sendable(v) for k, v in m.items()} for m in request.messages],
-            "temperature": options.temperature if request.temperature is None else request.temperature,
-            "max_tokens": options.max_tokens if request.max_tokens is None else request.max_tokens,
-            "seed": request.seed,
-        }
-        return {name: value for name, value in body.items() if value is not None}
+    async def _ask(
+        self, client: openai.AsyncOpenAI, request: Request
+    ) -> tuple[dict[str, Any], frozenset[str]]:
+        """The answer's JSON, and what could not be asked for: less and less, where the server refuses."""
+        known = self._without
+        wishes = [wish for wish in request.wishes(grammars=self._server.grammars) if wish not in known]
+        first: ModelRefusedError | ModelUnavailableError | None = None
+        for less in ([], *([wish] for wish in wishes), *([wishes] if len(wishes) > 1 else [])):
+            if first is not None and first.status == _BROKEN and less != ["system_role"]:
+                continue
+            without = known.union(less)
+            body = request.body(self._options, without, grammars=self._server.grammars)
+            try:
+                document = await ask(client, self._options, {"model": self._model, **body})
+            except (ModelRefusedError, ModelUnavailableError) as error:
+                if error.status not in (*_UNKNOWN, _BROKEN):
+                    raise
+                first = first or error
+                continue
+            self._without |= without
+            return document, without
+        assert first is not None
+        raise first
 
-    def _identity(self) -> dict[str, Any]:
-        return {
-            "url": self.options.base_url.rstrip("/"),
-            "model": self._model,
-            "extra": self.options.extra,
-        }
+    def _read(
+        self, document: Any, request: Request, without: frozenset[str], *, cached: bool = False
+    ) -> Completion:
+        answer = read_completion(document, cached=cached)
+        unmet = set(without).intersection(request.wishes(grammars=self._server.grammars)) - {"alternatives"}
+        if request.logprobs and not answer.tokens:
+            unmet.add("logprobs")
+        if request.grammar and not self._server.grammars:
+            unmet.add("grammar")
+        return replace(answer, unmet=tuple(sorted(unmet)))
+
+    def _kept(self, key: str, request: Request) -> Completion | None:
+        """A kept answer; what was kept and makes no sense is asked for anew."""
+        kept = (self._cache.get(key) if self._cache else None) or {}
+        try:
+            return self._read(kept["answer"], request, frozenset(kept["without"]), cached=True)
+        except (LanguageModelError, KeyError, TypeError):
+            return None
 
     def _key_of(self, request: Request) -> str:
-        return digest({**self._identity(), **self._asked(request), "logprobs": request.logprobs})
-
-
-def _sendable(value: object) -> object:
-    """Text that UTF-8 can carry: halves of characters, as damaged logs have them, become question marks."""
-    return value.encode(errors="replace").decode() if isinstance(value, str) else value
+        body = request.body(self._options, frozenset(), grammars=False)
+        about = {"server": self._server.identity, "model": self.model(), "extra": self._options.extra}
+        return digest({**about, **body, "grammar": [request.grammar, self._server.grammars]})
 
 
 def _run(work: Coroutine[Any, Any, T]) -> T:

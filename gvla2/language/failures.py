@@ -1,28 +1,28 @@
-"""How asking a language model fails: it was not there, it refused, or its answer makes no sense."""
+"""How asking a language model fails: it was not there, it refused, its answer makes no sense, or is of no use."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 from gvla2.errors import Gvla2Error
 
 
 class LanguageModelError(Gvla2Error):
-    """Root of the three failures below."""
+    """Root of the four failures below. ``transcript`` is what was said before, where it was a conversation."""
+
+    transcript: tuple[Mapping[str, Any], ...] = ()
 
 
 class ModelUnavailableError(LanguageModelError):
     """No answer could be had: no network, a time-out, too many requests after all retries, an error of the server.
 
-    ``transient`` tells that asking again soon may help; ``retry_after`` is how many seconds the server asked to
-    wait, None where it did not say; ``status`` is HTTP's, 0 where there was no response.
+    ``transient`` tells that asking again soon may help; ``status`` is HTTP's, 0 where there was no response.
     """
 
-    def __init__(
-        self, message: str, *, transient: bool = True, retry_after: float | None = None, status: int = 0
-    ) -> None:
+    def __init__(self, message: str, *, transient: bool = True, status: int = 0) -> None:
         super().__init__(message)
-        self.status = status
-        self.transient = transient
-        self.retry_after = retry_after
+        self.transient, self.status = transient, status
 
 
 class ModelRefusedError(LanguageModelError):
@@ -35,3 +35,7 @@ class ModelRefusedError(LanguageModelError):
 
 class MalformedAnswerError(LanguageModelError):
     """The server answered with something that is not an OpenAI-compatible completion."""
+
+
+class UnusableAnswerError(LanguageModelError):
+    """The model answered, again and again, and nothing that it said could be used."""

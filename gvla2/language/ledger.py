@@ -1,57 +1,51 @@
-"""What language models cost, in tokens."""
+"""What language models cost: calls, tokens and seconds, by purpose."""
 
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
 
-Purpose = Literal["agent", "extra"]
-"""``agent``: the agent's own work. ``extra``: what is done about it, such as verifying, inducing and probing."""
+from gvla2.language.completion import Completion
 
+Tally = Mapping[str, float]
+"""``calls``, ``cached`` (answers that cost nothing), ``unmetered`` (calls whose tokens the server did not count),
+``failed``, ``prompt_tokens``, ``completion_tokens``, ``seconds``."""
 
-@dataclass(frozen=True)
-class Tally:
-    """Tokens of some calls. ``cached`` answers cost nothing; ``unmetered`` calls were answered without counts."""
-
-    prompt_tokens: int = 0
-    completion_tokens: int = 0
-    calls: int = 0
-    cached: int = 0
-    unmetered: int = 0
-
-    @property
-    def tokens(self) -> int:
-        """Prompt and completion together."""
-        return self.prompt_tokens + self.completion_tokens
+_COUNTED = ("calls", "cached", "unmetered", "failed", "prompt_tokens", "completion_tokens", "seconds")
 
 
 class Ledger:
-    """Counts by purpose; one ledger may serve several endpoints and threads."""
+    """Counts by purpose ("plan", "verify", "induce"); one ledger may serve several endpoints and threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._tallies: dict[Purpose, Tally] = {"agent": Tally(), "extra": Tally()}
+        self._tallies: dict[str, Counter[str]] = {}
 
-    def add(
-        self, purpose: Purpose, prompt: int, completion: int, *, cached: bool = False, metered: bool = True
-    ) -> None:
-        """Count one answered call; a cached one adds no tokens."""
+    def add(self, purpose: str, answer: Completion | None) -> None:
+        """Count one call; None is one that failed."""
+        counts: dict[str, float] = {"failed": 1}
+        if answer is not None and answer.cached:
+            counts = {"cached": 1}
+        elif answer is not None:
+            counts = {
+                "calls": 1,
+                "unmetered": not answer.usage.metered,
+                "prompt_tokens": answer.usage.prompt_tokens,
+                "completion_tokens": answer.usage.completion_tokens,
+                "seconds": round(answer.latency, 3),
+            }
         with self._lock:
-            old = self._tallies[purpose]
-            if cached:
-                self._tallies[purpose] = replace(old, cached=old.cached + 1)
-                return
-            self._tallies[purpose] = Tally(
-                old.prompt_tokens + prompt,
-                old.completion_tokens + completion,
-                old.calls + 1,
-                old.cached,
-                old.unmetered + (not metered),
-            )
+            self._tallies.setdefault(purpose, Counter()).update(counts)
 
-    def totals(self) -> Mapping[Purpose, Tally]:
-        """The counts so far."""
+    def totals(self, since: Mapping[str, Tally] | None = None) -> dict[str, Tally]:
+        """The counts so far, or from an earlier ``totals()`` on; purposes without a call are left out."""
         with self._lock:
-            return dict(self._tallies)
+            now = {purpose: dict(tally) for purpose, tally in self._tallies.items()}
+        told: dict[str, Tally] = {}
+        for purpose, tally in now.items():
+            before = (since or {}).get(purpose, {})
+            counts = {name: round(tally.get(name, 0) - before.get(name, 0), 3) for name in _COUNTED}
+            if any(counts.values()):
+                told[purpose] = counts
+        return told

@@ -12,9 +12,10 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 from uuid import uuid4
 
 from gvla2.memory.bank_options import BankOptions
@@ -33,14 +34,8 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.curation.governance import Governed
-from gvla2.memory.curation.induction import RulesInducer
-from gvla2.memory.curation.judging import Judged
-from gvla2.memory.curation.replay import Replayed
-from gvla2.memory.curation.rewriting import Rewritten
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.indexing.rows import SERVED
-from gvla2.memory.operations import Operations
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
@@ -50,7 +45,13 @@ from gvla2.memory.storage.addresses import settled
 from gvla2.memory.storage.audit import foreign_vectors
 from gvla2.memory.storage.store import Event, Link, Problem, Store
 
-__all__ = ["BankOptions", "Governed", "Hit", "Judged", "KnowledgeBank", "Replayed"]
+if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
+    from gvla2.memory.curation.governance import Governed
+    from gvla2.memory.curation.judging import Judged
+    from gvla2.memory.curation.replay import Replayed
+    from gvla2.memory.operations import Operations
+
+__all__ = ["BankOptions", "Hit", "KnowledgeBank"]
 CHUNK = 256
 """Lessons that one transaction of :meth:`KnowledgeBank.admit_many` takes."""
 JUDGED = 16
@@ -102,10 +103,16 @@ class KnowledgeBank:
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
         self._store = address
         self._index = Index(self._store, bank, self._embedder)
-        self._operations = Operations(
-            self._store, self._index, self._embedder, inducer or RulesInducer(), self.options, clock
-        )
+        self._inducer = inducer
         self._lock = threading.RLock()
+
+    @cached_property
+    def _operations(self) -> Operations:
+        from gvla2.memory.curation.induction import RulesInducer
+        from gvla2.memory.operations import Operations
+
+        inducer = self._inducer or RulesInducer()
+        return Operations(self._store, self._index, self._embedder, inducer, self.options, self._clock)
 
     # The main job -------------------------------------------------------------------------------------------------
 
@@ -216,14 +223,17 @@ class KnowledgeBank:
 
         Where a judge was given, it decides all suspicions first, and a writer looks at all that he has not seen.
         """
+        from gvla2.memory.curation.governance import Governed
+
         if not self.options.governance or self.options.frozen:
             return Governed()
         with self._lock:
-            judged = self.judge() if self._judge is not None else Judged()
-            written = self._operations.consolidate(self._writer) if self._writer is not None else Rewritten()
+            judged = self.judge() if self._judge is not None else None
+            written = self._operations.consolidate(self._writer) if self._writer is not None else None
             done = self._operations.govern()
-            done.replaced += [*judged.archived, *written.replaced]
-            done.summaries += written.merged
+            done.replaced += judged.archived if judged else []
+            done.replaced += written.replaced if written else []
+            done.summaries += written.merged if written else []
             return done
 
     def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
@@ -231,6 +241,8 @@ class KnowledgeBank:
 
         The less trusted, or else the less borne out, of two that contradict each other is archived.
         """
+        from gvla2.memory.curation.judging import Judged
+
         chosen = judge or self._judge
         if chosen is None:
             return Judged(notes=["Nobody was given to judge anything."])
@@ -244,6 +256,8 @@ class KnowledgeBank:
 
         At most ``limit`` episodes, the least sure first. A verifier that is unavailable changes nothing.
         """
+        from gvla2.memory.curation.replay import Replayed
+
         judge = verifier or self._verifier
         if judge is None:
             return Replayed(notes=["Nobody was given to verify anything again."])

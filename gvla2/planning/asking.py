@@ -6,9 +6,11 @@ import math
 from collections.abc import Mapping
 
 from gvla2.errors import PlannerTimeoutError, PlanningError
+from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Candidate, Plan, Planner, PlanRequest
 from gvla2.planning.deadline import DeadlineError, within
 from gvla2.planning.effects import SIDES
+from gvla2.planning.programs import Program
 from gvla2.planning.trajectory import MAX_WAYPOINTS, Guard, Orientation, Trajectory, Waypoint
 
 ABSURD = 10 * MAX_WAYPOINTS
@@ -49,12 +51,33 @@ def _problem(plan: object) -> str:
         return f"scales that are no mapping from names to a side and its length: {plan.scales!r:.200}"
     if not all(isinstance(c, Candidate) for c in plan.candidates):
         return "candidates that are none"
+    if problem := _program_problem(plan):
+        return problem
     refusal: object = plan.abstention
     if refusal is not None:
         return "" if isinstance(refusal, Abstention) else f"an abstention of type {type(refusal).__name__}"
     if not isinstance(plan.trajectory, Trajectory):
         return "neither a trajectory nor an abstention with its reason"
     return _trajectory_problem(plan.trajectory)
+
+
+def _program_problem(plan: Plan) -> str:
+    """What is wrong with the plan's place in a program, and with how it came about."""
+    if not _all_of(SkillCall, plan.calls) or not _all_of(SkillCall, plan.remaining):
+        return "calls or remaining that are no tuple of SkillCall"
+    options: object = plan.options
+    program: object = plan.program
+    if not isinstance(options, SkillOptions):
+        return f"options of type {type(options).__name__}, not SkillOptions"
+    if program is not None and not isinstance(program, Program):
+        return f"a program of type {type(program).__name__}, not Program"
+    if not _all_of(Mapping, plan.transcript):
+        return "a transcript that is no tuple of mappings"
+    return ""
+
+
+def _all_of(kind: type, values: object) -> bool:
+    return isinstance(values, tuple) and all(isinstance(value, kind) for value in values)
 
 
 def _side(value: object) -> bool:

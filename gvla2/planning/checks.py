@@ -11,8 +11,9 @@ from collections.abc import Iterable, Mapping
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
 from gvla2.planning.check_limits import DEFAULT_LIMITS, CheckLimits
+from gvla2.planning.checks_gripper import check_gripper
 from gvla2.planning.checks_motion import check_clearance, check_kinematics, resolve_motion
-from gvla2.planning.checks_words import check_gripper, check_memory, check_schema, check_workspace
+from gvla2.planning.checks_words import check_memory, check_schema, check_workspace
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckName, CheckReport, Finding
 from gvla2.planning.scene import Scene
@@ -46,7 +47,7 @@ def check_trajectory(
     """
     schema = check_schema(trajectory, scene)
     findings = [*schema, *check_workspace(trajectory, scene, arm, start_pose, limits)]
-    findings += check_gripper(trajectory, scene)
+    findings += check_gripper(trajectory, scene, arm.hand, start_pose)
     if any(f.kind in ("not_finite", "bad_orientation", "wrong_frame", "bad_motion") for f in schema):
         for check in ("kinematics", "clearance"):
             findings.append(_unchecked(check))

@@ -1,4 +1,4 @@
-"""Checks that read the waypoints alone, without kinematics: schema, workspace, gripper, memory."""
+"""Checks that read the waypoints alone, without kinematics: schema, workspace, memory."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
 from gvla2.planning.check_limits import CheckLimits
 from gvla2.planning.effects import Effect, disordered
@@ -14,8 +14,6 @@ from gvla2.planning.findings import CheckName, Finding
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import MAX_WAYPOINTS, MIN_WAYPOINTS, Trajectory, Waypoint
 
-GRASP_REACH = 0.03
-"""The tool may be this far outside the box of the object that it closes on, metres: perceived boxes are not exact."""
 EPS = 1e-6
 
 
@@ -98,7 +96,7 @@ def check_workspace(
     """Positions inside both workspaces, fingertips above the table, moves neither too long nor too fast."""
     found: list[Finding] = []
     before = np.asarray(start_pose[:3, 3])
-    poses = _poses(trajectory, start_pose)
+    poses = tool_poses(trajectory, start_pose)
     for i, w in enumerate(trajectory):
         xyz = np.asarray(w.xyz, dtype=np.float64)
         if xyz.shape != (3,) or not np.isfinite([*xyz, w.speed]).all():
@@ -135,7 +133,7 @@ def _longest(waypoint: Waypoint, limits: CheckLimits) -> float:
     return limits.max_linear if waypoint.motion == "linear" else limits.max_free
 
 
-def _poses(trajectory: Trajectory, start_pose: FloatArray) -> list[FloatArray] | None:
+def tool_poses(trajectory: Trajectory, start_pose: FloatArray) -> list[FloatArray] | None:
     """Tool poses, or None when an orientation is not one."""
     if any(_orientation_problem(w) or len(w.xyz) != 3 for w in trajectory):
         return None
@@ -144,62 +142,6 @@ def _poses(trajectory: Trajectory, start_pose: FloatArray) -> list[FloatArray] |
 
 def _m(xyz: FloatArray) -> str:
     return "(" + ", ".join(f"{v:.3f}" for v in xyz) + ")"
-
-
-def check_gripper(trajectory: Trajectory, scene: Scene) -> list[Finding]:
-    """The hand as a state machine: open, close on an object, carry it closed, release it, carry no more.
-
-    ``Waypoint.gripper`` is reached after arriving, ``carries`` holds on the way: a waypoint that carries and opens
-    is a release.
-    """
-    found: list[Finding] = []
-
-    def fail(
-        index: int, kind: str, message: str, value: float | None = None, limit: float | None = None
-    ) -> None:
-        found.append(Finding("gripper", False, index, kind, message, value, limit))
-
-    objects = {o.id: o for o in scene.objects}
-    opening, carried = 1.0, ""
-    closed_at: tuple[int, FloatArray] | None = None  # where the hand last closed, and not opened since
-    for i, w in enumerate(trajectory):
-        name = where(i, w)
-        if not 0.0 <= w.gripper <= 1.0 and np.isfinite(w.gripper):
-            fail(i, "opening_range", f"{name}: opening {w.gripper:g} is outside [0, 1].", w.gripper, 1.0)
-        if w.carries and w.carries != carried:
-            if carried:
-                fail(
-                    i,
-                    "not_released",
-                    f"{name} carries '{w.carries}' while '{carried}' was not released; open first.",
-                )
-            elif closed_at is None:
-                fail(i, "carries_without_grasp",
-                     f"{name} carries '{w.carries}', but the hand has not closed on it; close at the object first.",
-                     opening, 1.0)  # fmt: skip
-            elif w.carries in objects and len(closed_at[1]) == 3 and np.isfinite(closed_at[1]).all():
-                box = objects[w.carries]
-                local = np.abs(transform_points(invert_rigid(box.world_from_object), closed_at[1]))
-                gap = float(np.linalg.norm(np.maximum(local - 0.5 * box.extents, 0.0)))
-                if gap > GRASP_REACH:
-                    fail(closed_at[0], "grasp_misses",
-                         f"The hand closes {gap * 1000:.0f} mm beside '{w.carries}'; close within "
-                         f"{GRASP_REACH * 1000:.0f} mm of it.", gap, GRASP_REACH)  # fmt: skip
-        elif carried and not w.carries and closed_at is not None:
-            fail(i, "dropped_silently",
-                 f"{name} no longer carries '{carried}', but the hand did not open; open it or carry on.")  # fmt: skip
-        carried = w.carries
-        if w.gripper < opening - EPS:
-            closed_at = (i, np.asarray(w.xyz, dtype=np.float64))
-        elif w.gripper > opening + EPS:
-            closed_at = None
-            if carried and i + 1 < len(trajectory) and trajectory.waypoints[i + 1].carries == carried:
-                fail(i, "opens_while_carrying",
-                     f"{name} opens the hand to {w.gripper:g} while it still carries '{carried}'; keep closed.",
-                     w.gripper, opening)  # fmt: skip
-            carried = ""
-        opening = w.gripper
-    return found or [passed("gripper", "Closes, carries and releases in order.")]
 
 
 def check_memory(

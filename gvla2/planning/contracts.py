@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.arm import Arm
+from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.effects import Effect, Scale
+from gvla2.planning.programs import Program
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from gvla2.skills.skill import Skill
 
 
 class Perceiver(Protocol):
@@ -24,10 +29,14 @@ class Perceiver(Protocol):
 
 @dataclass(frozen=True)
 class Advice:
-    """What memory has to say to a planner: a bounded text block and typed effects; both may be empty."""
+    """What memory has to say to a planner: a bounded text block, typed effects and programs; all may be empty.
+
+    ``programs`` are what succeeded in episodes alike, best first (see :mod:`gvla2.planning.programs`).
+    """
 
     text: str = ""
     effects: tuple[Effect, ...] = ()
+    programs: tuple[Program, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,9 @@ class PlanRequest:
     """Everything a planner may use. ``start`` (4, 4) is the tool's pose, ``joints`` (dof,) its joints, radians.
 
     ``observation`` is what the scene was perceived from, for planners that look at images.
-    ``rejections`` are sentences from the checks about this planner's last answer, on a second try.
+    ``skills`` is the table of skills that any planner may call, plugins' included (empty: the standard ones).
+    ``rejections`` are sentences from the checks about this planner's last answer, on a second try, and ``rejected``
+    is that answer, where it was a plan.
     """
 
     instruction: str
@@ -46,6 +57,8 @@ class PlanRequest:
     observation: Observation
     advice: Advice = Advice()
     rejections: tuple[str, ...] = ()
+    skills: Mapping[str, Skill] = field(default_factory=dict)
+    rejected: Plan | None = None
 
 
 @dataclass(frozen=True)
@@ -83,6 +96,10 @@ class Plan:
     is learnt of them holds for other sizes. ``notes`` are plain sentences.
     ``fallback`` names the planner that stepped in, "" when none did. ``transcript`` holds prompts and answers
     of a language model, where one was asked.
+
+    A plan may be one part of a longer program: ``calls`` are the skill calls that this trajectory carries out,
+    ``remaining`` those that come after the robot has looked again, planned with ``options``. ``program`` is what the
+    planner meant, in its own language, as memory keeps it of a success.
     """
 
     trajectory: Trajectory | None
@@ -95,6 +112,10 @@ class Plan:
     fallback: str = ""
     transcript: tuple[Mapping[str, Any], ...] = ()
     scales: Mapping[str, Scale] = field(default_factory=dict)
+    calls: tuple[SkillCall, ...] = ()
+    remaining: tuple[SkillCall, ...] = ()
+    options: SkillOptions = field(default_factory=SkillOptions)
+    program: Program | None = None
 
 
 class Planner(Protocol):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from gvla2.geometry.views import Observation
+from gvla2.language.ledger import Tally
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport
@@ -43,10 +44,12 @@ class EpisodeRecord:
     """Everything one episode saw, thought and did; None for stages that it did not reach.
 
     ``choices`` are the component names by Hydra group ("robot": "sapien_panda"). ``goal`` is what the referee looks
-    for, in words. ``timings`` are wall seconds a stage. ``notes`` are fallbacks and warnings, each a sentence that
+    for, in words. ``timings`` are wall seconds a stage. ``language`` is what language models cost up to
+    here, by purpose. ``notes`` are fallbacks and warnings, each a sentence that
     the run's page shows. ``judgement`` is the simulator's referee's; it is filled last, so nothing can learn from it.
     ``attempts`` are the records of the attempts before this one, first to last, each with its own timings and none of
-    its own; an episode that never planned anew has none.
+    its own; an episode that never planned anew has none. A program that takes several plans is carried out part by
+    part: ``parts`` are the records of the parts before this one within the same attempt, again each by itself.
     """
 
     episode_id: str
@@ -69,13 +72,25 @@ class EpisodeRecord:
     judgement: Judgement | None = None
     failure: Failure | None = None
     timings: Mapping[str, float] = field(default_factory=dict)
+    language: Mapping[str, Tally] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     attempts: tuple[EpisodeRecord, ...] = ()
+    parts: tuple[EpisodeRecord, ...] = ()
 
     @property
     def seconds(self) -> float:
-        """Wall seconds of all stages of all attempts."""
-        return sum(sum(each.timings.values()) for each in (*self.attempts, self))
+        """Wall seconds of all stages of all attempts and their parts."""
+        return sum(self.timings.values()) + sum(each.seconds for each in (*self.attempts, *self.parts))
+
+    @property
+    def whole(self) -> tuple[EpisodeRecord, ...]:
+        """The parts of this attempt, first to last, this record being the last; one where nothing was parted."""
+        return (*self.parts, replace(self, attempts=(), parts=()))
+
+    @property
+    def partial(self) -> bool:
+        """Whether the plan is one part of a longer program."""
+        return bool(self.parts) or (self.plan is not None and bool(self.plan.remaining))
 
     def result(self, command: str) -> dict[str, Any]:
         """``result.json``: the outcome and who produced it. ``success`` is the eased profile, None if unknown."""
@@ -90,19 +105,23 @@ class EpisodeRecord:
             "seed": self.seed,
             "instruction": self.instruction,
             **{kind: self.choices.get(kind) for kind in ("robot", "planner", "perceiver", "memory")},
+            "fallback": self.plan.fallback if self.plan else "",
             "choices": dict(self.choices),
             "skill": self.plan.skill if self.plan else None,
             "parameters": dict(self.plan.parameters) if self.plan else None,
             "failure": asdict(self.failure) if self.failure else None,
             "timings": dict(self.timings),
+            "language": {purpose: dict(tally) for purpose, tally in self.language.items()},
             "attempts": [each.attempted() for each in (*self.attempts, self)],
+            "parts": [each.attempted() for each in self.whole],
             "notes": list(self.notes),
         }
 
     def attempted(self) -> dict[str, Any]:
-        """One of the attempts in ``result.json``: what was tried and what came of it."""
+        """One of the attempts, or of their parts, in ``result.json``: what was tried and what came of it."""
         return {
             "skill": self.plan.skill if self.plan else None,
+            "calls": [str(call) for call in self.plan.calls] if self.plan else [],
             "parameters": dict(self.plan.parameters) if self.plan else None,
             "executed": len(self.report.waypoints) if self.report else 0,
             "completed": self.report.completed if self.report else False,

@@ -12,8 +12,9 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from gvla2.record import sections, wording
-from gvla2.record.attempts import attempt_rows
+from gvla2.record.attempts import attempt_rows, part_rows
 from gvla2.record.contents import EpisodeRecord
+from gvla2.record.conversation import turns_of
 from gvla2.record.pictures import Pictures
 
 
@@ -44,6 +45,7 @@ def render_page(
         tiles=sections.tiles(record),
         steps=sections.steps(record),
         attempts=attempt_rows(record),
+        parts=part_rows(record),
         total=record.seconds,
         objects=sections.object_rows(record.scene, record.plan) if record.scene else [],
         parameters=parameters,
@@ -51,6 +53,7 @@ def render_page(
         candidates=sections.ranked_candidates(record.plan) if record.plan else [],
         checks=sections.check_cards(record.checks) if record.checks else [],
         executed=wording.executed(record),
+        turns=turns_of(record),
         finding=lambda stage: wording.finding(record, stage),
     )
 

@@ -27,7 +27,10 @@ class CameraPictures:
 
 @dataclass
 class Pictures:
-    """What the page can show; empty where a picture was not made. ``episode`` is a GIF, ``maps`` are SVG."""
+    """What the page can show; empty where a picture was not made. ``episode`` is a GIF, ``maps`` are SVG.
+
+    ``parts`` shows, where a program took several, the plan of each part in the main camera, with its caption.
+    """
 
     cameras: tuple[CameraPictures, ...] = ()
     plan: tuple[tuple[str, bytes], ...] = ()
@@ -35,6 +38,7 @@ class Pictures:
     after: bytes = b""
     episode: bytes = b""
     maps: tuple[str, ...] = ()
+    parts: tuple[tuple[str, bytes], ...] = ()
 
 
 def main_view(observation: Observation) -> View:
@@ -69,6 +73,13 @@ def with_objects(
         replace(camera, objects=png(perception_overlay(view, scene)))
         for camera, view in zip(pictures, observation.views, strict=True)
     )
+
+
+def part_picture(observation: Observation, trajectory: Trajectory, scene: Scene | None) -> bytes:
+    """The planned path of one part in the camera that shows it best, a PNG."""
+    start = observation.world_from_tcp[:3, 3]
+    view = plan_views(observation.views, trajectory)[0]
+    return png(plan_overlay(view, trajectory, start, scene))
 
 
 def plan_pictures(

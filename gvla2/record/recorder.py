@@ -24,6 +24,7 @@ from gvla2.record.pictures import (
     Pictures,
     camera_pictures,
     main_view,
+    part_picture,
     plain_picture,
     plan_pictures,
     with_objects,
@@ -119,6 +120,8 @@ class RunRecorder:
             )
         if scene is not None:
             self._once("maps", (scene, plan, seen), "The maps", lambda: self._draw_maps(record))
+        if record.parts:
+            self._once("parts", record.parts, "The pictures of the parts", lambda: self._show_parts(record))
         after = record.after
         if after is not None:
             self._once("after", after, "The picture after", lambda: self._photograph(after, "after"))
@@ -151,6 +154,14 @@ class RunRecorder:
             return
         self._pictures.plan = plan_pictures(record.observation, record.plan.trajectory, record.scene)
         self._save("plan.png", contact_sheet_of(self._pictures.plan))
+
+    def _show_parts(self, record: EpisodeRecord) -> None:
+        """The plans of the parts before the last, whose own pictures are of it."""
+        self._pictures.parts = tuple(
+            (f"part {k}: {part.plan.skill}", part_picture(part.observation, part.plan.trajectory, part.scene))
+            for k, part in enumerate(record.parts, 1)
+            if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
+        )
 
     def _draw_maps(self, record: EpisodeRecord) -> None:
         if record.scene is None:

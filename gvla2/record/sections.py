@@ -126,6 +126,19 @@ def tiles(record: EpisodeRecord) -> list[Tile]:
 
 def _motion_tile(record: EpisodeRecord) -> Tile:
     title = "Carried out?"
+    if record.parts:
+        done = record.report is not None and record.report.completed
+        count_done, of = len(record.parts) + done, len(record.whole)
+        left = bool(record.plan and record.plan.remaining)
+        value = f"{count_done} of {of} parts" + (" and more" if left else "")
+        whole = done and not left
+        note = "What the robot reports about its own motion, of the parts of the program that it came to."
+        return Tile(
+            title,
+            value,
+            "good" if whole else "bad",
+            f"{executed(record) or 'The last part did not move'}. {note}",
+        )
     if record.report is not None:
         done = record.report.completed
         note = "What the robot reports about its own motion. Carried out is not yet succeeded."
@@ -148,6 +161,8 @@ def _verdict_tile(record: EpisodeRecord) -> Tile:
         return Tile(title, "None", "idle", "Nothing was there to be judged.")
     by = verdict.verifier or record.choices.get("verifier", "the verifier")
     note = f"Given by “{by}” from what the cameras and the hand measured, not from true state. Memory learns from it."
+    if record.parts:
+        note = f"Of the last part of the program. {note}"
     if verdict.outcome == "unavailable":
         return Tile(title, "Unavailable", "idle", note)
     tone = {"verified_success": "good", "verified_fail": "bad"}.get(verdict.outcome, "unsure")
@@ -185,7 +200,12 @@ def story(record: EpisodeRecord) -> str:
     plan = record.plan
     if plan is not None and plan.trajectory is not None:
         named = f" with the skill “{plan.skill}”" if plan.skill else ""
-        parts.append(f"It planned {count(len(plan.trajectory), 'waypoint')}{named}.")
+        before = f"After {count(len(record.parts), 'part')} of its program it" if record.parts else "It"
+        parts.append(f"{before} planned {count(len(plan.trajectory), 'waypoint')}{named}.")
+    elif plan is not None and record.parts:
+        parts.append(
+            f"{count(len(record.parts), 'part')} of the program went well, the next could not be planned."
+        )
     elif plan is not None:
         parts.append("The planner declined, so nothing was moved.")
     if record.checks is not None and not record.checks.passed:

@@ -10,6 +10,7 @@ from gvla2.planning.contracts import Plan
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.contents import EpisodeRecord
+from gvla2.record.conversation import kept
 from gvla2.record.files import plain
 
 
@@ -50,8 +51,12 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "abstention": asdict(plan.abstention) if plan.abstention else None,
         "notes": list(plan.notes),
         "fallback": plan.fallback,
-        "transcript": [dict(turn) for turn in plan.transcript],
+        "transcript": kept(plan.transcript),
         "waypoints": len(plan.trajectory) if plan.trajectory is not None else 0,
+        "calls": [asdict(call) for call in plan.calls],
+        "remaining": [asdict(call) for call in plan.remaining],
+        "options": asdict(plan.options),
+        "program": plan.program.to_json() if plan.program else None,
     }
 
 
@@ -61,7 +66,7 @@ def trajectory_json(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
-    """One of the earlier attempts: what was planned, executed and found."""
+    """One of the earlier attempts, or parts of a program: what was planned, executed and found."""
     plan = attempt.plan
     return {
         **attempt.attempted(),
@@ -69,6 +74,7 @@ def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
         "trajectory": trajectory_json(plan.trajectory) if plan and plan.trajectory is not None else None,
         "report": attempt.report.to_json() if attempt.report else None,
         "verdict": asdict(attempt.verdict) if attempt.verdict else None,
+        "parts": [attempt_json(part) for part in attempt.parts],
     }
 
 
@@ -98,6 +104,11 @@ STAGE_FILES: tuple[tuple[str, str, Writer], ...] = (
         "attempts.json",
         "the attempts before the last, each with its plan and report",
         lambda r: [attempt_json(each) for each in r.attempts] or None,
+    ),
+    (
+        "parts.json",
+        "the parts of the program before the last, each with its plan and report",
+        lambda r: [attempt_json(each) for each in r.parts] or None,
     ),
     ("verdict.json", "the verifier's verdict", lambda r: asdict(r.verdict) if r.verdict else None),
     ("learned.json", "what memory learnt", lambda r: asdict(r.learned) if r.learned else None),

@@ -169,6 +169,9 @@ def judged(record: EpisodeRecord) -> str:
 
 def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure"]]:
     """The episode in two or three words, and how that sounds. A referee's word counts before a verifier's."""
+    stopped = record.failure is not None and record.failure.stage not in ("verify", "judge")
+    if stopped and record.parts and record.report is None:
+        return f"Stopped before part {len(record.whole)}", "bad"
     if record.plan is not None and record.plan.abstention is not None:
         return "Declined, nothing moved", "unsure"
     if record.judgement is not None and record.report is not None:
@@ -177,7 +180,7 @@ def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure
         return "Succeeded" if record.judgement.strict else "Succeeded (eased)", "good"
     if record.checks is not None and not record.checks.passed and record.report is None:
         return "Rejected before motion", "bad"
-    if record.failure is not None and record.failure.stage not in ("verify", "judge"):
+    if stopped and record.failure is not None:
         return f"Stopped at {record.failure.stage}", "bad"
     if record.verdict is not None and record.verdict.outcome != "unavailable":
         word = OUTCOMES[record.verdict.outcome]
@@ -197,7 +200,7 @@ def summary_line(record: EpisodeRecord) -> str:
 
 def details(record: EpisodeRecord) -> list[str]:
     """What stands behind the headline, in short pieces."""
-    parts: list[str] = []
+    parts: list[str] = [count(len(record.whole), "part")] if record.parts else []
     if record.judgement is not None:
         parts.append(f"referee: {finding(record, 'judge')}")
     if record.verdict is not None:
@@ -240,7 +243,9 @@ def _planned(record: EpisodeRecord) -> str:
     if plan.trajectory is None:
         return "no trajectory"
     skill = f", skill {one_line(plan.skill, 40)}" if plan.skill else ""
-    return count(len(plan.trajectory), "waypoint") + skill
+    place = f"part {len(record.whole)}: " if record.partial else ""
+    left = f", {count(len(plan.remaining), 'call')} to come" if plan.remaining else ""
+    return place + count(len(plan.trajectory), "waypoint") + skill + left
 
 
 def _checked(record: EpisodeRecord) -> str:

@@ -15,6 +15,7 @@ from gvla2.testing.memory import candidates, check_embedder, check_memory, check
 from gvla2.testing.planning import check_perceiver, check_planner
 from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
 from gvla2.testing.robot import check_robot, check_task
+from gvla2.testing.skill import check_skill
 
 __all__ = [
     "CHECKS",
@@ -33,6 +34,7 @@ __all__ = [
     "check_renderer",
     "check_retriever",
     "check_robot",
+    "check_skill",
     "check_task",
     "check_verifier",
 ]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Inducer
 
 
@@ -18,22 +19,12 @@ class RulesConfig(ComponentConfig):
 
 @dataclass
 class LanguageConfig(ComponentConfig):
-    """Options of the ``llm`` inducer.
+    """Options of the ``llm`` inducer, which asks the run's ``language``.
 
-    The first ones say which model to ask, see :class:`gvla2.language.EndpointOptions`. At most ``most`` lessons are
-    taken from an answer; the first ``transcript`` characters of an episode's account are shown to the model.
+    At most ``most`` lessons are taken from an answer; the first ``transcript`` characters of an episode's account are
+    shown to the model.
     """
 
-    base_url: str = "http://127.0.0.1:8000/v1"
-    model: str = ""
-    api_key_env: str = ""
-    timeout: float = 60.0
-    retries: int = 2
-    concurrency: int = 4
-    temperature: float | None = 0.0
-    max_tokens: int | None = 2048
-    cache: str = ""
-    extra: dict[str, Any] = field(default_factory=dict)
     most: int = 4
     transcript: int = 8000
 
@@ -45,11 +36,11 @@ def _build_rules(config: RulesConfig) -> Inducer:
     return RulesInducer()
 
 
-def _build_language(config: LanguageConfig) -> Inducer:
+def _build_language(config: LanguageConfig, language: LanguageModel) -> Inducer:
     """Lessons worded by a language model; by rules where it cannot answer."""
     from gvla2_plugins.inducers.language import LanguageInducer
 
-    return LanguageInducer(config)
+    return LanguageInducer(config, language)
 
 
 @hookimpl
@@ -57,5 +48,5 @@ def gvla2_inducers() -> list[Component[Inducer]]:
     """Induction by rules, and by a language model."""
     return [
         Component("rules", RulesConfig, _build_rules),
-        Component("llm", LanguageConfig, _build_language),
+        Component("llm", LanguageConfig, _build_language, needs=("language",)),
     ]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from gvla2.errors import Gvla2Error
-from gvla2.language import Endpoint, EndpointOptions
+from gvla2.language import LanguageModel, ask_typed, json_in
 from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
 from gvla2.memory.curation.induction import MAX_CONTENT, RulesInducer
 from gvla2.memory.retrieval.rendering import neutralised
@@ -15,7 +13,6 @@ from gvla2.memory.retrieval.rendering import neutralised
 if TYPE_CHECKING:
     from gvla2_plugins.inducers import LanguageConfig
 
-MAX_ANSWER, MAX_ARRAYS = 50_000, 64
 MAX_EVIDENCE, MOST_PASSAGES = 400, 4
 """Characters of a passage of evidence, and passages."""
 _SYSTEM = """You write short lessons for a memory of experience. You are shown the account of one finished episode and \
@@ -44,10 +41,8 @@ class LanguageInducer:
     Where the model cannot be reached, or its answer is no list of lessons, the rules decide.
     """
 
-    def __init__(self, config: LanguageConfig) -> None:
-        names = {field.name for field in fields(EndpointOptions)} & {field.name for field in fields(config)}
-        self._endpoint = Endpoint(EndpointOptions(**{name: getattr(config, name) for name in names}))
-        self._config, self._rules = config, RulesInducer()
+    def __init__(self, config: LanguageConfig, language: LanguageModel) -> None:
+        self._config, self._language, self._rules = config, language, RulesInducer()
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
         """The lessons of the episode in the light of the verdict."""
@@ -57,15 +52,18 @@ class LanguageInducer:
             {"role": "system", "content": _SYSTEM},
             {"role": "user", "content": self._account(episode, verdict)},
         ]
+        most = self._config.most
         try:
-            said = read_lessons(
-                self._endpoint.complete(messages, purpose="extra").text, verdict, self._config.most
+            found = ask_typed(
+                self._language,
+                messages,
+                lambda said: read_lessons(said, verdict, most),
+                purpose="induce",
+                tries=2,
             )
         except Gvla2Error:
-            said = None
-        if said is None:
             return self._rules.induce(episode, verdict)
-        return (*episode.lessons, *said)
+        return (*episode.lessons, *found.answer)
 
     def _account(self, episode: MemoryEpisode, verdict: Verdict) -> str:
         lines = episode.transcript[: self._config.transcript].splitlines()
@@ -82,11 +80,11 @@ class LanguageInducer:
         )
 
 
-def read_lessons(answer: str, verdict: Verdict, most: int) -> tuple[Lesson, ...] | None:
-    """The lessons of an answer that fit the verdict; None where it holds no JSON array."""
-    found = _array(answer)
-    if found is None:
-        return None
+def read_lessons(answer: str, verdict: Verdict, most: int) -> tuple[Lesson, ...]:
+    """The lessons of an answer that fit the verdict; raises :class:`ValueError` where it holds no JSON array."""
+    found = json_in(answer)
+    if not isinstance(found, list):
+        raise ValueError("It must be one JSON array.")
     lessons: list[Lesson] = []
     for entry in found:
         if not isinstance(entry, dict) or entry.get("type") not in _AFTER[verdict.outcome]:
@@ -107,23 +105,3 @@ def read_lessons(answer: str, verdict: Verdict, most: int) -> tuple[Lesson, ...]
                 )
             )
     return tuple(lessons[:most])
-
-
-def _array(answer: str) -> list[object] | None:
-    """The last JSON array of an answer, which may stand in a code fence or after other words."""
-    decoder = json.JSONDecoder()
-    found: list[object] | None = None
-    answer = answer[:MAX_ANSWER]
-    start = answer.find("[")
-    for _ in range(MAX_ARRAYS):
-        if start < 0:
-            break
-        try:
-            data, end = decoder.raw_decode(answer, start)
-        except (ValueError, RecursionError):
-            start = answer.find("[", start + 1)
-            continue
-        if isinstance(data, list):
-            found = data
-        start = answer.find("[", end)
-    return found

@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.language.options import EndpointOptions
 
 if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Verifier
 
 
 @dataclass(kw_only=True)
-class LlmVerifierConfig(EndpointOptions, ComponentConfig):
-    """Options of the ``llm`` verifier; where the model is and how it is asked: ``EndpointOptions``.
+class LlmVerifierConfig(ComponentConfig):
+    """Options of the ``llm`` verifier, which asks the run's ``language``.
 
     ``criteria`` is a set, ``robot`` or ``software``; ``questions`` (name: question) are used instead where given.
     Each criterion is asked ``repeats`` times, with the seeds ``seed``, ``seed`` + 1, ...: more than one makes sense
@@ -28,14 +28,14 @@ class LlmVerifierConfig(EndpointOptions, ComponentConfig):
     longest: int = 24_000
 
 
-def _build(config: LlmVerifierConfig) -> Verifier:
+def _build(config: LlmVerifierConfig, language: LanguageModel) -> Verifier:
     """Judges transcripts by a language model's score tokens, at any OpenAI-compatible address."""
     from gvla2_plugins.llm_verifier.verifier import LlmVerifier
 
-    return LlmVerifier(config)
+    return LlmVerifier(config, language)
 
 
 @hookimpl
 def gvla2_verifiers() -> list[Component[Verifier]]:
     """``verifier=llm``."""
-    return [Component("llm", LlmVerifierConfig, _build)]
+    return [Component("llm", LlmVerifierConfig, _build, needs=("language",))]

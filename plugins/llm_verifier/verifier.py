@@ -8,7 +8,7 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
-from gvla2.language import Completion, Endpoint, LanguageModelError, Ledger, Request
+from gvla2.language import Completion, LanguageModel, LanguageModelError, Request
 from gvla2.memory.contracts import Evidence, Verdict
 from gvla2.memory.retrieval.rendering import neutralised
 from gvla2.memory.verification.criteria import Criterion, criteria_set
@@ -26,19 +26,16 @@ class LlmVerifier:
     """A language model's judgement of an episode in words (paper, eq. R_t).
 
     When any criterion could not be asked, or its answer was lost to reasoning, the verdict is ``unavailable``: a
-    mean over the others would be of another criterion set, and a midpoint would be made up. A cache that cannot be
-    written costs money, not verdicts: the last reason says so. ``ledger`` counts the tokens of all verdicts.
+    mean over the others would be of another criterion set, and a midpoint would be made up.
     """
 
-    def __init__(self, config: LlmVerifierConfig, *, ledger: Ledger | None = None) -> None:
+    def __init__(self, config: LlmVerifierConfig, language: LanguageModel) -> None:
         if config.repeats < 1 or config.longest < 200:
             raise ConfigurationError(
                 f"repeats is {config.repeats} and longest {config.longest}; they must be at least 1 and 200."
             )
         self._criteria = criteria_set(config.criteria, config.questions)
-        self._config = config
-        self._endpoint = Endpoint(config, ledger=ledger)
-        self.ledger = self._endpoint.ledger
+        self._config, self._language = config, language
 
     def verify(self, evidence: Evidence) -> Verdict:
         """A verdict; ``unavailable`` without a transcript or facts, or when the model could not be asked."""
@@ -52,7 +49,7 @@ class LlmVerifier:
             for criterion in self._criteria
             for i in range(repeats)
         ]
-        answers = self._endpoint.complete_all(requests, purpose="extra")
+        answers = self._language.complete_all(requests, purpose="verify")
         usage = _usage(answers)
         by_criterion = {
             criterion: answers[i * repeats : (i + 1) * repeats] for i, criterion in enumerate(self._criteria)
@@ -65,13 +62,8 @@ class LlmVerifier:
             verdict = Verdict.unavailable(
                 f"{missing} of {len(self._criteria)} criteria could not be judged: {' '.join(failures)}", NAME
             )
-            return replace(verdict, usage=usage, reasons=(*verdict.reasons, *self._unkept()))
-        verdict = _verdict(by_criterion, usage)
-        return replace(verdict, reasons=(*verdict.reasons, *self._unkept()))
-
-    def _unkept(self) -> tuple[str, ...]:
-        """Why answers are not kept, where they were meant to be."""
-        return (self._endpoint.problem,) if self._endpoint.problem else ()
+            return replace(verdict, usage=usage)
+        return _verdict(by_criterion, usage)
 
 
 def _problem(answer: Completion | LanguageModelError) -> str:

@@ -27,7 +27,7 @@ class SkillConfig(ComponentConfig):
     push_distance: float = 0.10
     speed: float = 0.25
     contact_speed: float = 0.08
-    spelling: float = 0.7
+    spelling: float = 0.85
     tries: int = 16
     explore: float = 0.0
     explore_seed: int = 0

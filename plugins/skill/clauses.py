@@ -26,37 +26,55 @@ class Clause:
     denied: bool = False
 
 
-def clauses(tokens: Sequence[str]) -> list[Clause]:
-    """Clauses: parted at stops, at "and", "then", "by pushing" and "to press"; what is not to be done is left out."""
+def clauses(tokens: Sequence[str]) -> tuple[list[Clause], list[tuple[str, ...]]]:
+    """Clauses, parted at stops, at "and", "then", "by pushing" and "to press"; and apart from them the words that say
+    what is not to be done, or not to what.
+    """
     tokens = _without_auxiliaries(tokens)
     found: list[Clause] = []
     words: list[str] = []
     joint: Joint = ""
+    denials: list[tuple[str, ...]] = []
     skipping = False
+    done = 0
 
     def cut(next_joint: Joint, *, denied: bool = False) -> None:
         nonlocal words, joint, skipping
-        if words and not _leaves_alone(words):
+        if skipping:
+            denials.append(tuple(words))
+        elif words and not _leaves_alone(words):
             found.append(Clause(tuple(words), joint if found else "", denied))
         words, joint, skipping = [], next_joint, denied
 
     for i, token in enumerate(tokens):
+        if i < done:
+            continue
         following = tokens[i + 1] if i + 1 < len(tokens) else ""
         if token in STOPS:
             if not (token == ":" and following == "on"):  # "lamp: on"
                 cut("stop")
+        elif said := _negation(tokens, i):
+            cut("stop", denied=True)
+            done = i + len(said.split())
         elif token in ("and", "then", "but", "while"):
             cut("and")
-        elif phrase_at(tokens, i, lexicon.NEGATIONS):
-            cut("stop", denied=True)
-        elif (token in ("by", "through") and is_gerund(following)) or (
-            token in ("to", "so") and verbs_of(following) and not noun_use(tokens, i + 1) and words
+        elif (not skipping and (token in ("by", "through") and is_gerund(following))) or (
+            not skipping
+            and (token in ("to", "so") and verbs_of(following) and not noun_use(tokens, i + 1) and words)
         ):
             cut("verb")
-        elif not skipping:
+        else:
             words.append(token)
     cut("")
-    return found
+    return found, [d for d in denials if d]
+
+
+def _negation(tokens: Sequence[str], i: int) -> str:
+    """The wording at ``i`` from which on it is said what is not meant: "without", "do not", "any cube but"."""
+    if said := phrase_at(tokens, i, lexicon.NEGATIONS):
+        return said
+    among = lexicon.AMONG & set(tokens[:i])
+    return "but" if tokens[i] == "but" and among and tokens[i + 1 : i + 2] != ["then"] else ""
 
 
 def phrase_at(tokens: Sequence[str], i: int, phrases: Sequence[str]) -> str:

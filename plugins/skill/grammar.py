@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import Clause, clauses, noun_use, phrase_at
-from gvla2_plugins.skill.intents import Intent, Said, combine, settle
+from gvla2_plugins.skill.intents import Denial, Intent, Said, combine, settle
 from gvla2_plugins.skill.phrases import Phrase, read_phrase
 from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
 
@@ -41,25 +41,25 @@ class _Chunk:
         return read_phrase(self.tokens, self.selectors)
 
 
-def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.7) -> Intent:
+def parse(sentence: str, labels: Sequence[str] = (), spelling: float = 0.85) -> Intent:
     """The intent of any text; never raises. ``labels`` of the scene count as known words."""
     known = frozenset(word for label in labels for word in tokenise(label))
     tokens, notes = spell(tokenise(sentence), spelling, known)
-    said = [s for s in (_read(c) for c in clauses(tokens)) if s is not None]
-    intent = combine(said)
-    if intent.skill == "place" and _not_lifted(tokens):
-        intent = replace(intent, skill="push")
-    return replace(intent, notes=tuple(notes))
+    if unread := lexicon.UNREAD.search(" ".join(tokens)):
+        return Intent(trouble=f"what '{unread[0]}' means here is not read with certainty", notes=tuple(notes))
+    parts, denied = clauses(tokens)
+    intent = combine([s for s in (_read(c) for c in parts) if s is not None])
+    denials = tuple(_denial(words) for words in denied)
+    if intent.skill == "place" and any(d.verbs & lexicon.TAKING for d in denials):
+        intent = replace(intent, skill="push")  # "move it there without lifting it"
+    return replace(intent, notes=tuple(notes), denials=denials)
 
 
-def _not_lifted(tokens: Sequence[str]) -> bool:
-    """Whether a sentence forbids to take hold of something: "move it there without lifting it"."""
-    for i in range(len(tokens)):
-        if said := phrase_at(tokens, i, lexicon.NEGATIONS):
-            after = tokens[i + len(said.split()) :][:2]
-            if any(verbs_of(t) & lexicon.TAKING for t in after):
-                return True
-    return False
+def _denial(words: Sequence[str]) -> Denial:
+    acts = [i for i, t in enumerate(words) if verbs_of(t) and not noun_use(words, i)]
+    phrase = read_phrase([t for i, t in enumerate(words) if i not in acts])
+    verbs = frozenset(v for i in acts for v in verbs_of(words[i]))
+    return Denial(" ".join(words), verbs, None if phrase.empty else phrase)
 
 
 def _read(clause: Clause) -> Said | None:

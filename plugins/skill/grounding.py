@@ -5,27 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, nearest_colours
+from gvla2.planning.colours import COLOURS, colour_distance, nearest_colours
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.selecting import extreme, located
+from gvla2.skills.parts import is_button
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.phrases import Phrase
-from gvla2_plugins.skill.words import noun_class, tokenise
+from gvla2_plugins.skill.words import noun_class, tokenise, verbs_of
 
 TIE = 0.9
 """Objects that fit this share of the best fit are as good as the best: only a selector parts them."""
 NEAR_COLOUR = 0.7
-OTHER_KIND, PART = 0.7, 0.6
-"""What is left of a fit where the words before the noun are not the thing's, and where a part of a thing is to be
-any thing."""
-DOUBTFUL = 0.25
-"""How well a thing of another shape fits, where its colour is the one that was named."""
+PART = 0.6
+"""What is left of a fit where a part of a thing is to be any thing."""
 BETWEEN, LEEWAY = 25.0, 2.2
 """A colour that is further from every word is between them: a word up to so many times as far may be meant."""
-BUTTON_WIDTH, BUTTON_TOP = 0.08, 0.15
-"""A round thing no wider, whose top is no higher above the table, may be a button, metres."""
 
 
 @dataclass(frozen=True)
@@ -55,23 +50,16 @@ def ground(
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
     noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
     fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, noun, o)) > 0]
+    kinds = {*phrase.unknown, *phrase.kinds}
+    fits = [f for f in fits if kinds and not _strange(phrase, f.object)] or fits
     if phrase.owner is not None and fits:
         return _single(phrase, _owned(phrase, phrase.owner, fits, scene), scene)
     return _single(phrase, _of_owners(phrase, fits, scene) or _colour_filter(phrase.colour, fits), scene)
 
 
-def ground_all(
-    phrase: Phrase, scene: Scene, *, exclude: frozenset[str] = frozenset()
-) -> tuple[SceneObject, ...]:
-    """All movable things of a scene that a phrase in the plural means: "the red things", "every object".
-
-    Parts, painted regions and ``exclude`` are none of them; nor are hollow things where any object is meant, since
-    these are what others are put into. Empty where nothing fits.
-    """
-    pool = [o for o in scene.objects if o.id not in exclude and o.shape != "region" and not o.parent]
-    if phrase.noun in ("", "object"):
-        pool = [o for o in pool if not o.opening and not _label_classes(o) & lexicon.HOLLOW]
-    fits = [_Fit(o, score) for o in pool if (score := _noun_score(phrase, phrase.noun, o)) > 0]
+def ground_all(phrase: Phrase, scene: Scene) -> tuple[SceneObject, ...]:
+    """All things of a scene that a phrase means, parts too: "the red ones", "the lids". Empty where nothing fits."""
+    fits = [_Fit(o, score) for o in scene.objects if (score := _noun_score(phrase, phrase.noun, o)) > 0]
     fits = _colour_filter(phrase.colour, fits)
     best = max((f.score for f in fits), default=0.0)
     return tuple(f.object for f in fits if f.score >= TIE * best)
@@ -109,6 +97,9 @@ def _owned(phrase: Phrase, owner: Phrase, fits: Sequence[_Fit], scene: Scene) ->
 def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
     """The button that a phrase means, also where the phrase names the lamp that the button works."""
     phrase = phrase or Phrase("")
+    other = [o for o in scene.objects if set(phrase.unknown) & set(tokenise(o.label))]
+    if other and not any(_button_score(o, scene) for o in other):
+        return Abstention("nothing_matches", f"'{other[0].label}' is nothing to press; {_inventory(scene)}.")
     buttons = [_Fit(o, s) for o in scene.objects if (s := _button_score(o, scene)) > 0]
     if phrase.noun not in ("button", "lamp", "object", "") or (phrase.unknown and not phrase.noun):
         found = ground(phrase, scene, movable=True)
@@ -132,30 +123,28 @@ def ground_button(phrase: Phrase | None, scene: Scene) -> Grounded | Abstention:
 def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     """How well the phrase's noun fits an object, in [0, 1]: by its label first, then by its shape."""
     sure = 0.9 + 0.1 * thing.confidence
-    if set(phrase.unknown) & set(tokenise(thing.label)):
-        return sure
     if not noun:
+        if phrase.unknown and phrase.unknown[-1] in tokenise(thing.label):
+            return sure
         anything = not phrase.unknown and not phrase.everywhere
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
-    words = tokenise(thing.label)
     classes = _label_classes(thing)
     if noun in classes:
-        other_kind = bool(phrase.kinds) and not set(phrase.kinds) & set(words)
-        return OTHER_KIND * sure if other_kind else sure
+        own = [w for w in tokenise(thing.label)[:-1] if w not in lexicon.COLOUR_WORDS and not verbs_of(w)]
+        other_kind = _strange(phrase, thing) and bool(own)  # a knife block is no jenga block
+        return 0.0 if other_kind else sure
     if noun == "block" and thing.opening and "box" in phrase.text.split():
         return sure  # "the box": a hollow one, whatever it is called
-    alike = max((lexicon.ALIKE.get(noun, {}).get(c, 0.0) for c in classes), default=0.0)
-    if alike:
-        return alike * sure
     if noun == "object" and thing.parent:
         sure *= PART
-    speaking = classes - lexicon.SHAPE_NOUNS
-    if speaking and noun not in lexicon.SHAPE_NOUNS:
+    if classes - lexicon.SHAPE_NOUNS and noun != "object":
         return 0.0  # a lamp is no cup, whatever its shape
-    fit = lexicon.SHAPE_FIT.get(noun, {}).get(thing.shape, 0.0)
-    if not fit and phrase.colour == thing.colour != "" and thing.shape in lexicon.CONFUSED.get(noun, ()):
-        fit = DOUBTFUL
-    return fit * sure
+    return lexicon.SHAPES.get(noun, {}).get(thing.shape, 0.0) * sure
+
+
+def _strange(phrase: Phrase, thing: SceneObject) -> set[str]:
+    """Words of a phrase that say which kind of its noun is meant, and that the thing's label has not."""
+    return {*phrase.unknown, *phrase.kinds} - set(tokenise(thing.label))
 
 
 def _label_classes(thing: SceneObject) -> set[str]:
@@ -165,39 +154,29 @@ def _label_classes(thing: SceneObject) -> set[str]:
 
 
 def _button_score(thing: SceneObject, scene: Scene) -> float:
-    if "button" in _label_classes(thing):
+    classes = _label_classes(thing)
+    if "button" in classes:
         return 1.0
-    small = thing.extents[:2].max() <= BUTTON_WIDTH and thing.top - scene.table_height <= BUTTON_TOP
-    if thing.shape not in ("disc", "cylinder") or not small:
-        return 0.0
-    flat = thing.extents[2] <= thing.extents[:2].max()
-    return 0.6 + 0.1 * bool(thing.parent) if flat or thing.parent else 0.0
+    return (
+        0.6 + 0.1 * bool(thing.parent)
+        if not classes - lexicon.SHAPE_NOUNS and is_button(thing, scene)
+        else 0.0
+    )
 
 
 def _colour_filter(colour: str, fits: Sequence[_Fit]) -> list[_Fit]:
-    """Objects of the colour; where none has it, those of a shade that one can take for it."""
-    if not colour:
-        return list(fits)
-    exact = [f for f in fits if f.object.colour == colour]
-    if exact:
+    """Objects of the colour; where none is called so, those whose colour lies between that word and another."""
+    exact = [f for f in fits if not colour or f.object.colour == colour]
+    if exact or not colour:
         return exact
-    gaps = {f.object.id: _gap(colour, f.object) for f in fits}
-    nearest = min(gaps.values(), default=np.inf)
-    # A second shade nearly as near leaves it open which one is meant: both stay, and tie.
-    close = [f for f in fits if gaps[f.object.id] < TOLD_APART and gaps[f.object.id] < nearest + 8.0]
-    return [_Fit(f.object, NEAR_COLOUR * f.score, True) for f in close]
+    return [_Fit(f.object, NEAR_COLOUR * f.score, True) for f in fits if _between(colour, f.object)]
 
 
-def _gap(colour: str, thing: SceneObject) -> float:
+def _between(colour: str, thing: SceneObject) -> bool:
+    """Whether a thing's colour is so far from every word that people differ about which it is, this one among them."""
     seen = tuple(float(v) for v in thing.rgb)
-    shown = COLOURS.get(thing.colour, seen)
-    by_word = float(colour_distance(COLOURS[colour], shown))
     ((_, off),) = nearest_colours(seen, 1)
-    if off < BETWEEN:
-        return by_word
-    # A colour between the words: people differ about what it is called.
-    by_sight = float(colour_distance(COLOURS[colour], seen))
-    return min(by_word, TOLD_APART * by_sight / (LEEWAY * off))
+    return off >= BETWEEN and float(colour_distance(COLOURS[colour], seen)) < LEEWAY * off
 
 
 def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Abstention:
@@ -209,17 +188,27 @@ def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Ab
         else:
             at = ground(where, scene)
             if isinstance(at, Grounded):
-                others = [f for f in fits if f.object.id != at.object.id]
-                fits = _located(others, relation, at.object)
+                there = located([f.object for f in fits], relation, at.object)
+                fits = [f for f in fits if f.object in there]
             elif relation != "from" and not where.pronoun:
                 return at
             # Where it is taken from need not be seen: "out of its holder".
     if not fits:
         return Abstention("nothing_matches", f"Nothing here is '{phrase.text}'; {_inventory(scene)}.")
+    if len(fits) > 1 and phrase.noun and all(_strange(phrase, f.object) for f in fits):
+        strange = " ".join(sorted(_strange(phrase, fits[0].object)))
+        return Abstention(
+            "nothing_matches",
+            f"Which of {len(fits)} is '{strange}' cannot be told; {_inventory(scene)}.",
+        )
     best = max(f.score for f in fits)
     tied = [f for f in fits if f.score >= TIE * best]
     for selector in phrase.selectors:
-        tied = _selected(tied, selector, scene)
+        if selector == "any":
+            tied = [max(tied, key=lambda f: f.score)]
+        else:
+            kept = extreme([f.object for f in tied], selector, scene)
+            tied = [f for f in tied if f.object in kept]
     if len(tied) > 1:
         names = ", ".join(_name(f.object) for f in tied)
         return Abstention(
@@ -229,82 +218,13 @@ def _single(phrase: Phrase, fits: Sequence[_Fit], scene: Scene) -> Grounded | Ab
     chosen = tied[0]
     notes: tuple[str, ...] = ()
     if chosen.near_colour:
-        seen = chosen.object.colour or "nearest"
-        notes = (f"Nothing is {phrase.colour}; the {seen} {_noun(chosen.object)} was taken for it.",)
-    elif phrase.noun and chosen.score <= DOUBTFUL:
-        notes = (f"The {chosen.object.label} was taken for '{phrase.text}', by its colour alone.",)
+        notes = (f"Nothing is plainly {phrase.colour}; the {chosen.object.label} was taken for it.",)
     return Grounded(chosen.object, chosen.score, notes)
-
-
-def _selected(fits: Sequence[_Fit], selector: str, scene: Scene) -> list[_Fit]:
-    """The fits that a selector leaves: the extreme one, or all of equal rank."""
-    if selector == "any":
-        return [max(fits, key=lambda f: f.score)]
-    base = np.array([scene.workspace.low[0], 0.5 * (scene.workspace.low[1] + scene.workspace.high[1])])
-    middle = np.mean([f.object.centre[:2] for f in fits], axis=0)
-
-    def rank(f: _Fit) -> float:
-        o = f.object
-        match selector:
-            case "left":
-                return -float(o.centre[1])
-            case "right":
-                return float(o.centre[1])
-            case "near":
-                return float(np.linalg.norm(o.centre[:2] - base))
-            case "far":
-                return -float(np.linalg.norm(o.centre[:2] - base))
-            case "middle":
-                return float(np.linalg.norm(o.centre[:2] - middle))
-            case "big":
-                return -float(np.prod(o.extents))
-            case "small":
-                return float(np.prod(o.extents))
-            case "tall":
-                return -float(o.extents[2])
-            case _:
-                return float(o.extents[2])
-
-    ranks = [rank(f) for f in fits]
-    # Sizes and places that perception cannot tell apart do not decide: 5 % of a size, 5 mm of a place.
-    sizes = selector in ("big", "small", "tall", "short")
-    slack = 0.05 * abs(min(ranks)) if sizes else 0.005
-    return [f for f, r in zip(fits, ranks, strict=True) if r <= min(ranks) + slack]
-
-
-def _located(fits: Sequence[_Fit], relation: str, at: SceneObject) -> list[_Fit]:
-    """The fits that are where the relation to the landmark says; of several, the nearest to it."""
-
-    def holds(o: SceneObject) -> bool:
-        dx, dy = (o.centre - at.centre)[:2]
-        reach = 0.5 * float(np.linalg.norm(at.extents[:2]))
-        match relation:
-            case "on" | "in" | "to" | "from":
-                return bool(np.hypot(dx, dy) < reach + 0.01) or o.parent == at.id
-            case "left_of":
-                return bool(dy > 0.01)
-            case "right_of":
-                return bool(dy < -0.01)
-            case "behind":
-                return bool(dx > 0.01)
-            case "front_of":
-                return bool(dx < -0.01)
-        return True
-
-    there = [f for f in fits if holds(f.object)]
-    if not there:
-        return []
-    gaps = [float(np.linalg.norm((f.object.centre - at.centre)[:2])) for f in there]
-    return [f for f, g in zip(there, gaps, strict=True) if g <= min(gaps) + 0.005]
 
 
 def _name(thing: SceneObject) -> str:
     x, y = thing.centre[:2]
     return f"{thing.label} at ({x:.2f}, {y:.2f})"
-
-
-def _noun(thing: SceneObject) -> str:
-    return thing.label.removeprefix(thing.colour).strip() or "one"
 
 
 def _inventory(scene: Scene) -> str:

@@ -11,12 +11,21 @@ from gvla2_plugins.skill.phrases import Phrase
 
 
 @dataclass(frozen=True)
+class Denial:
+    """What is not to be done, or not to what: its ``text``, the verbs in it, and the thing that it names, if any."""
+
+    text: str
+    verbs: frozenset[str] = frozenset()
+    phrase: Phrase | None = None
+
+
+@dataclass(frozen=True)
 class Intent:
     """What a sentence asks for. ``skill`` is "" when no verb was understood; ``verb`` is how it was worded.
 
     ``relation`` is that of the goal (on, in, to, beside, ...); ``amount`` metres; ``direction`` a unit vector (x, y)
     in the robot's frame. ``trouble`` says why a sentence with known words cannot be followed. ``notes`` are
-    guesses made on the way.
+    guesses made on the way; ``denials`` what the sentence rules out.
     """
 
     skill: str = ""
@@ -28,6 +37,7 @@ class Intent:
     direction: tuple[float, float] | None = None
     trouble: str = ""
     notes: tuple[str, ...] = ()
+    denials: tuple[Denial, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import re
+
 from gvla2.planning.colours import COLOURS, SYNONYMS
 
 VERBS: dict[str, tuple[str, ...]] = {
@@ -15,7 +17,7 @@ VERBS: dict[str, tuple[str, ...]] = {
         "wrap * around", "make * rise", "make * float",
     ),
     "fetch": (
-        "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "hand", "give", "acquire", "remove",
+        "take", "get", "fetch", "collect", "bring", "retrieve", "obtain", "acquire", "remove",
         "take * off", "take * out", "get * off", "get * out", "bring * out", "lift * off", "lift * out",
     ),
     "place": (
@@ -79,29 +81,30 @@ UNSUPPORTED: frozenset[str] = frozenset(
 """Verbs that are understood and that no schema carries out."""
 
 NOUNS: dict[str, tuple[str, ...]] = {
-    "block": ("block", "cube", "box", "brick", "cuboid", "die", "dice", "prism", "cubelet"),
-    "cylinder": ("cylinder", "can", "tin", "tube", "drum", "canister", "rod", "puck"),
-    "ball": ("ball", "sphere", "orb", "marble", "globe"),
-    "disc": ("disc", "disk", "coin"),
-    "plate": ("plate", "board", "slab", "saucer", "dish"),
+    "block": ("block", "cube", "box", "brick", "cuboid", "prism"),
+    "cylinder": ("cylinder",),
+    "can": ("can", "tin", "canister"),
+    "ball": ("ball", "sphere", "orb"),
+    "disc": ("disc", "disk"),
+    "plate": ("plate", "slab", "board"),
     "target": (
         "target", "square", "goal", "area", "zone", "spot", "patch", "region", "marker", "mark", "pad", "mat",
         "destination", "field", "rectangle", "place", "tile", "sticker", "location", "position", "circle",
     ),
-    "button": ("button", "switch", "knob", "pushbutton", "toggle", "key", "buzzer"),
-    "lamp": ("lamp", "light", "bulb", "lantern", "nightlight", "lights", "spotlight"),
-    "cup": ("cup", "mug", "glass", "beaker", "tumbler", "goblet"),
+    "button": ("button", "switch", "pushbutton", "toggle"),
+    "lamp": ("lamp", "light", "bulb", "lights"),
+    "cup": ("cup", "mug"),
     "bowl": ("bowl", "basin"),
     "tray": ("tray",),
-    "bottle": ("bottle", "flask", "mustard", "ketchup", "spray", "wine"),
-    "jar": ("jar", "pot"),
+    "bottle": ("bottle", "flask"),
+    "jar": ("jar",),
     "lid": ("lid", "cap", "cover", "stopper", "cork"),
-    "container": ("container", "bin", "basket", "crate", "carton", "bucket"),
-    "ring": ("ring", "hoop", "donut", "washer"),
-    "pillar": ("pillar", "peg", "post", "pole", "column", "stick"),
+    "container": ("container", "bin", "basket", "crate"),
+    "ring": ("ring", "hoop"),
+    "pillar": ("pillar", "peg", "post", "pole", "column"),
     "umbrella": ("umbrella", "parasol", "brolly"),
     "stand": ("stand", "holder", "rack"),
-    "handle": ("handle", "grip", "haft"),
+    "handle": ("handle", "grip", "haft", "knob"),
     "drawer": ("drawer",),
     "cabinet": ("cabinet", "cupboard", "chest", "dresser"),
     "tower": ("tower", "stack", "pile"),
@@ -110,69 +113,22 @@ NOUNS: dict[str, tuple[str, ...]] = {
         "object", "thing", "item", "piece", "one", "toy", "shape", "solid", "part", "body", "gadget", "element",
     ),
 }  # fmt: skip
-"""Noun class to words; plurals are understood."""
+"""Noun class to words that mean the same; plurals are understood. What only looks alike is another class."""
 
-SHAPE_FIT: dict[str, dict[str, float]] = {
+SHAPES: dict[str, dict[str, float]] = {
     "block": {"box": 0.85, "other": 0.5, "plate": 0.5},
-    "cylinder": {"cylinder": 0.85, "disc": 0.6, "other": 0.4},
-    "ball": {"sphere": 0.85, "other": 0.4},
-    "disc": {"disc": 0.85, "cylinder": 0.5, "plate": 0.4},
-    "plate": {"plate": 0.85, "disc": 0.7, "box": 0.3},
-    "target": {"region": 0.85, "plate": 0.4},
-    "button": {"disc": 0.8, "cylinder": 0.5},
-    "lamp": {"other": 0.4},
-    "cup": {"cylinder": 0.6, "other": 0.4},
-    "bowl": {"cylinder": 0.5, "disc": 0.4, "other": 0.4},
-    "tray": {"plate": 0.6, "box": 0.5, "other": 0.4},
-    "bottle": {"cylinder": 0.6, "box": 0.4, "other": 0.4},
-    "jar": {"cylinder": 0.6, "other": 0.4},
-    "lid": {"disc": 0.6, "plate": 0.3},
-    "container": {"box": 0.6, "cylinder": 0.5, "other": 0.4},
-    "ring": {"ring": 0.85, "disc": 0.5, "other": 0.4},
-    "pillar": {"bar": 0.8, "cylinder": 0.6, "box": 0.5},
-    "umbrella": {"bar": 0.5, "cylinder": 0.4, "other": 0.4},
-    "knife": {"bar": 0.5, "box": 0.4, "other": 0.4},
-    "stand": {"box": 0.4, "cylinder": 0.4, "other": 0.4},
-    "handle": {"bar": 0.6},
-    "drawer": {"plate": 0.4},
-    "cabinet": {"box": 0.5},
-    "tower": {"box": 0.4, "other": 0.4},
+    "cylinder": {"cylinder": 0.85, "disc": 0.6},
+    "ball": {"sphere": 0.85},
+    "disc": {"disc": 0.85},
+    "plate": {"plate": 0.85},
+    "target": {"region": 0.85},
+    "ring": {"ring": 0.85},
     "object": dict.fromkeys(("box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "other"), 0.8),
 }
-"""How well a perceived shape can be what a noun says, where the label does not decide; absent: it cannot."""
-
-ALIKE: dict[str, dict[str, float]] = {
-    "block": {"tower": 0.5},
-    "cylinder": {"bottle": 0.5, "jar": 0.5},
-    "cup": {"bowl": 0.5},
-    "bowl": {"cup": 0.5, "tray": 0.4},
-    "tray": {"container": 0.7, "bowl": 0.4},
-    "bottle": {"jar": 0.6},
-    "jar": {"bottle": 0.6, "cup": 0.4},
-    "container": {"tray": 0.8, "bowl": 0.6, "cup": 0.4, "stand": 0.4},
-    "umbrella": {"pillar": 0.6, "bottle": 0.3},
-    "knife": {"pillar": 0.4},
-    "pillar": {"umbrella": 0.4, "bottle": 0.3},
-    "stand": {"container": 0.6, "cup": 0.5, "tray": 0.3},
-    "drawer": {"cabinet": 0.5},
-}
-"""How well a thing that is called otherwise can be what a noun says: classes of labels, absent: it cannot."""
-
-HOLLOW: frozenset[str] = frozenset(("container", "tray", "bowl", "stand", "cabinet", "drawer"))
-"""Classes of things that others are put into."""
+"""Nouns that name a shape, and how well a perceived shape is what they say, where a label says no more than a shape."""
 
 PARTS: frozenset[str] = frozenset(("lid", "handle", "button"))
 """Classes of what things have: "the jar lid" is a lid, and the jar's."""
-
-CONFUSED: dict[str, frozenset[str]] = {
-    "block": frozenset(("cylinder", "other")),
-    "cylinder": frozenset(("box", "sphere")),
-    "ball": frozenset(("cylinder", "box")),
-    "bottle": frozenset(("other",)),
-    "cup": frozenset(("box",)),
-    "jar": frozenset(("box",)),
-}
-"""Shapes that a camera may take a thing for, from a few pixels: believed only where the colour speaks for it."""
 
 SHAPE_NOUNS: frozenset[str] = frozenset(("block", "cylinder", "ball", "disc", "plate", "object"))
 """Classes that name a shape only: a label of such a class says nothing about what the thing is for."""
@@ -340,10 +296,40 @@ REMAINDER: frozenset[str] = frozenset("others other rest everything else".split(
 """Words of a clause that says what is to be left as it is."""
 
 NEGATIONS: tuple[str, ...] = (
-    "without", "do not", "don't", "dont", "never", "not", "rather than", "instead of", "avoid", "leaving", "ignoring",
-    "keeping", "except", "other than", "apart from", "rather not",
+    "without", "do not", "don't", "dont", "never", "not", "but not", "and not", "rather than", "instead of", "avoid",
+    "leaving", "ignoring", "keeping", "except", "except for", "excepting", "excluding", "other than", "apart from",
+    "aside from", "besides", "but for", "save for", "rather not", "neither", "nor", "no",
 )  # fmt: skip
 """From one of these to the end of its clause, what is said is what not to do."""
+
+AMONG: frozenset[str] = frozenset("all any every each everything anything everyone whichever".split())
+"""Before "but" they make it an exception: "any cube but the red one"."""
+
+MISHAPS: tuple[str, ...] = (
+    "toppl",
+    "knock",
+    "tip",
+    "drop",
+    "spill",
+    "break",
+    "damag",
+    "touch",
+    "hit",
+    "bump",
+    "disturb",
+    "crush",
+    "scratch",
+    "collid",
+    "upset",
+)
+"""How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
+
+UNREAD = re.compile(
+    r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
+    r"|swap|exchange|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
+    r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
+)
+"""Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""
 
 IRREGULAR: dict[str, str] = {
     "took": "take", "taken": "take", "got": "get", "gotten": "get", "held": "hold", "brought": "bring", "lit": "light",

@@ -59,6 +59,10 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i, bool(colour))]
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
     noun = specific[-1][1] if specific else ""
+    said = lexicon.WISHING | lexicon.SHINING
+    after = [t for t in rest[specific[-1][0] + 1 :] if _is_content(t) and t not in said] if specific else []
+    if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
+        nouns, specific, noun = [], [], ""
     owner = None
     before = specific[:-1]
     if before and (noun in lexicon.PARTS or lexicon.OWNERS.get(before[0][1]) == noun):  # the lamp button

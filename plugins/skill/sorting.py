@@ -6,11 +6,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from gvla2.planning.colours import colour_distance
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.chaining import is_container
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.clauses import phrase_at
 from gvla2_plugins.skill.grounding import ground
@@ -35,32 +35,27 @@ GOING = frozenset(lexicon.VERBS["place"]) | {
     "go",
     "belongs",
 }
-MOST = 3
-"""Things in one sentence: a trajectory has at most 20 waypoints, and each thing takes six."""
+Pair = tuple[SceneObject, SceneObject]
+"""A thing and the container that it goes into."""
 
 
-@dataclass(frozen=True)
-class Pair:
-    """A thing and the container that it goes into; ``rank`` of ``count`` that go there."""
-
-    thing: SceneObject
-    container: SceneObject
-    rank: int = 0
-    count: int = 1
-
-
-def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | Abstention | None:
+def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] | Abstention | None:
     """The pairs of a sentence about several things, None for any other sentence."""
     known = frozenset(word for o in scene.objects for word in tokenise(o.label)) | MATCHING | EACH | GOING
     tokens, _ = spell(tokenise(sentence), spelling, known)
     if not any(verbs_of(t) & GOING or t in GOING for t in tokens):
         return None
-    containers = [o for o in scene.objects if is_container(o)]
+    many = bool(EACH & set(tokens)) or any(_plural(t) for t in tokens)
+    if many and any(phrase_at(tokens, i, (*lexicon.NEGATIONS, "but")) for i in range(len(tokens))):
+        return Abstention(
+            "other", "Which of several things are left out cannot be told with certainty; name each."
+        )
+    containers = [o for o in scene.objects if _holds_things(o)]
     things = [o for o in scene.objects if _loose(o, containers)]
     if not containers or not things:
         return None
     if (by_colour := _by_colour(tokens, things, containers)) is not None:
-        return _settled(by_colour)
+        return by_colour
     found: list[tuple[SceneObject, SceneObject]] = []
     for segment in _segments(tokens):
         pairs = _segment(segment, things, containers, scene)
@@ -69,15 +64,14 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.7) -> list[Pair] | 
         if isinstance(pairs, Abstention):
             return pairs
         found += pairs
-    return _settled(found) if found else None
+    return found or None
 
 
-def is_container(thing: SceneObject) -> bool:
-    """Whether other things are put into it: it is open at the top and lower than wide, or is called so."""
+def _holds_things(thing: SceneObject) -> bool:
+    """Whether other things are put into it, by its shape or by what it is called."""
     names = {noun_class(word) for word in tokenise(thing.label)}
-    wide = float(thing.extents[:2].min())
-    open_flat = thing.opening > 0.06 and thing.top - thing.bottom < wide
-    return thing.shape != "region" and not thing.parent and (open_flat or bool(names & {"container", "tray"}))
+    named = thing.shape != "region" and not thing.parent and bool(names & {"container", "tray"})
+    return named or is_container(thing)
 
 
 def _loose(thing: SceneObject, containers: Sequence[SceneObject]) -> bool:
@@ -134,7 +128,7 @@ def _segment(
         return None
     before = [t for t in tokens[:at] if not verbs_of(t) or noun_class(t)]
     after = list(tokens[at + len(phrase_at(tokens, at, INTO).split()) :])
-    plural = any(noun_class(t) and t.endswith("s") and noun_class(t[:-1]) for t in before)
+    plural = any(_plural(t) for t in before)
     if not plural and not EACH & set(before):
         return None
     what = read_phrase([t for t in before if t not in EACH])
@@ -147,23 +141,15 @@ def _segment(
     return [(t, goal.object) for t in chosen]
 
 
+def _plural(token: str) -> bool:
+    return bool(noun_class(token) and token.endswith("s") and noun_class(token[:-1]))
+
+
 def _means(what: Phrase, thing: SceneObject) -> bool:
     if what.colour and thing.colour != what.colour:
         return False
     if not what.noun or what.noun == "object":
         return True
     return what.noun in {noun_class(word) for word in tokenise(thing.label)} or bool(
-        lexicon.SHAPE_FIT.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
+        lexicon.SHAPES.get(what.noun, {}).get(thing.shape, 0.0) > 0.7
     )
-
-
-def _settled(found: list[tuple[SceneObject, SceneObject]]) -> list[Pair] | Abstention:
-    if len(found) > MOST:
-        return Abstention(
-            "other", f"{len(found)} things are more than one sentence can move; at most {MOST} can be."
-        )
-    pairs, taken = [], {}
-    for thing, container in found:
-        rank = taken[container.id] = taken.get(container.id, -1) + 1
-        pairs.append(Pair(thing, container, rank, sum(c.id == container.id for _, c in found)))
-    return pairs

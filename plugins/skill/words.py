@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterable
+from difflib import SequenceMatcher, get_close_matches
 from functools import cache
 
 from gvla2_plugins.skill import lexicon
@@ -19,6 +19,8 @@ VOWELS = "aeiou"
 def tokenise(sentence: str) -> list[str]:
     """Lower-case words, numbers and stops; ``lamp's`` becomes ``lamp`` and ``'s``, ``15cm`` two tokens."""
     text = sentence.lower().replace("’", "'").replace("_", " ")
+    text = re.sub(r"\bcan't\b|\bcannot\b", "can not", text)
+    text = re.sub(r"n't\b", " not", text)
     text = _DASH.sub(" , ", text).replace("-", " ")
     tokens: list[str] = []
     for token in _TOKEN.findall(text):
@@ -99,24 +101,13 @@ def vocabulary() -> frozenset[str]:
     return frozenset(words - {"*"})
 
 
-def _grams(word: str) -> Counter[str]:
-    padded = f"^{word}$"
-    return Counter(word) + Counter(padded[i : i + 2] for i in range(len(padded) - 1))
-
-
-def likeness(one: str, other: str) -> float:
-    """Dice coefficient of the letters and letter pairs of two words, in [0, 1]."""
-    a, b = _grams(one), _grams(other)
-    return 2.0 * sum((a & b).values()) / (sum(a.values()) + sum(b.values()))
-
-
 def spell(
     tokens: Iterable[str], threshold: float, known: frozenset[str] = frozenset()
 ) -> tuple[list[str], list[str]]:
     """Tokens with misspelt words replaced, and one sentence a replacement.
 
-    A word is read as the known word of the same initial that is most alike, if it is alike enough. Words of four
-    letters must have the same letters (``pcik``): among short words one letter makes another word (``pack``).
+    A word of five letters or more is read as the one known word of the same initial that is so much alike; shorter
+    ones only where they have the same letters (``pcik``), since one other letter makes another word (``pack``).
     ``known`` are further words that are right (labels of the scene).
     """
     out, notes = [], []
@@ -129,27 +120,23 @@ def spell(
     return out, notes
 
 
-def _ends_alike(word: str, token: str) -> bool:
-    """A word in -ed is guessed for words in d only: a drawer is nothing that was drawn."""
-    return not word.endswith("ed") or token.endswith("d")
-
-
 def _guess(token: str, threshold: float) -> str:
-    ranked = sorted(
-        (
-            (likeness(token, w), w)
-            for w in vocabulary()
-            if w[0] == token[0] and len(w) > 2 and _ends_alike(w, token)
-        ),
-        key=lambda pair: (-pair[0], pair[1]),
+    negations = {word for phrase in lexicon.NEGATIONS for word in phrase.split()}
+    telling = vocabulary() - lexicon.FILLERS - lexicon.DETERMINERS - lexicon.PRONOUNS - negations
+    near = [w for w in telling if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")]
+    mixed = sorted(w for w in near if sorted(w) == sorted(token))
+    if mixed and threshold < 1.0:
+        return mixed[0]
+    near = get_close_matches(token, near, n=4, cutoff=threshold) if len(token) > 4 and threshold < 1.0 else []
+    best = near[0] if near else token
+    rivals = [w for w in near if not (w.startswith(best) or best.startswith(w))]
+    return (
+        best if _alike(token, best) > max((_alike(token, w) for w in rivals), default=0.0) + 0.05 else token
     )
-    for score, word in ranked[:3]:
-        if sorted(word) == sorted(token) and threshold < 1.0:
-            return word
-        if len(token) > 4 or len(word) > 4:
-            rivals = [s for s, w in ranked[:6] if not (w.startswith(word) or word.startswith(w))]
-            return word if score >= threshold and (not rivals or score > rivals[0] + 0.02) else token
-    return token
+
+
+def _alike(one: str, other: str) -> float:
+    return SequenceMatcher(None, other, one).ratio()
 
 
 def take_length(tokens: list[str]) -> tuple[list[str], float | None]:

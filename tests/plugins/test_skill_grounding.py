@@ -54,10 +54,10 @@ def test_a_lid_of_the_colour_comes_before_the_lid_of_such_a_jar():
 )
 def test_a_colour_between_two_words_goes_by_either(colour, fits):
     can = thing("a", "violet cylinder", "cylinder", (0.2, 0.1), (0.0, 0.2, 0.8))
-    found = ground(read_phrase(["the", colour, "can"]), scene(can))
+    found = ground(read_phrase(["the", colour, "cylinder"]), scene(can))
     assert isinstance(found, Grounded) is fits
 
 
 def test_a_plain_colour_goes_by_its_own_word_alone():
     can = thing("a", "violet cylinder", "cylinder", (0.2, 0.1), (0.5, 0.0, 1.0))
-    assert not isinstance(ground(read_phrase(["the", "blue", "can"]), scene(can)), Grounded)
+    assert not isinstance(ground(read_phrase(["the", "blue", "cylinder"]), scene(can)), Grounded)

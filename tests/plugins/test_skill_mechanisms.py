@@ -12,13 +12,13 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mechanisms import hinge_for, slide_for
+from gvla2.skills.stuck import stuck
 from gvla2.testing import inputs
 from gvla2_plugins.sapien.panda import make_arm
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grammar import parse
-from gvla2_plugins.skill.mechanisms import hinge_for, slide_for
 from gvla2_plugins.skill.planner import SkillPlanner
-from gvla2_plugins.skill.stuck import stuck
 
 TABLE = 0.752
 PLANNER = SkillPlanner(SkillConfig())

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from gvla2_plugins.skill import lexicon
 from gvla2_plugins.skill.grammar import parse
-from gvla2_plugins.skill.words import likeness, noun_class, spell, take_length, tokenise, verbs_of
+from gvla2_plugins.skill.words import noun_class, spell, take_length, tokenise, verbs_of
 
 PICK = """pick up the red cube
 pick the red cube up
@@ -333,7 +333,7 @@ def test_words():
     assert verbs_of("pushes") == {"push"}
     assert verbs_of("left") == frozenset()
     assert noun_class("boxes") == "block"
-    assert likeness("push", "push") == 1.0 > likeness("push", "phush") > likeness("push", "cube")
+    assert spell(["phush", "pcik", "pakc"], 0.7)[0] == ["push", "pick", "pack"]
     assert spell(["blok", "kick"], 1.0) == (["blok", "kick"], [])
     assert spell(["stapler"], 0.7, frozenset({"stapler"})) == (["stapler"], [])
     assert take_length(["up", "twenty", "five", "cm"]) == (["up"], pytest.approx(0.25))

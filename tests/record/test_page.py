@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 import pytest
 
 from gvla2.memory.contracts import Learned, MemoryContext, Verdict
+from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Candidate, Plan
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.record.page import render_page
@@ -255,3 +256,30 @@ def test_the_script_matches_its_policy(episode: Callable[..., EpisodeRecord]) ->
     assert policy
     assert script
     assert base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode() == policy[1]
+
+
+def test_parts_conversation_and_cost_are_shown_and_nothing_of_them_is_markup(
+    episode: Callable[..., EpisodeRecord],
+) -> None:
+    record, key = episode(), f"sk-{'k9' * 20}"
+    assert record.plan is not None
+    hostile = "<script>steal()</script>"
+    plan = replace(
+        record.plan,
+        remaining=(SkillCall("pick", "object_1"),),
+        transcript=(
+            {"role": "system", "content": hostile},
+            {"role": "assistant", "content": f"{key} {hostile}"},
+        ),
+    )
+    first = replace(record, plan=plan)
+    tally = {"calls": 2, "prompt_tokens": 431, "completion_tokens": 17, "seconds": 3.25}
+    whole = replace(record, parts=(first,), language={"plan": tally})
+    page = render_page(whole, Pictures())
+    assert hostile not in page
+    assert page.count("&lt;script&gt;steal()") == 2, "what was said for an earlier part is on the page"
+    assert "k9k9k9" not in page
+    assert 'id="parts"' in page
+    assert "2 of 2 parts" in page
+    assert "431" in page
+    assert 'id="parts"' not in render_page(record, Pictures())

@@ -11,7 +11,8 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import high, middle, once, spent
-from gvla2.memory.bank import BankOptions, Governed
+from gvla2.memory.bank import BankOptions
+from gvla2.memory.curation.governance import Governed
 
 PEER_GOVERNS = 1_000
 """Records up to which a peer's pass is run: it compares each with each."""

@@ -11,7 +11,7 @@ from gvla2.record.contents import EpisodeRecord
 SUITE = "robot"
 EXPLORATION = "robot_exploration"
 """The suite under which the results database keeps what the arms learn from."""
-VERSION = 1
+VERSION = 2
 """Of the protocol: rows of another version are measured anew."""
 
 PROFILES = ("eased", "strict")
@@ -72,19 +72,23 @@ def stand_in(task: str, tasks: Sequence[str]) -> str:
 
 
 GRASP = ("slipped",)
-UNSEEN = ("nothing_matches", "ambiguous")
+UNSEEN = ("nothing_matches", "ambiguous", "perception")
+NOT_MEASURED = ("timeout", "unavailable")
+"""Kinds of failure that say nothing of an arm: its planner did not answer in time, or its model was not there."""
 
 
 def failure_class(record: EpisodeRecord) -> str:
-    """Where an episode that did not reach its goal went wrong, in one of nine words; "" for no failure.
+    """Where an episode that did not reach its goal went wrong, in one of ten words; "" for no failure.
 
     ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and saw for itself.
     """
     failure = record.failure
     if failure is None:
         return ""
-    if failure.kind in ("crashed", "error", "interrupted", "simulation", "timeout"):
-        return "timeout" if failure.kind == "timeout" else "error"
+    if failure.kind in NOT_MEASURED:
+        return failure.kind
+    if failure.kind in ("crashed", "error", "interrupted", "simulation"):
+        return "error"
     if failure.stage in ("setup", "observe", "perceive", "reconstruct") or failure.kind in UNSEEN:
         return "perception"
     if failure.stage == "plan":

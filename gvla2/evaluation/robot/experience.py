@@ -6,14 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from gvla2.lessons import memory_episode
 from gvla2.memory.contracts import Lesson, Memory, MemoryEpisode, MemoryTask, Verdict
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+from gvla2.telling import told_of
 
 
 @dataclass(frozen=True)
 class Experience:
-    """One explored episode: what memory is told, and the robot's own verdict; nothing comes from the referee."""
+    """A story of an explored episode: what memory is told, and the robot's own verdict; nothing is the referee's."""
 
     task: str
     seed: int
@@ -21,11 +23,11 @@ class Experience:
     verdict: Verdict
 
     @classmethod
-    def of(cls, record: EpisodeRecord) -> Experience | None:
-        """The experience of a record; None for an episode that ended before anything could be learnt."""
-        if record.verdict is None or record.scene is None:
-            return None
-        return cls(record.task, record.seed, memory_episode(record, record.verdict), record.verdict)
+    def of(cls, record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> tuple[Experience, ...]:
+        """The experience of a record, one an attempt and part; none where all ended before anything could be learnt."""
+        return tuple(
+            cls(record.task, record.seed, episode, verdict) for episode, verdict in told_of(record, skills)
+        )
 
     def to_json(self) -> dict[str, Any]:
         """As a JSON object."""

@@ -35,7 +35,8 @@ EFFECT = (
 )
 FAILURES = (
     "Episodes that missed the eased goal by where they went wrong; agreement of the robot's own verifier with the "
-    "referee where it said success or failure; median seconds of an episode."
+    "referee where it said success or failure; median seconds of an episode. Not measured: the planner gave no answer "
+    "in time or its language model was not there; such episodes count nowhere and are measured again next time."
 )
 
 
@@ -105,7 +106,10 @@ def _of_group(cells: Sequence[Cell], title: str, layout: RobotLayout) -> list[Ro
     ]
     if len(arms) > 1:
         sheets.append(_effects(by_profile, tasks, arms, f"{title}: what memory adds", runs))
-    sheets.append(_failures(by_profile["eased"], tasks, arms, f"{title}: failures", runs))
+    unmeasured = Counter(
+        str(cell.factors["arm"]) for cell in cells if cell.factors.get("profile") == "eased" and _gap(cell)
+    )
+    sheets.append(_failures(by_profile["eased"], unmeasured, tasks, arms, f"{title}: failures", runs))
     films = tuple(film for cell in cells if (film := _film(cell)) is not None)
     return [
         RobotTable(layout, sheet, runs, films if place == len(sheets) - 1 else ())
@@ -113,11 +117,16 @@ def _of_group(cells: Sequence[Cell], title: str, layout: RobotLayout) -> list[Ro
     ]
 
 
+def _gap(cell: Cell) -> bool:
+    """Whether the episode says nothing of its arm: the planner did not answer in time, or its model was not there."""
+    return cell.measures.get("success") is None
+
+
 def _episodes(cells: Sequence[Cell], profile: str) -> _Episodes:
     found: dict[tuple[str, str], dict[tuple[str, str], Cell]] = {}
     for cell in cells:
         f = cell.factors
-        if f.get("profile") == profile and cell.measures.get("success") is not None:
+        if f.get("profile") == profile and not _gap(cell):
             place = str(f["task"]), str(f["arm"])
             found.setdefault(place, {})[str(f["seed"]), str(f["episode"])] = cell
     return found
@@ -230,7 +239,12 @@ def _effect(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> 
 
 
 def _failures(
-    found: _Episodes, tasks: Sequence[str], arms: Sequence[str], title: str, runs: tuple[int, ...]
+    found: _Episodes,
+    unmeasured: Mapping[str, int],
+    tasks: Sequence[str],
+    arms: Sequence[str],
+    title: str,
+    runs: tuple[int, ...],
 ) -> Sheet:
     by_arm = {arm: [c for task in tasks for c in found.get((task, arm), {}).values()] for arm in arms}
     counts = {arm: Counter(str(c.notes.get("failure", "")) for c in cells) for arm, cells in by_arm.items()}
@@ -243,6 +257,8 @@ def _failures(
     for name in classes:
         add(name.replace("_", " "), lambda arm, name=name: str(counts[arm][name]))  # type: ignore[misc]
     add("episodes", lambda arm: str(len(by_arm[arm])))
+    if any(unmeasured.values()):
+        add("not measured", lambda arm: str(unmeasured.get(arm, 0)))
     add("verifier agrees", lambda arm: _agreement(by_arm[arm]))
     add("seconds, median", lambda arm: _median(by_arm[arm]))
     footnote = f"{len(tasks)} tasks; runs {', '.join(map(str, runs))} of the results database."

@@ -1,8 +1,8 @@
 """How likely two English texts contradict each other: a small logistic regression on features of the two.
 
 p = max over the ways k in which they may (:func:`gvla2.memory.meaning.features.candidates`) of sigmoid(w . x_k + b).
-The weights lie beside this file; ``scripts/train_suspicion.py`` makes them, and says of what. What comes out is a
-suspicion, never a decision.
+The weights lie beside this file; ``tests/benchmarks/memory/train_suspicion.py`` makes them, and says of what. What
+comes out is a suspicion, never a decision.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,9 +112,12 @@ class View:
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        rows: Any = self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since))
-        for model, length, stored, *row in rows:
-            record = sound(row, forgotten=True)
+        rows: Iterable[tuple[Any, ...]] = self._sql.execute(  # type: ignore[assignment]
+            query.where(RECORD.c.bank == bank, RECORD.c.rev > since)
+        )
+        for whole in rows:
+            model, length, stored = whole[0], whole[1], whole[2]
+            record = sound(whole[3:], forgotten=True)
             if record is not None:
                 vector = vector_of(length, stored)
                 found.append((record, vector, model if vector is not None else ""))

@@ -23,7 +23,19 @@ Item = tuple[Lesson, Verdict, MemoryTask | str, str]
 def stream(count: int) -> list[Item]:
     """Lessons of which many say the same, in other words, or the opposite, some of them from one source."""
     rng = random.Random(5)
-    words = ["valve", "hinge", "crate", "lever", "bottle", "wrench", "panel", "socket", "basket", "ladle", "ribbon"]
+    words = [
+        "valve",
+        "hinge",
+        "crate",
+        "lever",
+        "bottle",
+        "wrench",
+        "panel",
+        "socket",
+        "basket",
+        "ladle",
+        "ribbon",
+    ]
     items: list[Item] = []
     for i in range(count):
         thing, side = ("mug", "drawer", "lamp")[i % 3], ("left", "right")[i % 7 // 4]
@@ -34,7 +46,9 @@ def stream(count: int) -> list[Item]:
             f"Lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait.",
             f"Always lift the {thing} {(5, 40)[i % 5 // 3]} cm, then wait!",
         )[i % 4]
-        kind, verdict = (("procedural_hint", GOOD), ("tool_usage", GOOD), ("tool_usage", UNSURE))[(i % 11) // 4]
+        kind, verdict = (("procedural_hint", GOOD), ("tool_usage", GOOD), ("tool_usage", UNSURE))[
+            (i % 11) // 4
+        ]
         about = MemoryTask(f"use the {thing}" if i % 4 else f"work with {rng.choice(words)}")
         items.append((Lesson(kind, said), verdict, about, f"run/{i // 9}" if i % 2 else ""))
     return items

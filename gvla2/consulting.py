@@ -1,0 +1,190 @@
+"""Who plans: the planner, once more with what was wrong with its answer, then the fallback planner.
+
+A planner that fails (no answer, no plan, rejected twice) or declines for want of means may be followed by another one.
+That is never silent: the plan names who stepped in, and a note says why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from gvla2.advice import advice_for
+from gvla2.checking import check_plan
+from gvla2.errors import PlannerTimeoutError, PlanningError
+from gvla2.language.failures import LanguageModelError
+from gvla2.planning.arm import Arm
+from gvla2.planning.asking import ask
+from gvla2.planning.contracts import Plan, Planner, PlanRequest
+from gvla2.planning.findings import CheckReport
+from gvla2.record.contents import EpisodeRecord, Failure
+from gvla2.skills.skill import Skill
+
+GIVES_WAY = ("other", "unknown_skill", "unreachable")
+"""Kinds of abstention after which another planner may know better; the other kinds are answers to the instruction."""
+
+_FAILED = (LanguageModelError, PlanningError)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A planner, and what messages call it."""
+
+    name: str
+    planner: Planner
+
+
+@dataclass(frozen=True)
+class Consultation:
+    """Whom to ask, for how many seconds each (0: for ever), and for which arm and skills."""
+
+    first: Asked
+    fallback: Asked | None
+    seconds: float
+    arm: Arm
+    skills: Mapping[str, Skill]
+
+    def plan(self, record: EpisodeRecord) -> EpisodeRecord:
+        """The record with a plan; an abstention that stands is its failure.
+
+        An answer that is no plan is given back once, with what is wrong with it. Raises :class:`PlanningError`,
+        :class:`PlannerTimeoutError` or :class:`LanguageModelError` where nobody had a plan.
+        """
+        try:
+            record = self._answered(record, self.first)
+        except _FAILED as error:
+            if self.fallback is None:
+                raise
+            record = self._stepped_in(record, self.fallback, f"failed: {error}")
+        plan = record.plan
+        assert plan is not None
+        gave_way = plan.abstention is not None and plan.abstention.kind in GIVES_WAY
+        if (
+            plan.abstention is not None
+            and gave_way
+            and self.fallback is not None
+            and not self._is_out(record)
+        ):
+            why = f"declined ({plan.abstention.kind}): {plan.abstention.message}"
+            record = self._stepped_in(record, self.fallback, why)
+            plan = record.plan
+            assert plan is not None
+        if plan.abstention is not None:
+            return replace(record, failure=Failure("plan", plan.abstention.kind, plan.abstention.message))
+        return record
+
+    def check(self, record: EpisodeRecord) -> EpisodeRecord:
+        """Check the plan; on findings repair it, ask its planner once more with them, then the fallback."""
+        fallback = self.fallback
+        author = fallback if fallback is not None and self._is_out(record) else self.first
+        record, report, gives_way = self._checked(record, author)
+        if not report.passed and gives_way and fallback is not None and author is not fallback:
+            try:
+                other = self._stepped_in(record, fallback, f"was rejected twice: {' '.join(report.reasons)}")
+            except _FAILED as error:
+                record = _noted(record, f"The fallback planner failed: {error}")
+            else:
+                record, report = self._taken(record, report, other, fallback)
+        record = replace(record, checks=report)
+        if not report.passed:
+            return replace(record, failure=Failure("check", "rejected", " ".join(report.reasons)))
+        return record
+
+    def _taken(
+        self, record: EpisodeRecord, report: CheckReport, other: EpisodeRecord, fallback: Asked
+    ) -> tuple[EpisodeRecord, CheckReport]:
+        """The fallback's plan, checked; where it has none either, the rejected one stands."""
+        assert other.plan is not None
+        if other.plan.abstention is not None:
+            refusal = f"The fallback planner declined ({other.plan.abstention.kind}): {other.plan.abstention.message}"
+            return _noted(replace(record, notes=other.notes), refusal), report
+        return self._checked(other, fallback)[:2]
+
+    def _is_out(self, record: EpisodeRecord) -> bool:
+        """Whether the fallback has had its turn."""
+        return (
+            self.fallback is not None
+            and record.plan is not None
+            and record.plan.fallback == self.fallback.name
+        )
+
+    def _checked(self, record: EpisodeRecord, author: Asked) -> tuple[EpisodeRecord, CheckReport, bool]:
+        """The plan's report, of a second plan where the first was rejected; and whether another planner may try."""
+        record, report = check_plan(record, self.arm)
+        if report.passed:
+            return record, report, False
+        reasons = report.reasons
+        try:
+            again = self._ask(record, author, reasons, record.plan)
+        except _FAILED as error:
+            if self.fallback is None or author is self.fallback:
+                raise
+            return (
+                _noted(record, f"The plan was rejected; asked again, the planner failed: {error}"),
+                report,
+                True,
+            )
+        if again.abstention is not None:
+            said = f"asked again, the planner declined: {again.abstention.message}"
+            record = _noted(record, f"The plan was rejected ({'; '.join(reasons)}); {said}")
+            return record, report, again.abstention.kind in GIVES_WAY
+        if record.plan is not None and record.plan.fallback and not again.fallback:
+            again = replace(again, fallback=record.plan.fallback)
+        note = f"The first plan was rejected ({'; '.join(reasons)}) and the planner asked again."
+        record, report = check_plan(_noted(replace(record, plan=again), note), self.arm)
+        return record, report, True
+
+    def _answered(self, record: EpisodeRecord, asked: Asked) -> EpisodeRecord:
+        """The record with the answer of one planner, asked twice where the first answer is no plan."""
+        try:
+            plan = self._ask(record, asked)
+        except PlannerTimeoutError:
+            raise
+        except PlanningError as error:
+            plan = self._ask(record, asked, (str(error),))
+            record = _noted(record, f"{error} It was asked again.")
+        if plan.fallback:
+            record = _noted(record, f"The planner '{plan.fallback}' stepped in.")
+        return replace(record, plan=plan)
+
+    def _stepped_in(self, record: EpisodeRecord, fallback: Asked, why: str) -> EpisodeRecord:
+        """The record with the fallback's plan; the conversation of the planner before it is kept."""
+        said = record.plan.transcript if record.plan is not None else ()
+        note = f"The planner '{self.first.name}' {why} The fallback planner '{fallback.name}' stepped in."
+        record = _noted(replace(record, plan=None), note)
+        try:
+            record = self._answered(record, fallback)
+        except _FAILED as error:
+            late = isinstance(error, PlannerTimeoutError)
+            kind = PlannerTimeoutError if late else PlanningError
+            raise kind(f"{note} It failed, too: {error}") from error
+        assert record.plan is not None
+        plan = replace(record.plan, fallback=fallback.name, transcript=(*said, *record.plan.transcript))
+        return replace(record, plan=plan)
+
+    def _ask(
+        self,
+        record: EpisodeRecord,
+        asked: Asked,
+        rejections: tuple[str, ...] = (),
+        rejected: Plan | None = None,
+    ) -> Plan:
+        assert record.scene is not None
+        assert record.observation is not None
+        request = PlanRequest(
+            instruction=record.instruction,
+            scene=record.scene,
+            arm=self.arm,
+            start=record.observation.world_from_tcp,
+            joints=record.observation.joints,
+            observation=record.observation,
+            advice=advice_for(record, self.skills),
+            rejections=rejections,
+            skills=self.skills,
+            rejected=rejected,
+        )
+        return ask(asked.planner, request, asked.name, self.seconds)
+
+
+def _noted(record: EpisodeRecord, note: str) -> EpisodeRecord:
+    return replace(record, notes=(*record.notes, note))

@@ -1,0 +1,71 @@
+"""Skill calls: what a program asks a hand to do, by the ids of perceived objects; free of words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+Relation = Literal["", "on", "in", "to", "beside", "left_of", "right_of", "behind", "front_of"]
+RELATIONS: tuple[Relation, ...] = get_args(Relation)
+"""How the theme is to lie to the goal; "" where the skill has only one way."""
+
+
+@dataclass(frozen=True)
+class SkillCall:
+    """One step of a program: ``skill`` on the object ``theme``, and where that leads.
+
+    ``theme`` and ``goal`` are ids of scene objects; ``xy`` is where the theme's centre is to go, world metres, for
+    a free place. ``relation`` is that of the goal. ``amount`` is how far in metres (lifted, pushed, pulled) and
+    ``direction`` a unit vector (x, y), x away from the robot and y to its left. ``theta`` sets parameters of the skill
+    by name, in their own units. Raises :class:`ValueError` for a relation or a number that cannot be.
+    """
+
+    skill: str
+    theme: str
+    goal: str = ""
+    xy: tuple[float, float] | None = None
+    relation: Relation = ""
+    amount: float | None = None
+    direction: tuple[float, float] | None = None
+    theta: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.relation not in RELATIONS:
+            raise ValueError(
+                f"No relation '{self.relation}'; there are {', '.join(r for r in RELATIONS if r)}."
+            )
+        numbers = [*(self.xy or ()), *(self.direction or ()), *self.theta.values()]
+        numbers += [] if self.amount is None else [self.amount]
+        if not all(math.isfinite(n) for n in numbers):
+            raise ValueError(f"A number of {self.skill}({self.theme}) is not finite.")
+
+    def __str__(self) -> str:
+        """As a program has it: ``place(object_1, object_3, in)``."""
+        said = [self.theme, self.goal, self.relation]
+        said += [f"({', '.join(f'{v:.3f}' for v in self.xy)}) m"] if self.xy is not None else []
+        said += [f"{self.amount:g} m"] if self.amount is not None else []
+        if self.direction is not None:
+            said.append(f"towards ({', '.join(f'{v:.2f}' for v in self.direction)})")
+        said += [f"{name}={value:g}" for name, value in self.theta.items()]
+        return f"{self.skill}({', '.join(word for word in said if word)})"
+
+
+@dataclass(frozen=True)
+class SkillOptions:
+    """How skills are carried out: metres, m/s.
+
+    ``lift_height`` is how far an object is lifted when the call gives no amount; ``push_distance`` how far it is
+    pushed when the call gives a direction only; ``speed`` of the tool in the open, ``contact_speed`` where it touches.
+    ``tries`` bounds how many candidates are checked in full. ``explore`` > 0 varies the numbers of each plan about
+    what they would be, by this relative spread and never by more than half; ``explore_seed`` gives other variations.
+    """
+
+    lift_height: float = 0.25
+    push_distance: float = 0.10
+    speed: float = 0.25
+    contact_speed: float = 0.08
+    tries: int = 16
+    explore: float = 0.0
+    explore_seed: int = 0

@@ -1,0 +1,190 @@
+"""Programs: what a planner meant, in its own language, kept of a success and told again with other names.
+
+Names of objects become roles (``theme``, ``goal``, ``third``), so that a program holds for other objects of the same
+kind; lengths that go with the object become shares of its size. :func:`told` turns a program back into the names and
+millimetres of the scene that asks.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from gvla2.errors import PlanningError
+from gvla2.planning.scene import Scene, SceneObject
+
+Language = Literal["calls", "waypoints"]
+FURTHER = ("third", "fourth", "fifth", "sixth")
+"""Roles of objects that a plan's own roles do not name."""
+LONGEST = 40
+"""Steps of a program; more than any plan of the loop can hold."""
+_NAME = re.compile(r"\{(\w+)\}")
+_SHARE = re.compile(r"(-?\d+(?:\.\d+)?)([hw])")
+
+
+@dataclass(frozen=True)
+class Program:
+    """``steps`` in a ``language``, with role names in braces where objects are meant.
+
+    * ``calls``: a step is a line, ``place({theme}, {goal}, in)``.
+    * ``waypoints``: a step is ``["{theme}", dx, dy, up, g]``, from the middle of the object's top to the tool in
+      millimetres, x away from the robot, y to its left; or ``["{theme}", "{goal}", along, up, g]``, along from the
+      first object's middle towards the second's. A length may be a share: ``"-0.5h"`` of the first object's height,
+      ``"0.4w"`` of its longer level side. ``g`` is the hand's opening in [0, 1].
+
+    ``roles`` tells what kinds of things the roles were ("red cup cylinder"), ``instruction`` what it was written for.
+    """
+
+    language: Language
+    steps: tuple[Any, ...]
+    roles: Mapping[str, str] = field(default_factory=dict)
+    skill: str = ""
+    instruction: str = ""
+    source: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """As the effect of a lesson, see :class:`gvla2.memory.contracts.Lesson`."""
+        return {
+            "kind": "program",
+            "skill": self.skill,
+            "language": self.language,
+            "instruction": self.instruction,
+            "roles": dict(self.roles),
+            "steps": [list(s) if isinstance(s, tuple) else s for s in self.steps],
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any], source: str = "") -> Program:
+        """What :meth:`to_json` wrote; raises :class:`PlanningError` for anything else."""
+        steps, roles = data.get("steps"), data.get("roles", {})
+        sound = isinstance(steps, list | tuple) and isinstance(roles, Mapping) and 0 < len(steps) <= LONGEST
+        if data.get("kind") != "program" or data.get("language") not in ("calls", "waypoints") or not sound:
+            raise PlanningError(f"Not a program: {dict(data)!r:.200}.")
+        calls = data["language"] == "calls"
+        if not all(isinstance(s, str) if calls else _is_waypoint(s) for s in steps or ()):
+            raise PlanningError(f"A program whose steps are none: {steps!r:.200}.")
+        return cls(
+            data["language"],
+            tuple(s if calls else tuple(s) for s in steps or ()),
+            {str(k): str(v) for k, v in roles.items()},
+            str(data.get("skill", "")),
+            str(data.get("instruction", "")),
+            source,
+        )
+
+
+def role_names(ids: Sequence[str], roles: Mapping[str, str]) -> dict[str, str]:
+    """A role for each of the ids of a program: the plan's own, then third, fourth and so on."""
+    named = {i: role for role, i in roles.items() if role in ("theme", "goal")}
+    spare = iter(FURTHER)
+    return {i: named.get(i) or next(spare, f"role_{k}") for k, i in enumerate(dict.fromkeys(ids))}
+
+
+def kind_of(thing: SceneObject) -> str:
+    """What a thing is, in words that another scene can be searched by: its label and shape."""
+    return f"{thing.label} {thing.shape}"
+
+
+def calls_program(lines: Sequence[str], ids: Mapping[str, str], scene: Scene, **about: Any) -> Program:
+    """A program of calls from its ``lines``, whose names are keys of ``ids`` (to scene ids).
+
+    ``about``: the plan's ``roles`` (role to id), ``skill`` and ``instruction``.
+    """
+    words = re.compile(r"[A-Za-z_]\w*")
+    used = [ids[w] for line in lines for w in words.findall(line) if w in ids]
+    roles = role_names(used, about.pop("roles", {}))
+    steps = [words.sub(lambda m: _braced(roles, ids, m.group()), line) for line in lines]
+    return Program("calls", tuple(steps), {roles[i]: kind_of(scene[i]) for i in roles}, **about)
+
+
+def waypoints_program(steps: Sequence[Sequence[Any]], scene: Scene, **about: Any) -> Program:
+    """A program of waypoints from steps with scene ids for names and millimetres for lengths."""
+    used = [part for step in steps for part in step[:2] if isinstance(part, str)]
+    roles = role_names(used, about.pop("roles", {}))
+    general = tuple(_generalised(step, roles, scene[step[0]]) for step in steps)
+    return Program("waypoints", general, {roles[i]: kind_of(scene[i]) for i in roles}, **about)
+
+
+def bind(program: Program, scene: Scene, instruction: str) -> dict[str, str]:
+    """Role to the id of the object of this scene that fits it best; roles that nothing fits are left out.
+
+    Kinds are compared by the words of label and shape, colours aside; among equals the one that the instruction's
+    words fit best is taken, then the one that the scene lists first. No object plays two roles.
+    """
+    said = set(re.findall(r"\w+", instruction.casefold()))
+    bound: dict[str, str] = {}
+    for role, kind in program.roles.items():
+        words = kind.casefold().split()
+        best: tuple[float, str] = (0.0, "")
+        for thing in scene.objects:
+            if thing.id in bound.values():
+                continue
+            own = set(kind_of(thing).casefold().split()) - {thing.colour.casefold()}
+            alike = len(own & set(words)) / max(1, len(own))
+            if alike < 0.5 or (thing.shape == "region") != ("region" in words):
+                continue
+            named = len(said & {*thing.label.casefold().split(), thing.colour.casefold()} - {""})
+            best = max(best, (alike + named, thing.id), key=lambda b: b[0])
+        if best[1]:
+            bound[role] = best[1]
+    return bound
+
+
+def told(
+    program: Program, scene: Scene, names: Mapping[str, str], instruction: str
+) -> tuple[Any, ...] | None:
+    """The steps with the names (by id) and millimetres of this scene; None where a role finds nothing to play it."""
+    bound = bind(program, scene, instruction)
+    if set(program.roles) - set(bound):
+        return None
+    named = {role: names[i] for role, i in bound.items()}
+    if program.language == "calls":
+        return tuple(_NAME.sub(lambda m: named.get(m.group(1), m.group(1)), step) for step in program.steps)
+    found = []
+    for step in program.steps:
+        role = _NAME.fullmatch(step[0])
+        if role is None or role.group(1) not in bound:
+            return None
+        thing = scene[bound[role.group(1)]]
+        found.append(tuple(_NAME.sub(lambda m: named[m.group(1)], part) if isinstance(part, str) and "{" in part
+                           else _absolute(part, thing) for part in step))  # fmt: skip
+    return tuple(found)
+
+
+def _braced(roles: Mapping[str, str], ids: Mapping[str, str], word: str) -> str:
+    return "{" + roles[ids[word]] + "}" if word in ids else word
+
+
+def _is_waypoint(step: Any) -> bool:
+    if not isinstance(step, list | tuple) or len(step) != 5 or not isinstance(step[0], str):
+        return False
+    return all(isinstance(part, int | float | str) and not isinstance(part, bool) for part in step)
+
+
+def _generalised(step: Sequence[Any], roles: Mapping[str, str], thing: SceneObject) -> tuple[Any, ...]:
+    """Depths below a top are shares of the height; offsets within reach of the thing are shares of its length."""
+    name, *middle, up, g = step
+    height, length = _sizes(thing)
+    low = f"{up / height:.2f}h" if up < 0 and height > 1.0 else up
+    aside = [
+        "{" + roles[v] + "}" if isinstance(v, str)
+        else f"{v / length:.2f}w" if v and abs(v) <= 0.75 * length else v
+        for v in middle
+    ]  # fmt: skip
+    return ("{" + roles[name] + "}", *aside, low, g)
+
+
+def _absolute(part: Any, thing: SceneObject) -> Any:
+    """Millimetres of a length that may be a share of the thing's size."""
+    share = _SHARE.fullmatch(part) if isinstance(part, str) else None
+    if share is None:
+        return part
+    height, length = _sizes(thing)
+    return round(float(share.group(1)) * (height if share.group(2) == "h" else length))
+
+
+def _sizes(thing: SceneObject) -> tuple[float, float]:
+    """Height and longer level side, millimetres."""
+    return 1e3 * (thing.top - thing.bottom), 1e3 * float(max(thing.extents[:2]))

@@ -1,0 +1,67 @@
+"""Waypoints told relative to objects: from a trajectory that was carried out, so that its success can be told again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
+
+STILL = 0.002
+"""Waypoints nearer than this are one, metres."""
+ASIDE = 0.03
+"""From this far beside an object's middle on, a place is told by the way to another object, metres."""
+ALONG = 0.95
+"""Cosine between such an offset and the way to the other object."""
+OVER = 0.06
+"""What is carried so near above the goal's middle, level metres, is told relative to the goal."""
+
+
+def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str]) -> list[list[Any]]:
+    """``[id, dx, dy, up, g]`` or ``[id, other, along, up, g]`` a waypoint, millimetres; see ``Program``.
+
+    Waypoints at one place are one, and what comes after the hand let go is left out: it is not what succeeded. Empty
+    where the plan names no theme of the scene.
+    """
+    known = {o.id: o for o in scene.objects}
+    theme, goal = known.get(roles.get("theme", "")), known.get(roles.get("goal", ""))
+    if theme is None:
+        return []
+    steps: list[list[Any]] = []
+    for waypoint in _distinct(trajectory):
+        at = np.asarray(waypoint.xyz)
+        near_goal = goal is not None and float(np.linalg.norm((at - goal.centre)[:2])) < OVER
+        taken = bool(waypoint.carries) or any(s[-1] < 0.5 for s in steps)
+        first = goal if goal is not None and near_goal and taken else theme
+        other = theme if first is goal else goal
+        steps.append(_step(at, waypoint.gripper, first, other))
+        if len(steps) > 1 and waypoint.gripper >= 0.5 > steps[-2][-1]:
+            break  # let go
+    return steps
+
+
+def _distinct(trajectory: Trajectory) -> list[Waypoint]:
+    kept: list[Waypoint] = []
+    for waypoint in trajectory:
+        still = kept and float(np.linalg.norm(np.subtract(waypoint.xyz, kept[-1].xyz))) < STILL
+        if still and (kept[-1].gripper < 0.5) == (waypoint.gripper < 0.5):
+            continue
+        kept.append(waypoint)
+    return kept
+
+
+def _step(at: FloatArray, gripper: float, first: SceneObject, other: SceneObject | None) -> list[Any]:
+    up, g = round(1e3 * float(at[2] - first.top)), 1 if gripper >= 0.5 else 0
+    offset = (at - first.centre)[:2]
+    if other is not None and float(np.linalg.norm(offset)) > ASIDE:
+        way = (other.centre - first.centre)[:2]
+        length = float(np.linalg.norm(way))
+        along = float(offset @ way) / max(length, 1e-9)
+        if abs(along) > ALONG * float(np.linalg.norm(offset)):
+            return [first.id, other.id, round(1e3 * along), up, g]
+    dx, dy = (round(1e3 * float(v)) for v in offset)
+    return [first.id, dx, dy, up, g]

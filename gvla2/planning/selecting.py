@@ -1,0 +1,70 @@
+"""Selecting: which of several things lies leftmost, is biggest, or is where a relation to another says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from gvla2.planning.scene import Scene, SceneObject
+
+Selector = Literal["left", "right", "near", "far", "middle", "big", "small", "tall", "short"]
+SELECTORS: tuple[Selector, ...] = get_args(Selector)
+"""``left`` and ``right``, ``near`` and ``far`` as the robot sees them; ``big`` by volume, ``tall`` by height."""
+
+SIZE_SLACK, PLACE_SLACK = 0.05, 0.005
+"""Sizes (as a share) and places (metres) that perception cannot tell apart do not decide."""
+
+
+def extreme(things: Sequence[SceneObject], by: str, scene: Scene) -> list[SceneObject]:
+    """The most extreme of ``things`` by one of :data:`SELECTORS`, or all that perception cannot tell from it."""
+    if by not in SELECTORS:
+        raise ValueError(f"Nothing is told apart by '{by}'; there are {', '.join(SELECTORS)}.")
+    if not things:
+        return []
+    space = scene.workspace
+    foot = np.array([space.low[0], 0.5 * (space.low[1] + space.high[1])])
+    middle = np.mean([o.centre[:2] for o in things], axis=0)
+    ranked_by: dict[str, Callable[[SceneObject], Any]] = {
+        "left": lambda o: -o.centre[1],
+        "right": lambda o: o.centre[1],
+        "near": lambda o: np.linalg.norm(o.centre[:2] - foot),
+        "far": lambda o: -np.linalg.norm(o.centre[:2] - foot),
+        "middle": lambda o: np.linalg.norm(o.centre[:2] - middle),
+        "big": lambda o: -np.prod(o.extents),
+        "small": lambda o: np.prod(o.extents),
+        "tall": lambda o: -o.extents[2],
+        "short": lambda o: o.extents[2],
+    }
+    ranks = [float(ranked_by[by](o)) for o in things]
+    best = min(ranks)
+    slack = SIZE_SLACK * abs(best) if by in ("big", "small", "tall", "short") else PLACE_SLACK
+    return [o for o, r in zip(things, ranks, strict=True) if r <= best + slack]
+
+
+def located(things: Sequence[SceneObject], relation: str, at: SceneObject) -> list[SceneObject]:
+    """Those of ``things`` that lie where the relation to ``at`` says, which is none of them; the nearest of several.
+
+    ``on``, ``in``, ``to`` and ``from`` mean over its footprint, or a part of it; x is behind, y to the left.
+    """
+
+    def holds(o: SceneObject) -> bool:
+        dx, dy = (o.centre - at.centre)[:2]
+        match relation:
+            case "on" | "in" | "to" | "from":
+                reach = 0.5 * float(np.linalg.norm(at.extents[:2])) + 0.01
+                return bool(np.hypot(dx, dy) < reach) or o.parent == at.id
+            case "left_of":
+                return bool(dy > 0.01)
+            case "right_of":
+                return bool(dy < -0.01)
+            case "behind":
+                return bool(dx > 0.01)
+            case "front_of":
+                return bool(dx < -0.01)
+        return True
+
+    there = [o for o in things if o.id != at.id and holds(o)]
+    gaps = [float(np.linalg.norm((o.centre - at.centre)[:2])) for o in there]
+    return [o for o, g in zip(there, gaps, strict=True) if g <= min(gaps) + PLACE_SLACK]

@@ -1,0 +1,121 @@
+"""Ways through a voxel grid of costs: the cheapest one, straightened where that costs nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.scene import Box, SceneObject
+
+MOST_VOXELS = 400_000
+"""About half a second for one way."""
+FINER = 4
+"""A peak is looked for again on a grid so much finer, twice."""
+WORTH = 1.02
+"""A straight line may cost this much more than the way that it replaces: a grid's ways are jagged."""
+
+
+@dataclass(frozen=True)
+class VoxelGrid:
+    """``shape`` cubes of side ``size``, metres, from the corner ``low`` (3,) of a box in the world on."""
+
+    low: FloatArray
+    size: float
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def over(cls, box: Box, size: float) -> VoxelGrid:
+        """The grid that covers a box; raises :class:`ConfigurationError` for more voxels than can be searched."""
+        if not 0.001 <= size <= 0.2:
+            raise ConfigurationError(f"Voxels of {size} m make no grid; choose 0.001 to 0.2.")
+        shape = np.maximum(np.ceil((box.high - box.low) / size - 1e-9).astype(int), 1)
+        if int(np.prod(shape)) > MOST_VOXELS:
+            raise ConfigurationError(
+                f"Voxels of {size} m make a grid of {int(np.prod(shape))} over the workspace, more than "
+                f"{MOST_VOXELS}; choose larger ones."
+            )
+        x, y, z = (int(n) for n in shape)
+        return cls(np.asarray(box.low, dtype=np.float64), size, (x, y, z))
+
+    def centres(self) -> FloatArray:
+        """(X, Y, Z, 3) centres of all voxels."""
+        axes = [self.low[k] + self.size * (np.arange(n) + 0.5) for k, n in enumerate(self.shape)]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+
+    def indices(self, points: FloatArray) -> np.ndarray:
+        """(..., 3) indices of the voxels that points (..., 3) lie in; of the nearest ones for points outside."""
+        found = np.floor((points - self.low) / self.size).astype(int)
+        return np.asarray(np.clip(found, 0, np.array(self.shape) - 1))
+
+    def clearance(self, things: Iterable[SceneObject], grown: float = 0.0) -> FloatArray:
+        """(X, Y, Z) distance of each voxel from the nearest thing's box, grown by ``grown`` metres; inf for none."""
+        centres, taken = self.centres(), np.zeros(self.shape, dtype=bool)
+        for thing in things:
+            local = np.abs(transform_points(invert_rigid(thing.world_from_object), centres))
+            taken |= (local <= 0.5 * thing.extents + grown).all(axis=-1)
+        if not taken.any():
+            return np.full(self.shape, np.inf)
+        return np.asarray(distance_transform_edt(~taken, sampling=self.size))
+
+    def peak(self, values_at: Callable[[FloatArray], FloatArray], avoided: FloatArray) -> FloatArray:
+        """(3,) where ``values_at`` (points (..., 3) to values (...)) is highest, on this grid and then on finer ones.
+
+        Of several such places it is the least ``avoided`` (X, Y, Z), and of these the one in their middle. Raises
+        :class:`ValueError` where all values are the same.
+        """
+        centres = self.centres()
+        values = values_at(centres)
+        if float(np.ptp(values)) == 0.0:
+            raise ValueError("The values are the same everywhere; say where to go.")
+        top = _highest(values)
+        best = _middle(centres[top & (avoided <= avoided[top].min() + 1e-9)])
+        for step in (self.size, self.size / FINER):
+            offsets = step * np.arange(-FINER, FINER + 1) / FINER
+            around = best + np.stack(np.meshgrid(offsets, offsets, offsets), axis=-1)
+            best = _middle(around[_highest(values_at(around))])
+        return best
+
+    def route(self, costs: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """(N, 3) points of the cheapest way from ``start`` to ``goal`` (3,), both in it; ``costs`` (X, Y, Z) > 0."""
+        # Half a second that only such planners pay.
+        from skimage.graph import route_through_array
+
+        a, b = (tuple(int(v) for v in self.indices(p)) for p in (start, goal))
+        found, _ = route_through_array(costs, a, b, fully_connected=True, geometric=True)  # type: ignore[no-untyped-call]
+        way = self.low + self.size * (np.asarray(found, dtype=np.float64) + 0.5)
+        way = np.vstack([start, way[1:-1], goal])
+        return self._straightened(costs, way)
+
+    def _straightened(self, costs: FloatArray, way: FloatArray) -> FloatArray:
+        """The way with every stretch replaced by a straight line that costs no more."""
+        steps = [self._cost(costs, a, b) for a, b in pairwise(way)]
+        spent, kept, at = np.concatenate([[0.0], np.cumsum(steps)]), [0], 0
+        while at < len(way) - 1:
+            at = next(
+                j
+                for j in range(len(way) - 1, at, -1)
+                if j == at + 1 or self._cost(costs, way[at], way[j]) <= WORTH * (spent[j] - spent[at])
+            )
+            kept.append(at)
+        return way[kept]
+
+    def _cost(self, costs: FloatArray, a: FloatArray, b: FloatArray) -> float:
+        length = float(np.linalg.norm(b - a))
+        count = max(2, int(np.ceil(2.0 * length / self.size)) + 1)
+        at = self.indices(a + np.linspace(0.0, 1.0, count)[:, None] * (b - a))
+        return length * float(costs[tuple(at.T)].mean())
+
+
+def _highest(values: FloatArray) -> np.ndarray:
+    return np.asarray(values >= values.max() - 1e-9 * max(1.0, float(np.ptp(values))))
+
+
+def _middle(points: FloatArray) -> FloatArray:
+    """(3,) of points (N, 3) the one nearest to their mean."""
+    return np.asarray(points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))])

@@ -1,0 +1,67 @@
+"""What planners and language models said to each other, as the page and memory keep it: text, and no keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.files import plain
+
+_SECRET = re.compile(r"\b(?:sk|hf|gsk|xai|ghp|AIza)[-_]?[A-Za-z0-9_-]{16,}|(?i:\bbearer\s+)\S{8,}")
+"""What access keys of the common services look like, and whatever a header would present as one."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One thing said: who said it (``system``, ``user``, ``assistant``, ...), and the text."""
+
+    who: str
+    text: str
+
+
+def turns(transcript: Iterable[Mapping[str, Any]]) -> list[Turn]:
+    """The turns of a plan's transcript, whatever a planner put into them, without keys."""
+    return [_turn(turn) for turn in transcript]
+
+
+def turns_of(record: EpisodeRecord) -> list[Turn]:
+    """All that was said for the plans of an episode's last attempt, part by part."""
+    return [turn for part in record.whole if part.plan is not None for turn in turns(part.plan.transcript)]
+
+
+def without_secrets(text: str) -> str:
+    """``text`` with what looks like an access key blotted out."""
+    return _SECRET.sub("[key]", text)
+
+
+def kept(transcript: Iterable[Mapping[str, Any]]) -> list[Any]:
+    """The transcript as JSON, without keys."""
+    return [_blotted(plain(dict(turn))) for turn in transcript]
+
+
+def _blotted(value: Any) -> Any:
+    if isinstance(value, str):
+        return without_secrets(value)
+    if isinstance(value, dict):
+        return {without_secrets(key): _blotted(item) for key, item in value.items()}
+    return [_blotted(item) for item in value] if isinstance(value, list) else value
+
+
+def _turn(turn: Mapping[str, Any]) -> Turn:
+    who = str(turn.get("role") or "")
+    rest = {str(key): value for key, value in turn.items() if key not in ("role", "content")}
+    said = [_words(turn["content"])] if "content" in turn else []
+    said += [f"{key}: {_words(value)}" for key, value in rest.items()]
+    return Turn(who or "note", without_secrets("\n".join(said)))
+
+
+def _words(content: object) -> str:
+    """Text as it is; of contents in several pieces (text, images) the texts and what the others are."""
+    if isinstance(content, list | tuple):
+        return "\n".join(_words(piece) for piece in content)
+    if isinstance(content, Mapping):
+        return str(content["text"]) if "text" in content else f"[{content.get('type', 'data')}]"
+    return str(content)

@@ -1,0 +1,165 @@
+"""Carrying out: from skill calls to a plan. The one entry of every planner that speaks in skills."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.effects import apply_effects, sides_of
+from gvla2.planning.scene import SceneObject
+from gvla2.skills.candidates import choose
+from gvla2.skills.chaining import first_part
+from gvla2.skills.exploring import varied
+from gvla2.skills.joined import joined
+from gvla2.skills.meaning import Meant, meant, whole_meant
+from gvla2.skills.parameters import limited, scales
+from gvla2.skills.proposals import Job, Proposal
+from gvla2.skills.several import all_in_one
+from gvla2.skills.skill import Skill
+from gvla2.skills.soundness import nonsense, unaimed, unknown
+from gvla2.skills.table import STANDARD
+from gvla2.skills.wholes import assembled, clear_height
+
+DEFAULTS = SkillOptions()
+
+
+def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOptions = DEFAULTS) -> Plan:
+    """A plan for the first of ``calls``, or for as many as make one trajectory; the others are its ``remaining``.
+
+    Never raises for calls that cannot be followed: they lead to a typed abstention that says what exists. Skills are
+    those of ``request.skills``, the standard ones where that is empty. The whole program is looked through for what
+    does not exist before its first part is planned.
+    """
+    skills = request.skills or STANDARD
+    program = tuple(calls)
+    refusal = unknown(program, request.scene, skills)
+    if refusal is not None:
+        return Plan(None, abstention=refusal, options=options)
+    for call in program:
+        if (refusal := nonsense(call, request.scene, skills)) is not None:
+            return Plan(None, call.skill, {"theme": call.theme}, abstention=refusal, options=options)
+    part = first_part(program, request.scene)
+    plan = (
+        _one(part.calls[0], request, options, skills)
+        if len(part.calls) == 1
+        else all_in_one(part, request, lambda c, now, share: _one(c, now, options, skills, share))
+    )
+    done = sum(part.took[: len(plan.calls)]) if plan.calls else len(program)
+    return replace(plan, calls=program[:done], remaining=program[done:], options=options)
+
+
+def _one(
+    call: SkillCall,
+    request: PlanRequest,
+    options: SkillOptions,
+    skills: Mapping[str, Skill],
+    share: tuple[int, int] = (0, 1),
+) -> Plan:
+    """One call, of which ``share`` says that it is the k-th of n that lead to the same goal."""
+    what = meant(call, request.scene)
+    if isinstance(what, Abstention):
+        return Plan(None, call.skill, {"theme": call.theme}, abstention=what)
+    if what.skill not in skills:
+        message = (
+            f"This would take the skill '{what.skill}', which is not there; there are {', '.join(skills)}."
+        )
+        return Plan(None, abstention=Abstention("unknown_skill", message))
+    skill = skills[what.skill]
+    call = replace(call, theme=what.theme.id, goal=what.goal.id if what.goal is not None else "")
+    plan = Plan(None, skill.name, {"theme": what.theme.id}, calls=(call,))
+    if (refusal := unaimed(call, skill, request.scene) or _no_amount(call, skill)) is not None:
+        return replace(plan, abstention=refusal)
+    return _propose(call, what, skill, request, options, share, plan)
+
+
+def _no_amount(call: SkillCall, skill: Skill) -> Abstention | None:
+    if call.amount is None or skill.amount or call.direction is not None:
+        return None
+    return Abstention(
+        "other", f"{call.amount:g} m of what? To {skill.name} takes an amount with a direction only."
+        if skill.free else f"To {skill.name} takes no amount, and {call.amount:g} m was asked for."
+    )  # fmt: skip
+
+
+def _propose(
+    call: SkillCall,
+    what: Meant,
+    skill: Skill,
+    request: PlanRequest,
+    options: SkillOptions,
+    share: tuple[int, int],
+    plan: Plan,
+) -> Plan:
+    theme, scene, goal = what.theme, request.scene, what.goal
+    if skill.whole:
+        theme, scene = joined(whole_meant(theme, scene), scene)
+        if goal is not None and (goal.id == theme.id or goal in scene.parts_of(theme.id)):
+            message = f"The {goal.label} belongs to the {theme.label}, which would be moved with it."
+            return replace(plan, abstention=Abstention("other", message))
+        request, theme = replace(request, scene=scene), assembled(theme, scene)
+    roles = {"theme": theme.id} | ({"goal": goal.id} if goal is not None else {})
+    roles |= {"part": theme.id} if skill.role("part") is not None else {}
+    theta, notes = _theta(call, skill, theme, request, options)
+    role = skill.role("goal")
+    relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")
+    job = Job(
+        skill.name, scene, request.arm.hand, request.arm.workspace, theta, theme, goal, relation,
+        _target(call, theme, options), share,
+    )  # fmt: skip
+    lengths = sides_of(theme)
+    given = scales(skill.scaled, theta, lengths)
+    plan = replace(plan, roles=roles, parameters=theta, notes=tuple(notes), scales=given)
+    found = skill.propose(job)
+    if isinstance(found, Abstention):
+        return replace(plan, abstention=found)
+    ranking = choose(found, request, skill.name, theta, options.tries, lengths)
+    plan = replace(plan, candidates=ranking.candidates)
+    if ranking.chosen is None:
+        reasons = ranking.reasons()
+        kind = "other" if request.rejections or _all_forbidden(found, reasons) else "unreachable"
+        message = f"No way to {skill.name} the {theme.label}: {reasons}."
+        return replace(plan, abstention=Abstention(kind, message))
+    return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
+
+
+def _theta(
+    call: SkillCall, skill: Skill, theme: SceneObject, request: PlanRequest, options: SkillOptions
+) -> tuple[dict[str, float], list[str]]:
+    """The numbers: defaults, the call's own, memory's, varied to explore, and as far as the scene lets them."""
+    theta = dict(skill.defaults(theme, request.arm.hand, options))
+    if "lift_height" in theta:
+        theta["lift_height"] = max(theta["lift_height"], clear_height(theme, request.scene))
+    own = {k: float(v) for k, v in call.theta.items() if k in theta}
+    if skill.amount and call.amount is not None:
+        own[skill.amount] = call.amount
+    theta |= own
+    lengths, effects = sides_of(theme), request.advice.effects
+    theta, notes = apply_effects(theta, effects, skill.name, lengths=lengths)
+    if options.explore > 0.0:
+        said = frozenset(own)
+        theta, tried = varied(theta, options.explore, options.explore_seed, request, theme.id, said)
+        bounds = [e for e in effects if e.kind == "bound"]
+        theta, kept = apply_effects(theta, bounds, skill.name, lengths=lengths)
+        notes += [*tried, *kept]
+    theta, limits = limited(theta, theme, request.scene)
+    return theta, [*notes, *limits]
+
+
+def _target(call: SkillCall, theme: SceneObject, options: SkillOptions) -> FloatArray | None:
+    """(2,) where the theme's centre is to go, where that is said by a place or a direction."""
+    if call.xy is not None:
+        return np.asarray(call.xy, dtype=np.float64)
+    if call.direction is None:
+        return None
+    way = np.asarray(call.direction, dtype=np.float64)
+    distance = options.push_distance if call.amount is None else call.amount
+    return np.asarray(theme.centre[:2] + distance * way / np.linalg.norm(way))
+
+
+def _all_forbidden(found: Sequence[Proposal], reasons: str) -> bool:
+    return bool(found) and reasons.startswith("memory forbids") and ";" not in reasons

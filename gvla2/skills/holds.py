@@ -1,0 +1,142 @@
+"""Holds: the parts of a thing that fit between the fingers of a hand that comes from above.
+
+Either the whole thing, between two of its faces; or what is slim at its top (a nozzle, a neck, a handle), which its
+points tell; or the wall of a hollow thing, with one finger inside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Hand
+from gvla2.planning.scene import SceneObject
+from gvla2.skills.proposals import horizontal
+
+GRASP_PLAY = 0.004
+"""The opened hand must be wider than the object by this much, metres: 2 mm of perceived width and 1 mm a side."""
+SNUG = 0.008
+"""Room on each side of a hand that is not opened fully, metres."""
+ROUND = ("cylinder", "disc", "sphere")
+YAWS, RIM_YAWS = 8, 16
+SLIMMER = 0.012
+"""The top of a thing counts as a part of its own where it is slimmer than the whole by this much, metres."""
+FEWEST = 25
+"""Points of which the outline of a part is believed."""
+SHALLOW = 0.006
+"""The least depth of the tool below the top, metres: the pads of the fingers then overlap the thing by 15 mm."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Fingers closing along ``closing`` (3,) over ``width`` metres, at ``xy`` (2,), at most ``depth`` below the top.
+
+    ``slide`` is how far along the hand's breadth it may be shifted either way; ``opening`` in [0, 1] the widest
+    that the hand may be; ``cost`` what speaks against it, in units of preference; ``part``: "" is the whole thing.
+    """
+
+    closing: FloatArray
+    width: float
+    name: str
+    xy: FloatArray
+    depth: float = np.inf
+    slide: float = 0.0
+    opening: float = 1.0
+    cost: float = 0.0
+    part: str = ""
+
+
+def holds(theme: SceneObject, hand: Hand) -> list[Hold]:
+    """All holds that fit, the whole thing first."""
+    found = [h for h in whole(theme, hand) if h.width + GRASP_PLAY <= hand.max_width]
+    return [*found, *slim_top(theme, hand), *wall(theme, hand)]
+
+
+def whole(theme: SceneObject, hand: Hand) -> Iterator[Hold]:
+    """Around the thing, whether it fits or not: any yaw for round things, else its pairs of upright faces."""
+    xy = theme.centre[:2]
+    if theme.shape in ROUND:
+        for k in range(YAWS):
+            angle = 2 * np.pi * k / YAWS
+            width = float(theme.extents[:2].max())
+            yield Hold(horizontal(angle), width, f"yaw {np.degrees(angle):.0f}°", xy)
+        return
+    axes = theme.world_from_object[:3, :3]
+    for i in (i for i in range(3) if abs(axes[2, i]) < 0.5):
+        flat = axes[:, i] * [1.0, 1.0, 0.0]
+        flat = flat / np.linalg.norm(flat)
+        width = float(theme.extents[i])
+        beside = np.array([-flat[1], flat[0], 0.0])
+        slide = max(0.0, float(np.abs(beside @ axes) @ theme.extents) - hand.finger_breadth)
+        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+            yield Hold(sign * flat, width, f"across its {width * 1000:.0f} mm{flip}", xy, slide=slide)
+
+
+def slim_top(theme: SceneObject, hand: Hand) -> list[Hold]:
+    """Around the upper end, where that is slimmer than the whole; as deep as it stays slim enough for the hand."""
+    reach = hand.finger_length - hand.tip_beyond_tcp - 0.005
+    if len(theme.points) < FEWEST or theme.shape in ("region", "sphere"):
+        return []
+    top = float(np.quantile(theme.points[:, 2], 0.995))
+    broad = float(theme.extents[:2].max())
+    for depth in np.arange(min(reach, 0.5 * (theme.top - theme.bottom)), SHALLOW - 1e-9, -0.003):
+        band = theme.points[theme.points[:, 2] > top - depth - hand.tip_beyond_tcp]
+        if len(band) < FEWEST:
+            return []
+        found = [h for h in _around(theme, band[:, :2], float(depth), hand) if h.width < broad - SLIMMER]
+        if found:
+            return found
+    return []
+
+
+def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> list[Hold]:
+    """Holds about points (N, 2) of an upper end that fit in the hand, square to its slimmest side first."""
+    turns = (
+        np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
+    )
+    yaw = float(min(turns, key=lambda a: np.ptp(span(band @ horizontal(a)[:2])) + 1e-9))
+    found = []
+    for k in range(2 * YAWS):
+        closing = horizontal(yaw + np.pi * k / YAWS)
+        beside = np.array([-closing[1], closing[0], 0.0])
+        (low, high), (left, right) = (span(band @ way[:2]) for way in (closing, beside))
+        width = high - low
+        if width + GRASP_PLAY > hand.max_width:
+            continue
+        xy = closing[:2] * 0.5 * (low + high) + beside[:2] * 0.5 * (left + right)
+        name = f"the slim top, {width * 1000:.0f} mm, yaw {np.degrees(yaw + np.pi * k / YAWS) % 360:.0f}°"
+        # Flat sides want flat fingers: a box that is held askew turns in the hand.
+        found.append(Hold(closing, width, name, xy, depth, cost=0.05, part="top"))
+    slimmest = min((h.width for h in found), default=0.0)
+    return [h for h in found if h.width < slimmest + 0.004]
+
+
+def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
+    """By the wall of an open round thing: one finger inside, where there is room for it."""
+    broad = float(theme.extents[:2].max())
+    room = theme.opening - hand.finger_thickness - 0.01  # between the inner finger and the wall across
+    if theme.opening <= 0.0 or theme.shape not in ("cylinder", "other") or room < 0.01:
+        return []
+    thickness = max(0.002, 0.5 * (broad - theme.opening))
+    opening = min(1.0, (thickness + min(2 * SNUG + 0.012, room)) / hand.max_width)
+    if thickness + GRASP_PLAY > hand.max_width * opening:
+        return []
+    radius = 0.5 * (broad - thickness)
+    found = []
+    for k in range(RIM_YAWS):
+        angle = 2 * np.pi * k / RIM_YAWS
+        out = horizontal(angle)
+        xy = theme.centre[:2] + radius * out[:2]
+        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+            name = f"by its wall at {np.degrees(angle):.0f}°{flip}"
+            found.append(Hold(sign * out, thickness, name, xy, opening=opening, cost=0.1, part="rim"))
+    return found
+
+
+def span(values: FloatArray) -> tuple[float, float]:
+    """Lowest and highest value but for strays."""
+    low, high = np.quantile(values, (0.01, 0.99))
+    return float(low), float(high)

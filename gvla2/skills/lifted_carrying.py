@@ -1,0 +1,129 @@
+"""The part of a lifted path that takes hold of something: by the nearest holds, along the points, and put down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.trajectory import Waypoint
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.insert import aligning_turns, lower_over
+from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
+from gvla2.skills.schemas.place import TURNS, over_spot, put_down
+from gvla2.skills.wholes import rise
+
+if TYPE_CHECKING:
+    from gvla2.skills.lifting import PathPoint
+
+NEAREST = 24
+"""So many holds, those nearest to the point where the hand closes, are weighed."""
+APPROACH = 0.12
+"""Points before the hand closes that are so near to it, level metres, belong to the approach."""
+CENTRED = 0.03
+"""A thing that is let go of so near to a goal's middle is meant to lie in its middle, metres."""
+FAR = 10.0
+"""What each metre between a hold and the point costs of the preference."""
+TURNED = 0.05
+STEEP = 0.7
+"""A move whose height changes by more than this share of its length goes up or down."""
+
+
+def carried(
+    job: Job, points: Sequence[PathPoint], at: int, opened: int | None
+) -> list[Proposal] | Abstention:
+    """One proposal a hold and turn: the hand closes at point ``at`` and opens at ``opened`` (None: it does not)."""
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    point = points[at].array
+
+    def cost(grasp: Grasp) -> float:
+        return FAR * float(np.linalg.norm((grasp.centre - point)[:2])) - grasp.preference
+
+    turns: Sequence[float] = TURNS if opened is not None else TURNS[:1]
+    if job.skill == "insert" and job.goal is not None:
+        turns = aligning_turns(job.theme, job.goal)
+    return [
+        _along(job, points, at, opened, grasp, turn, -cost(grasp))
+        for grasp in sorted(found, key=cost)[:NEAREST]
+        for turn in turns
+    ]
+
+
+def _along(
+    job: Job,
+    points: Sequence[PathPoint],
+    at: int,
+    opened: int | None,
+    grasp: Grasp,
+    turn: float,
+    preference: float,
+) -> Proposal:
+    path = take(job, grasp)
+    before = [p for p in points[:at] if float(np.linalg.norm((p.array - grasp.centre)[:2])) > APPROACH]
+    on_the_way = [_on_the_way(path, p) for p in before]
+    path.waypoints[:0] = [w for each in on_the_way for w in each]
+    touching = job.own() | job.resting()
+    here = draw_out(job, path, grasp)
+    clear = max(rise(job.theme, job.scene) - float(here[2] - grasp.centre[2]), 0.0)
+    end = len(points) if opened is None else opened
+    for k, point in enumerate(points[at + 1 : end]):
+        there = np.minimum(point.array, [np.inf, np.inf, job.ceiling()])
+        if k == 0 and opened is None and at + 2 == end:
+            there[2] = max(there[2], here[2] + clear)
+        if float(np.linalg.norm(there - here)) < 1e-3:
+            continue
+        steep = abs(float(there[2] - here[2])) > STEEP * float(np.linalg.norm(there - here))
+        if k == 0 or steep:
+            path.line("lift" if there[2] > here[2] else "carry", there, allowed=touching)
+        else:
+            path.go("carry", there)
+        here = there
+    if opened is not None:
+        _let_go(job, path, points[opened], grasp, turn, here, touching)
+        for point in points[opened + 1 :]:
+            away = np.asarray(path.waypoints[-1].xyz)
+            if float(np.linalg.norm(point.array - away)) > APPROACH:
+                path.go("leave", point.array)
+    how = grasp.description + (f", turned {np.degrees(turn):.0f}°" if turn else "")
+    cost = TURNED * (turn != 0.0)
+    return Proposal(how, grasp.approaches, preference - cost, path.trajectory())
+
+
+def _let_go(
+    job: Job,
+    path: Path,
+    point: PathPoint,
+    grasp: Grasp,
+    turn: float,
+    here: FloatArray,
+    touching: frozenset[str],
+) -> None:
+    """Over where it is to lie, down to what is there, open. A goal's middle is meant where the point is near it."""
+    spot = point.array
+    if job.goal is not None and float(np.linalg.norm((spot - job.goal.centre)[:2])) < CENTRED:
+        spot = job.goal.centre
+    support = job.scene.table_height
+    if job.goal is not None and job.goal.shape != "region":
+        support = job.goal.top
+    spot = np.array([*spot[:2], support])
+    xyz, closing, approach = over = over_spot(job, grasp, spot, turn)
+    if here[2] < xyz[2] - 1e-3:
+        path.line("lift", np.array([*here[:2], xyz[2]]), allowed=touching)
+    path.orientation = pointing(closing, approach)
+    path.go("transit", xyz)
+    if job.skill == "insert":
+        lower_over(job, path, grasp, np.asarray(xyz))
+    else:
+        put_down(job, path, grasp, over, spot)
+
+
+def _on_the_way(path: Path, point: PathPoint) -> list[Waypoint]:
+    """A point on the way to the approach, as the hand is turned there."""
+    way = Path(path.speed, path.contact_speed, path.orientation)
+    way.go("move", point.array, gripper=1.0)
+    return way.waypoints

@@ -1,0 +1,238 @@
+"""Lifting: bare points of a hand's path become a full trajectory that a robot can carry out.
+
+The paper's planner answers tau = {(x, y, z, g)}. What such a path means besides is read off the scene: how the hand is
+turned and centred (by the holds of what it closes on), which moves are straight, what is carried, what may be touched,
+and which things play which role. Points are rough: a hold is taken by the nearest one that fits, as deep as the point
+says and the fingers reach; what is let go of at a goal is put down there rather than dropped. Nothing else of the path
+is made up: where it leads, and in which order, is the planner's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from gvla2.errors import PlanningError
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.calls import SkillOptions
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.effects import apply_effects, sides_of
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.candidates import choose
+from gvla2.skills.joined import joined
+from gvla2.skills.lifted_carrying import carried
+from gvla2.skills.lifted_touching import pushed
+from gvla2.skills.meaning import whole_meant
+from gvla2.skills.parameters import limited, scales
+from gvla2.skills.parts import button_of
+from gvla2.skills.proposals import Job, Proposal
+from gvla2.skills.schemas.insert import fits_over
+from gvla2.skills.schemas.press import propose_press
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+from gvla2.skills.wholes import assembled
+
+CLOSED = 0.5
+"""A hand opened by a smaller share counts as closed."""
+MOST_POINTS = 16
+NEAR = 0.04
+"""A point so near to a thing's box is at that thing, metres."""
+LEVEL = 0.05
+"""The closed hand pushes where it goes sideways by more than this, and down by less, metres."""
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """One point of the hand's path: ``xyz`` of the tool, world metres, and the ``gripper``'s opening in [0, 1].
+
+    ``at`` is the id of the object that the point was written for, or "". Raises :class:`ValueError` for numbers that
+    are not finite.
+    """
+
+    xyz: tuple[float, float, float]
+    gripper: float
+    at: str = ""
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(v) for v in (*self.xyz, self.gripper)):
+            raise ValueError(
+                f"A point of the path has a number that is not finite: {self.xyz}, {self.gripper}."
+            )
+
+    @property
+    def closed(self) -> bool:
+        """Whether the hand is closed from here on."""
+        return self.gripper < CLOSED
+
+    @property
+    def array(self) -> FloatArray:
+        """(3,) world metres."""
+        return np.asarray(self.xyz, dtype=np.float64)
+
+
+def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions | None = None) -> Plan:
+    """The plan along ``points`` for the request's scene and arm, by the first way to turn the hand that passes the
+    checks; a typed abstention where none does.
+
+    Raises :class:`PlanningError` for no points, too many, or a hand that closes or pushes where there is nothing.
+    """
+    options = options or SkillOptions()
+    if not 1 <= len(points) <= MOST_POINTS:
+        raise PlanningError(f"The path has {len(points)} points; it needs 1 to {MOST_POINTS}.")
+    take = _take(points, request.scene)
+    if take is None:
+        return _touch(points, request, options)
+    thing = _thing_at(points[take], request.scene)
+    if thing is None:
+        raise PlanningError(
+            f"The hand closes at {told(points[take], request.scene)} where there is nothing to hold."
+        )
+    theme, scene = joined(whole_meant(thing, request.scene), request.scene)
+    theme, request = assembled(theme, scene), replace(request, scene=scene)
+    opened = next((k for k in range(take + 1, len(points)) if not points[k].closed), None)
+    goal = None
+    if opened is not None:
+        own = frozenset({theme.id, *(p.id for p in scene.parts_of(theme.id))})
+        goal = _goal_at(points[opened], scene, own)
+    name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
+    skill = _skill(name, request)
+    depth = theme.top - points[take].xyz[2]
+    job, plan = _job(skill, theme, goal, {"grasp_depth": depth}, request, options)
+    found = carried(job, points, take, opened)
+    return _chosen(found, plan, job, request, options)
+
+
+def told(point: PathPoint, scene: Scene) -> str:
+    """A point for a message: millimetres, height above the table."""
+    x, y, z = (1e3 * v for v in point.xyz)
+    return f"({x:.0f}, {y:.0f}, {z - 1e3 * scene.table_height:.0f}) mm"
+
+
+def _touch(points: Sequence[PathPoint], request: PlanRequest, options: SkillOptions) -> Plan:
+    """A hand that takes hold of nothing: it pushes or presses, closed."""
+    scene = request.scene
+    moves = [(b.array - a.array, k) for k, (a, b) in enumerate(pairwise(points))]
+    low = min(points, key=lambda p: p.xyz[2])
+    level = [(float(np.linalg.norm(m[:2])), k) for m, k in moves if abs(m[2]) < LEVEL]
+    length, k = max(level, default=(0.0, 0))
+    struck = _struck(points[k], points[k + 1], scene) if length > LEVEL else None
+    if struck is not None:
+        goal = _goal_at(points[k + 1], scene, frozenset({struck.id}))
+        job, plan = _job(_skill("push", request), struck, goal, {}, request, options)
+        return _chosen(pushed(job, points, k), plan, job, request, options)
+    thing = _thing_at(low, scene)
+    button = button_of(thing, scene) if thing is not None else None
+    if button is None:
+        raise PlanningError(f"The closed hand touches nothing: its lowest point is {told(low, scene)}.")
+    depth = button.top + request.arm.hand.tip_beyond_tcp - low.xyz[2]
+    job, plan = _job(_skill("press", request), button, None, {"press_depth": depth}, request, options)
+    return _chosen(propose_press(job), plan, job, request, options)
+
+
+def _skill(name: str, request: PlanRequest) -> Skill:
+    return request.skills[name] if name in request.skills else STANDARD[name]
+
+
+def _job(
+    skill: Skill,
+    theme: SceneObject,
+    goal: SceneObject | None,
+    meant: Mapping[str, float],
+    request: PlanRequest,
+    options: SkillOptions,
+) -> tuple[Job, Plan]:
+    """The job that the path amounts to, with the numbers that it says itself held to memory's bounds."""
+    theta = dict(skill.defaults(theme, request.arm.hand, options))
+    ranges = {p.name: p for p in skill.parameters}
+    for name, value in meant.items():
+        least = 0.006 if name == "grasp_depth" else 0.0
+        theta[name] = float(np.clip(value, least, ranges[name].most if name in ranges else value))
+    lengths = sides_of(theme)
+    bounds = [e for e in request.advice.effects if e.kind == "bound"]
+    theta, notes = apply_effects(theta, bounds, skill.name, lengths=lengths)
+    theta, limits = limited(theta, theme, request.scene)
+    roles = {"theme": theme.id} | ({"goal": goal.id} if goal is not None else {})
+    roles |= {"part": theme.id} if skill.role("part") is not None else {}
+    job = Job(skill.name, request.scene, request.arm.hand, request.arm.workspace, theta, theme, goal, "on")
+    given = scales(skill.scaled, theta, lengths)
+    return job, Plan(None, skill.name, roles, theta, notes=(*notes, *limits), scales=given, options=options)
+
+
+def _chosen(
+    found: Sequence[Proposal] | Abstention, plan: Plan, job: Job, request: PlanRequest, options: SkillOptions
+) -> Plan:
+    if isinstance(found, Abstention):
+        return replace(plan, abstention=found)
+    request = replace(request, rejections=())  # a path has one way only: nothing is to be passed over
+    ranking = choose(found, request, job.skill, plan.parameters, options.tries, sides_of(job.theme))
+    plan = replace(plan, candidates=ranking.candidates)
+    if ranking.chosen is None:
+        message = f"The path to {job.skill} the {job.theme.label} cannot be followed: {ranking.reasons()}."
+        return replace(plan, abstention=Abstention("unreachable", message))
+    return replace(plan, trajectory=ranking.chosen.trajectory, notes=(*plan.notes, *ranking.chosen.notes))
+
+
+def _take(points: Sequence[PathPoint], scene: Scene) -> int | None:
+    """Where the hand closes on something: after it was open; or at the first point, where it goes on to rise or open.
+
+    None where the hand stays as it is: it pushes or presses.
+    """
+    for k in range(1, len(points)):
+        if points[k].closed and not points[k - 1].closed:
+            return k
+    if not points[0].closed or len(points) < 2:
+        return None
+    at_thing = _thing_at(points[0], scene) is not None
+    opens = any(not p.closed for p in points)
+    rises = all(p.xyz[2] > points[0].xyz[2] + LEVEL for p in points[1:])
+    thing = _thing_at(points[0], scene)
+    button = thing is not None and button_of(thing, scene) is not None
+    return 0 if at_thing and not button and (opens or rises) else None
+
+
+def _thing_at(point: PathPoint, scene: Scene) -> SceneObject | None:
+    """The solid thing at a point: the one that it was written for, where it is near it, else the nearest by its box."""
+    solids = scene.obstacles()
+    gaps = {o.id: gap(o, point.array) for o in solids}
+    if point.at in gaps and gaps[point.at] < 2 * NEAR:
+        return scene[point.at]
+    best = min(solids, key=lambda o: (round(gaps[o.id], 3), float(np.prod(o.extents))), default=None)
+    return best if best is not None and gaps[best.id] < NEAR else None
+
+
+def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject | None:
+    """What lies under a point: the one that it was written for, else the highest thing or patch there."""
+    if point.at and point.at not in own:
+        return scene[point.at]
+    under = [o for o in scene.objects if o.id not in own and _over(o, point.array)]
+    return max(under, key=lambda o: (o.top, -float(np.prod(o.extents[:2]))), default=None)
+
+
+def _over(thing: SceneObject, point: FloatArray) -> bool:
+    local = transform_points(invert_rigid(thing.world_from_object), np.array([*point[:2], thing.centre[2]]))
+    return bool((np.abs(local[:2]) <= 0.5 * thing.extents[:2]).all())
+
+
+def gap(thing: SceneObject, point: FloatArray) -> float:
+    """From a point (3,) to the thing's box, metres; 0 inside."""
+    local = np.abs(transform_points(invert_rigid(thing.world_from_object), point))
+    return float(np.linalg.norm(np.maximum(local - 0.5 * thing.extents, 0.0)))
+
+
+def _struck(a: PathPoint, b: PathPoint, scene: Scene) -> SceneObject | None:
+    """The first thing on the table that a straight move runs into, seen from above: the one that it was written for
+    first.
+    """
+    things = [o for o in scene.obstacles() if not o.parent]
+    if a.at and a.at in {o.id for o in things}:
+        return scene[a.at]
+    for step in np.linspace(0.0, 1.0, 60):
+        at = a.array + step * (b.array - a.array)
+        for thing in things:
+            if at[2] < thing.top + NEAR and gap(thing, np.array([*at[:2], thing.centre[2]])) < 0.015:
+                return thing
+    return None

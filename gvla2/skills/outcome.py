@@ -1,0 +1,63 @@
+"""What came of carrying out a skill, as plain data: what a skill's own diagnosis is told, and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from gvla2.planning.contracts import Plan
+from gvla2.planning.effects import Effect
+from gvla2.planning.scene import Scene, SceneObject
+
+EMPTY = 0.001
+"""Fingers that are no further apart hold nothing, metres."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One diagnosed cause: a stable ``kind``, words that hold for any such episode, and an effect where one follows."""
+
+    kind: str
+    words: str
+    effect: Effect | None = None
+
+
+@dataclass(frozen=True)
+class Reached:
+    """One executed waypoint: its ``stage``, and the fingers' gap in metres at its end."""
+
+    index: int
+    stage: str
+    gripper_width: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A plan that was executed: to its end, or until the object ``slipped``.
+
+    ``theme`` is what was handled, as perceived ``before``; ``later(id)`` is the same object as perceived afterwards,
+    None where it was not found.
+    """
+
+    plan: Plan
+    before: Scene
+    theme: SceneObject
+    later: Callable[[str], SceneObject | None]
+    reached: tuple[Reached, ...] = ()
+    slipped: bool = False
+
+    def gripped(self) -> bool:
+        """Whether the fingers had something between them on all the way that the plan has them carry it."""
+        waypoints = self.plan.trajectory.waypoints if self.plan.trajectory else ()
+        carrying = [
+            r for r in self.reached
+            if r.index < len(waypoints) and waypoints[r.index].carries and waypoints[r.index].gripper < 0.1
+        ]  # fmt: skip
+        return bool(carrying) and all(r.gripper_width > EMPTY for r in carrying)
+
+    def changed(self, name: str, by: float, op: str = ">=") -> Effect | None:
+        """The bound that asks for ``by`` more (or less) of a parameter than was used; None where it was not used."""
+        used = self.plan.parameters.get(name)
+        if used is None:
+            return None
+        return Effect("bound", name, used + by, "<=" if op == "<=" else ">=", skill=self.plan.skill)

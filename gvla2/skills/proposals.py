@@ -1,0 +1,162 @@
+"""What a schema makes: proposed trajectories, written stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.arm import Hand
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
+from gvla2.skills.parameters import TABLE_GAP
+from gvla2.skills.wholes import holders, parts_of
+
+LONGEST_LINE = 0.5
+"""Longer straight moves are written as several, metres."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One grounded request. ``goal`` is the object that the theme goes to, or None; ``target`` (2,) where the theme's
+    centre is to be, world metres, where the sentence says so by a direction. ``relation`` is the goal's.
+    ``share``: it is the k-th of n things that go there.
+    """
+
+    skill: str
+    scene: Scene
+    hand: Hand
+    workspace: Box
+    theta: Mapping[str, float]
+    theme: SceneObject
+    goal: SceneObject | None = None
+    relation: str = ""
+    target: FloatArray | None = None
+    share: tuple[int, int] = (0, 1)
+
+    def own(self) -> frozenset[str]:
+        """Ids of the theme and its parts: what the hand that takes hold of it may touch."""
+        return frozenset({self.theme.id, *(p.id for p in parts_of(self.theme, self.scene))})
+
+    def resting(self) -> frozenset[str]:
+        """Ids of what the theme stands in or on, with their parts, and the table: it touches them until lifted."""
+        held = holders(self.theme, self.scene)
+        within = {p.id for h in held for p in parts_of(h, self.scene)}
+        return frozenset({"table", *(h.id for h in held), *within})
+
+    def lowest_tcp(self) -> float:
+        """The lowest height of the tool, pointing down, that keeps the fingertips off the table."""
+        return self.scene.table_height + TABLE_GAP + self.hand.tip_beyond_tcp
+
+    def outward(self) -> FloatArray:
+        """(3,) from where the arm stands, at the middle of the workspace's near side, to the theme; level."""
+        stands = np.array([self.workspace.low[0], 0.5 * (self.workspace.low[1] + self.workspace.high[1])])
+        return np.array([*(self.theme.centre[:2] - stands), 0.0])
+
+    def ceiling(self) -> float:
+        """The highest the tool may go."""
+        return float(min(self.workspace.high[2], self.scene.workspace.high[2]))
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One way to do it. ``approaches`` are the names by which memory may forbid it ("approach:top");
+    ``preference`` in [0, 1] how much the geometry speaks for it, before the arm is asked. One in ``reserve`` is looked
+    at only when all others failed.
+    """
+
+    description: str
+    approaches: tuple[str, ...]
+    preference: float
+    trajectory: Trajectory
+    notes: tuple[str, ...] = ()
+    reserve: bool = False
+
+
+@dataclass
+class Path:
+    """Writes waypoints one after the other; what is carried and may be touched stays until it is changed."""
+
+    speed: float
+    contact_speed: float
+    orientation: Orientation = field(default_factory=Orientation)
+    gripper: float = 1.0
+    carries: str = ""
+    tolerance: float = 0.01
+    waypoints: list[Waypoint] = field(default_factory=list)
+
+    def go(
+        self,
+        stage: str,
+        xyz: FloatArray,
+        *,
+        gripper: float | None = None,
+        allowed: frozenset[str] = frozenset(),
+    ) -> Path:
+        """A planned move around obstacles."""
+        return self._add(stage, xyz, "free", self.speed, gripper, allowed)
+
+    def line(
+        self,
+        stage: str,
+        xyz: FloatArray,
+        *,
+        gripper: float | None = None,
+        allowed: frozenset[str] = frozenset(),
+        slow: bool = False,
+        guard: Guard | None = None,
+    ) -> Path:
+        """A straight move, in parts where it is long; with a ``guard`` it ends where that stops it."""
+        speed = self.contact_speed if slow else self.speed
+        if self.waypoints:
+            begin = np.asarray(self.waypoints[-1].xyz)
+            parts = int(np.ceil(float(np.linalg.norm(xyz - begin)) / LONGEST_LINE - 1e-9))
+            for k in range(1, parts):
+                self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed, guard)
+        return self._add(stage, xyz, "linear", speed, gripper, allowed, guard)
+
+    def trajectory(self) -> Trajectory:
+        """All that was written."""
+        return Trajectory(tuple(self.waypoints))
+
+    def _add(
+        self,
+        stage: str,
+        xyz: FloatArray,
+        motion: str,
+        speed: float,
+        gripper: float | None,
+        allowed: frozenset[str],
+        guard: Guard | None = None,
+    ) -> Path:
+        self.gripper = self.gripper if gripper is None else gripper
+        x, y, z = (float(v) for v in xyz)
+        self.waypoints.append(
+            Waypoint(
+                (x, y, z),
+                self.gripper,
+                stage,
+                self.orientation,
+                "linear" if motion == "linear" else "free",
+                speed,
+                allowed,
+                self.carries,
+                self.tolerance,
+                guard=guard,
+            )
+        )
+        return self
+
+
+def pointing(closing: FloatArray, approach: FloatArray | None = None) -> Orientation:
+    """The hand with its fingers closing along ``closing`` (3,), pointing along ``approach`` (3,), down by default."""
+    down = np.array([0.0, 0.0, -1.0]) if approach is None else approach
+    vector, along = (tuple(float(v) for v in a) for a in (down, closing))
+    return Orientation("grasp", vector, along)  # type: ignore[arg-type]
+
+
+def horizontal(angle: float) -> FloatArray:
+    """(3,) unit vector in the table's plane, ``angle`` radians from x."""
+    return np.array([np.cos(angle), np.sin(angle), 0.0])

@@ -1,0 +1,89 @@
+"""Insert: a thing with a hole over something that sticks up: line up, lower it around the end, let go.
+
+The fingers close on two opposite sides, which brings the hole to the middle of the hand across them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.scene import SceneObject
+from gvla2.planning.trajectory import Guard
+from gvla2.skills.holds import ROUND
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.pick import Grasp, grasps, take
+from gvla2.skills.wholes import parts_of
+
+LEAST_ROOM = 0.001
+"""The hole is wider than what goes through by this much at least, metres, for a fit to be believed."""
+BOTTOM = Guard(force=20.0)
+"""Lowering ends where the thing meets the bottom, or the post's end beside the hole: pressed on, it would cant."""
+FREE_TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
+
+
+def fits_over(thing: SceneObject, post: SceneObject) -> bool:
+    """Whether a flat thing's hole is wider than something that stands up, and that is taller than it."""
+    flat = thing.extents[2] < 0.6 * float(thing.extents[:2].min())
+    slim = float(np.sort(post.extents[:2])[1]) + LEAST_ROOM < thing.opening
+    return flat and thing.opening > 0.0 and slim and post.extents[2] > thing.extents[2]
+
+
+def propose_insert(job: Job) -> list[Proposal] | Abstention:
+    """Each upright grasp with each turn that lines the hole up with the post."""
+    if job.goal is None or not fits_over(job.theme, job.goal):
+        what = "nothing" if job.goal is None else f"the {job.goal.label}"
+        return Abstention("other", f"The {job.theme.label} has no hole that goes over {what}.")
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    turns = aligning_turns(job.theme, job.goal)
+    return [_insert(job, grasp, job.goal, turn) for grasp in found if grasp.family == "top" for turn in turns]
+
+
+def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
+    """Turns about up, radians, by which the hole's sides come parallel to the post's; the smallest first."""
+    if post.shape in ROUND or theme.shape in ROUND:
+        return list(FREE_TURNS)
+    (a, b) = (float(np.arctan2(o.world_from_object[1, 0], o.world_from_object[0, 0])) for o in (theme, post))
+    turns = [float((b - a + quarter + np.pi) % (2 * np.pi) - np.pi) for quarter in FREE_TURNS]
+    return sorted(turns, key=abs)
+
+
+def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
+    theta, theme = job.theta, job.theme
+    own = job.own()
+    path = take(job, grasp)
+    hangs = grasp.centre[2] - theme.bottom
+    highest = max((o.top for o in job.scene.obstacles(own)), default=job.scene.table_height)
+    height = min(highest + theta["transit_clearance"] + hangs, job.ceiling())
+    path.line("lift", np.array([*grasp.centre[:2], height]), allowed=own | job.resting())
+    rotation = Rotation.from_euler("z", turn)
+    over = post.centre + rotation.apply(grasp.centre - theme.centre)
+    above = np.array([*over[:2], height])
+    path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
+    path.go("transit", above)
+    lower_over(job, path, grasp, above)
+    how = f"{grasp.description}; over the {post.label}, turned {np.degrees(turn):.0f}°"
+    preference = grasp.preference - 0.05 * abs(turn) / np.pi
+    return Proposal(how, grasp.approaches, preference, path.trajectory())
+
+
+def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:
+    """From above (3,) the goal, a post, with the theme's hole over it: line up, lower, let go, back up."""
+    theme, post = job.theme, job.goal
+    assert post is not None
+    hangs = grasp.centre[2] - theme.bottom
+    touching = job.own() | {post.id, *(p.id for p in parts_of(post, job.scene))}
+    down = np.array([*above[:2], max(post.top - job.theta["insert_depth"] + hangs, job.lowest_tcp())])
+    path.line("align", _at(above, post.top + 0.01 + hangs), allowed=touching)
+    path.line("insert", down, allowed=touching, slow=True, guard=BOTTOM)
+    path.line("release", down, gripper=grasp.opening, allowed=touching, slow=True)
+    path.carries = ""
+    path.line("retreat", above, allowed=touching)
+
+
+def _at(xy: FloatArray, z: float) -> FloatArray:
+    return np.array([xy[0], xy[1], z])

@@ -1,0 +1,155 @@
+"""Pick: approach, reach around it, close, lift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.trajectory import Orientation
+from gvla2.skills.holds import GRASP_PLAY, SNUG, Hold, holds, whole
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.wholes import CLEAR, rise, way_out
+
+LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
+"""Further lean of each family of approaches, radians: none; enough for the wrist's limits; and enough to come from
+the side, which is no longer from the top."""
+STEEP = 0.7
+"""A hand whose pointing direction goes down by less than this share comes from the side."""
+LEANING = 0.03
+"""What leans by less of its length is lifted straight up."""
+BENT = 0.15
+"""What a lift that is not straight costs of the preference: more time with the object in the air."""
+FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("top",)}
+"""A hand that leans needs room beside a part: beside a wall there is none."""
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """A way to take hold: fingers closing along ``closing`` (3,) over ``width`` metres, hand opened to ``opening``.
+
+    ``approach`` (3,) is the direction of the hand; ``centre`` (3,) where the tool centre point goes.
+    """
+
+    description: str
+    family: str
+    closing: FloatArray
+    approach: FloatArray
+    centre: FloatArray
+    width: float
+    opening: float
+    preference: float
+
+    @property
+    def approaches(self) -> tuple[str, ...]:
+        """The names by which memory may forbid it."""
+        whence = "top" if -self.approach[2] > STEEP else "side"
+        return tuple(dict.fromkeys((f"approach:{whence}", f"approach:{self.family}")))
+
+    @property
+    def orientation(self) -> Orientation:
+        """The hand's orientation."""
+        return pointing(self.closing, self.approach)
+
+
+def propose_pick(job: Job) -> list[Proposal] | Abstention:
+    """One proposal a grasp; ``too_wide`` when the hand does not fit around the object anywhere."""
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    return [_pick(job, grasp, straight) for straight in (True, False) for grasp in found]
+
+
+def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
+    """Lifted in one straight move; or, close to the arm's foot where such a line is short, out straight and then
+    by a planned move.
+    """
+    path, touching = take(job, grasp), job.own() | job.resting()
+    free_at = rise(job.theme, job.scene) + CLEAR
+    drawn = free_at > CLEAR  # out of something: no higher than that takes, it starts high enough
+    lift = min(job.theta["lift_height"], free_at) if drawn else job.theta["lift_height"]
+    wanted = grasp.centre[2] + lift
+    height = min(wanted, job.ceiling())
+    start = draw_out(job, path, grasp)
+    up = np.array([*start[:2], max(height, start[2])])
+    if straight:
+        path.line("lift", up, allowed=touching)
+    else:
+        out = np.array([*up[:2], min(grasp.centre[2] + max(job.theta["standoff"], free_at), height)])
+        path.line("lift", out, allowed=touching).go("raise", up)
+    notes = () if height > wanted - 1e-6 else (f"The lift ends at the workspace's ceiling, {height:.3f} m.",)
+    how = grasp.description + ("" if straight else ", raised by a planned move")
+    preference = grasp.preference - (0.0 if straight else BENT)
+    return Proposal(how, grasp.approaches, preference, path.trajectory(), notes)
+
+
+def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None) -> Path:
+    """The stages that end with the object in the closed hand, not yet lifted; ``touching`` what it may touch then."""
+    theta, theme = job.theta, job.own() if touching is None else touching
+    # So far back along the approach that the fingertips' end is a standoff above the object's top.
+    depth = (job.theme.top - grasp.centre[2]) + job.hand.tip_beyond_tcp + theta["standoff"]
+    path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
+    path.go("approach", grasp.centre - grasp.approach * depth, gripper=grasp.opening)
+    path.line("grasp", grasp.centre, allowed=theme, slow=True)
+    path.line("close", grasp.centre, gripper=0.0, allowed=theme, slow=True)
+    path.carries = job.theme.id
+    return path
+
+
+def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
+    """Where the tool is (3,) when the theme has left what it is stuck in, by a straight move along itself."""
+    way, far = way_out(job.theme, job.scene), rise(job.theme, job.scene)
+    if far == 0.0 or np.hypot(*way[:2]) < LEANING:
+        return grasp.centre
+    out = grasp.centre + way * far / way[2]
+    path.line("draw", out, allowed=job.own() | job.resting(), slow=True)
+    return np.asarray(out)
+
+
+def grasps(job: Job) -> list[Grasp] | Abstention:
+    """Grasps from above by every hold of the thing; leaning ones where nothing of it is in the way."""
+    found = []
+    for hold in holds(job.theme, job.hand):
+        snug = min(hold.opening, (hold.width + 2 * SNUG) / job.hand.max_width)
+        grips = [(hold.opening, "")]
+        if snug < hold.opening:
+            grips.append((snug, ", hand opened just enough"))
+        for family in FAMILIES[hold.part]:
+            found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
+    if found:
+        return found
+    width = min(h.width for h in whole(job.theme, job.hand))
+    return Abstention(
+        "too_wide",
+        f"The {job.theme.label} is {width * 1000:.0f} mm wide at its narrowest, with {GRASP_PLAY * 1000:.0f} mm of "
+        f"play the hand opens {job.hand.max_width * 1000:.0f} mm: it cannot be grasped from above.",
+    )
+
+
+def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Grasp:
+    theme, theta, closing = job.theme, job.theta, hold.closing
+    tilt = min(theta["approach_tilt"] + LEANS[family], 0.5 * np.pi)
+    beside = np.array([-closing[1], closing[0], 0.0])  # level, across the closing direction
+    if beside @ job.outward() < 0:
+        beside = -beside
+    approach = np.array([0.0, 0.0, -np.cos(tilt)]) + np.sin(tilt) * beside
+    along = (theta["grasp_fraction"] - 0.5) * hold.slide
+    spread = max(0.0, job.hand.tip_beyond_tcp * np.cos(tilt) + 0.5 * job.hand.finger_breadth * np.sin(tilt))
+    lowest = job.lowest_tcp() - job.hand.tip_beyond_tcp + spread
+    height = max(theme.top - min(theta["grasp_depth"], hold.depth), lowest)
+    centre = np.array([*hold.xy, height]) + along * beside
+    snug = 0.1 * (opening < hold.opening)
+    preference = 0.9 - 0.3 * hold.width / job.hand.max_width - 0.5 * LEANS[family] - snug - hold.cost
+    where = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}[family]
+    return Grasp(
+        f"grasp {where}, {hold.name}{grip}",
+        family,
+        closing,
+        approach,
+        centre,
+        hold.width,
+        opening,
+        preference,
+    )

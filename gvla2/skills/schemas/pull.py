@@ -1,0 +1,126 @@
+"""Pull: a handle between the fingers, drawn straight out along the normal of the face that it stands before."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.contracts import Abstention
+from gvla2.skills.mechanisms import UP, Slide, slide_for
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+
+PLAY = 0.006
+"""The opened hand must be wider than the bar by this much, metres."""
+ROOM = 0.004
+"""Between a finger and the front that it reaches down before, metres."""
+GIVE = 0.02
+"""Tolerance while pulling, metres: the drawer decides where the handle goes, the arm yields."""
+BACK = 0.03
+"""How far the hand backs off from what it let go, metres: its fingertips are then clear of the bar."""
+LEANS = (0.0, 0.3, 0.6)
+"""How far down the hand may point when it comes from the front, radians: near the table its body needs the room."""
+SIDE = 0.25
+"""Where along the handle, as shares of its length from the middle, the hand may take hold too."""
+YAWS = (0.0, 0.35, -0.35)
+"""How far the hand may come from beside straight before a level bar, radians: its fingers are above and below it."""
+LESS = 0.8
+"""Share of the distance that is pulled where the arm cannot get as far."""
+
+
+def propose_pull(job: Job) -> list[Proposal] | Abstention:
+    """From the front with the fingers above and below (or on both sides of) the bar, or from above over it."""
+    slide = slide_for(job.theme, job.scene)
+    if slide is None:
+        return Abstention(
+            "unknown_skill", f"The {job.theme.label} has no handle that can be seen and is stuck in nothing."
+        )
+    handle = slide.handle
+    axes, extents = handle.world_from_object[:3, :3], handle.extents
+    along = axes[:, int(np.argmax(extents))]
+    level = abs(along[2]) < 0.5
+    across = UP if level else np.cross(UP, slide.out)
+    width = float(np.abs(across @ axes) @ extents)
+    if width + PLAY > job.hand.max_width:
+        return Abstention(
+            "too_wide",
+            f"The {handle.label} is {width * 1000:.0f} mm across; the hand opens {job.hand.max_width * 1000:.0f} mm.",
+        )
+    found = []
+    for shift in (0.0, SIDE, -SIDE):
+        at = _grip_point(slide, width, job.theta["grasp_depth"]) + shift * float(extents.max()) * along
+        yaws = YAWS if level else YAWS[:1]
+        for lean, yaw, less in product(LEANS, yaws, (1.0, LESS)):
+            if (yaw and lean > LEANS[1]) or (less < 1.0 and shift):
+                continue
+            tilt = Rotation.from_euler("z", yaw) * Rotation.from_rotvec(lean * np.cross(-slide.out, -UP))
+            approach, closing = tilt.apply(-slide.out), tilt.apply(across)
+            way = f"leaning {np.degrees(lean):.0f}°" + (
+                f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
+            )
+            cost = lean + 0.5 * abs(yaw) + (1.0 - less)
+            found += [
+                replace(
+                    _pull(job, slide, at, approach, sign * closing, 1.0, shift, way, cost, less),
+                    reserve=bool(yaw) or less < 1.0,
+                )
+                for sign in (1.0, -1.0)
+            ]
+        behind = _behind(slide, at) - job.hand.finger_thickness - ROOM  # for the finger between bar and front
+        if level and 2 * behind > width + PLAY:
+            opening = min(1.0, 2 * behind / job.hand.max_width)
+            for sign in (1.0, -1.0):
+                found.append(_pull(job, slide, at, -UP, sign * slide.out, opening, shift, "from above", 0.5))
+    return found
+
+
+def _behind(slide: Slide, at: FloatArray) -> float:
+    """From a point (3,) on the bar to the face behind it, metres."""
+    things = [t for t in (slide.front, slide.body) if t is not None]
+    faces = [
+        float(t.centre @ slide.out) + 0.5 * float(np.abs(slide.out @ t.world_from_object[:3, :3]) @ t.extents)
+        for t in things
+    ]
+    return float(at @ slide.out) - max(faces)
+
+
+def _grip_point(slide: Slide, width: float, depth: float) -> FloatArray:
+    """(3,) on the bar itself, which is as deep as it is wide, not on the posts that carry it."""
+    handle = slide.handle
+    reach = 0.5 * float(np.abs(slide.out @ handle.world_from_object[:3, :3]) @ handle.extents)
+    return np.asarray(handle.centre + slide.out * (reach - min(depth, reach, max(0.5 * width, 0.003))))
+
+
+def _pull(
+    job: Job,
+    slide: Slide,
+    at: FloatArray,
+    approach: FloatArray,
+    closing: FloatArray,
+    opening: float,
+    shift: float,
+    way: str,
+    cost: float,
+    less: float = 1.0,
+) -> Proposal:
+    theta, near = job.theta, slide.parts
+    distance = less * theta["pull_distance"]
+    pulled = at + slide.out * distance
+    path = Path(theta["speed"], theta["contact_speed"], pointing(closing, approach))
+    bar = frozenset({slide.handle.id})
+    path.go("approach", at - approach * (theta["standoff"] + theta["grasp_depth"]), gripper=opening)
+    path.line("reach", at, allowed=bar, slow=True)
+    path.line("close", at, gripper=0.0, allowed=bar, slow=True)
+    path.carries, path.tolerance = slide.handle.id, GIVE
+    path.line("pull", pulled, allowed=near, slow=True)
+    path.line("release", pulled, gripper=opening, allowed=near, slow=True)
+    path.carries = ""
+    path.line("retreat", pulled - approach * BACK, allowed=near)
+    how = f"pull the {slide.handle.label} by {distance * 100:.0f} cm, hand {way}"
+    how += f", {'left' if shift > 0 else 'right'} of its middle" if shift else ""
+    name = "approach:top" if way == "from above" else "approach:side"
+    preference = 0.8 - 0.4 * cost - 0.1 * bool(shift)
+    return Proposal(how, (name, "approach:handle"), preference, path.trajectory())

@@ -1,0 +1,208 @@
+"""Push: closed or spread fingers against a face, a straight stroke, back off.
+
+Two contacts on one face carry the object stably (Lynch and Mason, "Stable pushing", 1996): it sticks to the fingers,
+also when the stroke is not square to the face, as long as the line through its middle along the stroke meets
+the face between the contacts. So the hand is turned to the face, not to the stroke, and shifted to where that line
+comes out. Where a single stroke is too oblique, two strokes along the normals of two faces do it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.scene import SceneObject
+from gvla2.skills.proposals import Job, Path, Proposal, pointing
+from gvla2.skills.schemas.place import goal_spots, support_along
+
+EDGE = 0.006
+"""The line of the push meets the face at least this far from its edge, metres: the perceived box is not exact."""
+SHORT = 0.006
+"""A second stroke shorter than this is left out, metres: perception is hardly better."""
+ROUND = ("cylinder", "disc", "sphere")
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """One straight push. ``begin`` and ``end`` (3,) are the object's centre; the hand's centre is ``behind`` (3,)
+    of it, and the fingers close along ``closing`` (3,), opened to ``opening``. ``way`` (3,) is the unit direction.
+    """
+
+    begin: FloatArray
+    end: FloatArray
+    way: FloatArray
+    behind: FloatArray
+    closing: FloatArray
+    opening: float
+
+
+def propose_push(job: Job) -> list[Proposal] | Abstention:
+    """Strokes square to a face or a little oblique, two strokes by way of a corner, and the hand behind the corner."""
+    goal = push_goal(job)
+    shift = goal - job.theme.centre
+    length = float(np.linalg.norm(shift))
+    if length < SHORT:
+        return Abstention(
+            "other", f"The {job.theme.label} is there already, {length * 1000:.0f} mm from the goal."
+        )
+    way = shift / length
+    goal = goal + job.theta["push_overshoot"] * way
+    proposals: list[Proposal] = []
+    for strokes, how, family, preference in _options(job, goal):
+        if blocked := _in_the_way(job, strokes):
+            how, preference = f"{how}, but '{blocked.label}' is in the way", preference - 0.5
+        proposals.append(_push(job, strokes, how, family, preference))
+    return proposals
+
+
+def push_goal(job: Job) -> FloatArray:
+    """(3,) where the theme's centre is to end, at its own height."""
+    theme, height = job.theme, job.theme.centre[2]
+    if job.goal is None or job.relation not in ("on", "in", "to") or job.goal.shape == "region":
+        spots = goal_spots(job)
+        nearest = min(spots, key=lambda s: float(np.linalg.norm(s[0][:2] - theme.centre[:2])))
+        return np.array([*nearest[0][:2], height])
+    # To a solid thing: until they touch.
+    level = (job.goal.centre - theme.centre) * [1.0, 1.0, 0.0]
+    way = level / max(float(np.linalg.norm(level)), 1e-9)
+    touching = support_along(job.goal.world_from_object, job.goal.extents, way)
+    touching += support_along(theme.world_from_object, theme.extents, way)
+    return np.array([*(job.goal.centre - way * (touching + 0.003))[:2], height])
+
+
+def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[Stroke], str, str, float]]:
+    """Strokes, wording, family and preference of each way to push."""
+    theme = job.theme
+    shift = goal - theme.centre
+    way = shift / np.linalg.norm(shift)
+    if theme.shape in ROUND:
+        radius = 0.5 * float(theme.extents[:2].max())
+        for stroke in _round(theme.centre, goal, way, radius, job):
+            yield [stroke], "push between two fingers", "straight", 0.9
+        return
+    normals = [n for n in _normals(theme) if n @ way > 1e-3]
+    for normal in normals:
+        depth = support_along(theme.world_from_object, theme.extents, normal)
+        across = np.array([-normal[1], normal[0], 0.0])
+        half_face = support_along(theme.world_from_object, theme.extents, across)
+        oblique = float(np.arctan2(abs(way @ across), way @ normal))
+        if depth * np.tan(oblique) <= half_face - EDGE:
+            for sign in (1.0, -1.0):
+                stroke = _face(job, theme.centre, goal, normal, sign)
+                text = f"push on a face, {np.degrees(oblique):.0f}° from square to it"
+                yield (
+                    [stroke],
+                    text + (", hand turned round" if sign < 0 else ""),
+                    "straight",
+                    0.9 - 0.4 * oblique,
+                )
+    if len(normals) == 2:
+        for first, second in (normals, normals[::-1]):
+            parts = np.linalg.solve(np.stack([first[:2], second[:2]], axis=1), shift[:2])
+            if parts.min() < SHORT:
+                continue
+            corner = theme.centre + parts[0] * first
+            for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
+                strokes = [
+                    _face(job, theme.centre, corner, first, signs[0]),
+                    _face(job, corner, goal, second, signs[1]),
+                ]
+                text = f"push {parts[0] * 100:.0f} cm square to one face, then {parts[1] * 100:.0f} cm to the next"
+                yield strokes, text, "two_strokes", 0.6 + 0.01 * (parts[0] > parts[1])
+    for stroke in _round(theme.centre, goal, way, _corner_radius(job), job):
+        yield [stroke], "push on a corner between two fingers", "corner", 0.3
+
+
+def _normals(theme: SceneObject) -> list[FloatArray]:
+    """Level unit normals (3,) of a box's upright faces."""
+    axes = theme.world_from_object[:3, :3]
+    flat = [axes[:, i] * [1.0, 1.0, 0.0] for i in range(3) if abs(axes[2, i]) < 0.5]
+    units = [a / np.linalg.norm(a) for a in flat]
+    return [sign * unit for unit in units for sign in (1.0, -1.0)]
+
+
+def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> Stroke:
+    """Push on the face opposite to ``normal``: the fingers spread as far as the face is wide, about the push's line."""
+    theme, hand = job.theme, job.hand
+    way = (end - begin) / np.linalg.norm(end - begin)
+    across = np.array([-normal[1], normal[0], 0.0])
+    depth = support_along(theme.world_from_object, theme.extents, normal)
+    half_face = support_along(theme.world_from_object, theme.extents, across)
+    # Where the line through the middle along the push comes out of the rear face.
+    aside = -depth * float(way @ across) / float(way @ normal)
+    spread = 2 * (half_face - abs(aside)) - 2 * hand.finger_thickness
+    opening = float(np.clip(spread / hand.max_width, 0.0, 1.0))
+    behind = aside * across - (depth + _contact_depth(job)) * normal
+    return Stroke(begin, end, way, behind, sign * across, opening)
+
+
+def _contact_depth(job: Job) -> float:
+    """From the hand's middle to what touches first: the fingers, or the palm where the object rises to it."""
+    palm = job.theme.top - job.scene.table_height > job.theta["push_height"] + job.hand.finger_length
+    return 0.5 * (job.hand.palm_depth if palm else job.hand.finger_breadth)
+
+
+def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job) -> Iterator[Stroke]:
+    """Two fingers behind a round thing, opened to its radius: they hold it like a cradle."""
+    hand = job.hand
+    opening = float(np.clip(radius / hand.max_width, 0.0, 1.0))
+    inner = 0.5 * opening * hand.max_width
+    gap = np.sqrt(max(0.0, radius**2 - inner**2))  # from the middle to the fingers' inner edges
+    across = np.array([-way[1], way[0], 0.0])
+    behind = -(gap + _contact_depth(job)) * way
+    for sign in (1.0, -1.0):
+        yield Stroke(begin, end, way, behind, sign * across, opening)
+
+
+def _corner_radius(job: Job) -> float:
+    """Radius of the circle about the middle that touches the nearer faces, as far as the hand opens."""
+    return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * job.hand.max_width)
+
+
+def _push(job: Job, strokes: list[Stroke], how: str, family: str, preference: float) -> Proposal:
+    """Behind it, down, push, back off, up; again for a second stroke."""
+    theta, theme = job.theta, frozenset({job.theme.id})
+    tcp = max(job.scene.table_height + theta["push_height"] + job.hand.tip_beyond_tcp, job.lowest_tcp())
+    above = min(job.theme.top + 0.02 + job.hand.tip_beyond_tcp, job.ceiling())
+    path = Path(theta["speed"], theta["contact_speed"])
+    touched: frozenset[str] = frozenset()
+    for k, stroke in enumerate(strokes):
+        part = f" {k + 1}" if len(strokes) > 1 else ""
+        path.orientation = pointing(stroke.closing)
+        start, end = (
+            np.array([*(c + stroke.behind)[:2], tcp])
+            for c in (stroke.begin - theta["standoff"] * stroke.way, stroke.end)
+        )
+        over = np.array([*start[:2], above])
+        if k == 0:
+            path.go("approach", over, gripper=stroke.opening)
+        else:  # the object is no longer where it was seen: straight over it, at a height that clears it
+            path.line(f"approach{part}", over, gripper=stroke.opening, allowed=touched)
+        path.line(f"lower{part}", start, allowed=touched)
+        touched = theme
+        path.line(f"push{part}", end, allowed=touched, slow=True)
+        off = end - theta["standoff"] * stroke.way
+        path.line(f"back off{part}", off, allowed=touched)
+        path.line(f"retreat{part}", np.array([*off[:2], above]), allowed=touched)
+    return Proposal(how, ("approach:top", f"approach:{family}"), preference, path.trajectory())
+
+
+def _in_the_way(job: Job, strokes: list[Stroke]) -> SceneObject | None:
+    """The first thing that the pushed object would run into."""
+    theme = job.theme
+    half = 0.5 * theme.extents[:2]
+    ignored = frozenset({theme.id} | ({job.goal.id} if job.goal is not None else set()))
+    axes = theme.world_from_object[:2, :2]
+    for other in job.scene.obstacles(ignored):
+        corners = other.corners()
+        outline = np.vstack([corners, other.centre, other.points]) if len(other.points) else corners
+        for stroke in strokes:
+            steps = max(2, int(np.linalg.norm(stroke.end - stroke.begin) / 0.01))
+            for centre in np.linspace(stroke.begin, stroke.end, steps):
+                if (np.abs((outline[:, :2] - centre[:2]) @ axes) < half + 0.005).all(axis=1).any():
+                    return other
+    return None

@@ -1,0 +1,95 @@
+"""Twist: take hold of a cap from above, turn it with the wrist until it is loose, lift it; put it down where asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.planning.contracts import Abstention
+from gvla2.skills.holds import span
+from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
+from gvla2.skills.schemas.pick import Grasp, grasps, take
+from gvla2.skills.schemas.place import goal_spots, over_spot, put_down
+
+STEP = np.deg2rad(45.0)
+"""The wrist turns in steps of this much at most, so that each way round is told."""
+ASKEW = 8.0
+"""What each metre that a cap is broader than at its slimmest costs of the preference: fingers want flats."""
+TURNS = (0.0, 0.5 * np.pi, -0.5 * np.pi, np.pi)
+SIDES = 12
+
+
+def propose_twist(job: Job) -> list[Proposal] | Abstention:
+    """Each yaw of the hand that fits around the cap; with a goal, each spot and turn there."""
+    found = grasps(job)
+    if isinstance(found, Abstention):
+        return found
+    down = [g for g in _yaws(job, found) if g.family == "top"]
+    proposals = []
+    for grasp in down:
+        if job.goal is None and job.target is None:
+            proposals.append(_twist(job, grasp))
+            continue
+        for spot, name in goal_spots(job):
+            proposals += [_twist(job, grasp, spot, name, turn) for turn in TURNS]
+    return proposals
+
+
+def _yaws(job: Job, found: list[Grasp]) -> list[Grasp]:
+    """A box is held by its faces; about what passes for round the hand is turned in finer steps, square to it."""
+    if job.theme.shape == "box" or not found:
+        return found
+    axes, points = job.theme.world_from_object, job.theme.points[:, :2]
+    start = float(np.arctan2(axes[1, 0], axes[0, 0]))
+    angles = start + 2 * np.pi * np.arange(SIDES) / SIDES
+    widths = [np.ptp(span(points @ horizontal(a)[:2])) if len(points) else 0.0 for a in angles]
+    grasps = []
+    for grip in {g.opening: g for g in found if g.family == "top"}.values():
+        for angle, width in zip(angles, widths, strict=True):
+            worse = ASKEW * float(width - min(widths))
+            name = f"grasp from above, yaw {np.degrees(angle) % 360:.0f}°"
+            grasps.append(
+                replace(
+                    grip,
+                    description=name,
+                    closing=horizontal(float(angle)),
+                    preference=grip.preference - worse,
+                )
+            )
+    return grasps
+
+
+def _twist(
+    job: Job, grasp: Grasp, spot: FloatArray | None = None, where: str = "", turn: float = 0.0
+) -> Proposal:
+    theta, theme = job.theta, job.theme
+    touching = job.own() | job.resting() | ({theme.parent} - {""})
+    path = take(job, grasp, touching)
+    path.carries = ""  # it stays where it is until it is loose
+    steps = int(np.ceil(abs(theta["turn"]) / STEP - 1e-9))
+    closing = grasp.closing
+    for k in range(1, steps + 1):
+        closing = Rotation.from_euler("z", theta["turn"] * k / steps).apply(grasp.closing)
+        path.orientation = pointing(closing, grasp.approach)
+        path.line("turn", grasp.centre, allowed=touching, slow=True)
+    path.carries = theme.id
+    up = grasp.centre + np.array([0.0, 0.0, theta["lift_height"]])
+    path.line("lift", np.minimum(up, [np.inf, np.inf, job.ceiling()]), allowed=touching)
+    how = f"{grasp.description}, turned by {np.degrees(theta['turn']):.0f}°"
+    if spot is None:
+        return Proposal(how, grasp.approaches, grasp.preference, path.trajectory())
+    turned = replace(grasp, closing=closing)
+    over = over_spot(job, turned, spot, turn)
+    _carry(path, over)
+    put_down(job, path, turned, over, spot)
+    preference = grasp.preference - 0.02 * (turn != 0.0)
+    return Proposal(f"{how}; put down {where}", grasp.approaches, preference, path.trajectory())
+
+
+def _carry(path: Path, over: tuple[FloatArray, FloatArray, FloatArray]) -> None:
+    xyz, closing, approach = over
+    path.orientation = pointing(closing, approach)
+    path.go("transit", xyz)

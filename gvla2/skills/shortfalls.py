@@ -1,0 +1,133 @@
+"""What went wrong with a skill of our own, by the scenes before and after: too far, or not far enough.
+
+Each rule asks that the motion ran to its end with what it was to hold in the hand, so that the distance missed is the
+parameter's fault and not that of a slip or of an abort. Two slips are told here: of a cap that is still in its place
+though it was held while it was turned, and of a drawer that came most of the way.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.planning.effects import Effect
+from gvla2.planning.lids import FLAT, hinged, opening_angle
+from gvla2.skills.outcome import EMPTY, Outcome, Signal
+
+STAYS_OPEN = 1.45
+"""A lid that is found open by less did not stay open, radians."""
+SWING_MARGIN = 0.2
+"""Radians to swing a lid further by, or to take it further over before it is let go."""
+TURN_MARGIN = 0.35
+"""Radians to turn a cap further by: 20 degrees."""
+HOOK_MARGIN = 0.005
+"""Metres to hook deeper by."""
+PULL_TOLERANCE, PULL_MARGIN = 0.02, 0.05
+"""Metres short that are no error of a pull; the most that one failure adds to it."""
+IN_PLACE = 0.02
+"""What is found this near to where it was has not moved, metres."""
+PUSH_TOLERANCE = 0.01
+"""Metres off the goal's centre that are no error of the push."""
+
+
+def of_open(outcome: Outcome) -> Signal | None:
+    """A lid that did not stay open, or was never taken along."""
+    lid, body = hinged(outcome.theme, outcome.before.objects)
+    later = outcome.later(lid.id) if lid is not None else None
+    if (
+        later is None
+        or opening_angle(later, (outcome.later(body.id) if body else None) or body) >= STAYS_OPEN
+    ):
+        return None
+    if not outcome.gripped():
+        deeper = outcome.changed("lip_depth", HOOK_MARGIN)
+        return Signal("missed_grasp", "the fingers closed before the lip", deeper)
+    further = outcome.changed("open_angle", SWING_MARGIN)
+    return Signal("undershoot", "the lid was not swung so far that it stays open", further)
+
+
+def of_close(outcome: Outcome) -> Signal | None:
+    """A lid that the fingers passed, or that was let go too early."""
+    lid, body = hinged(outcome.theme, outcome.before.objects)
+    later = outcome.later(lid.id) if lid is not None else None
+    if lid is None or later is None:
+        return None
+    was = opening_angle(lid, body)
+    angle = opening_angle(later, (outcome.later(body.id) if body else None) or body)
+    if angle < FLAT:
+        return None
+    if was - angle < SWING_MARGIN:
+        deeper = outcome.changed("hook_depth", HOOK_MARGIN)
+        return Signal("missed_grasp", "the fingers passed the lid without taking it along", deeper)
+    further = outcome.changed("let_go_angle", -SWING_MARGIN, "<=")
+    return Signal("undershoot", "the lid was let go before it falls shut by itself", further)
+
+
+def of_pull(outcome: Outcome) -> Signal | None:
+    """A drawer that did not come as far as the hand went, or was pulled on when it had come all the way."""
+    waypoints = outcome.plan.trajectory.waypoints if outcome.plan.trajectory else ()
+    carried = [i for i, w in enumerate(waypoints) if w.carries and i > 0]
+    if not carried or "pull_distance" not in outcome.plan.parameters:
+        return None
+    way = np.subtract(waypoints[carried[-1]].xyz, waypoints[carried[0] - 1].xyz)
+    length = float(np.linalg.norm(way))
+    later = outcome.later(outcome.theme.id)
+    if later is None or length < IN_PLACE:
+        return None
+    came = float((later.centre - outcome.theme.centre) @ way) / length
+    missing = length - came
+    if missing <= PULL_TOLERANCE:
+        return None
+    if outcome.slipped:
+        if came < 0.5 * length:
+            return None  # it slipped for another reason
+        less = outcome.changed("pull_distance", -missing, "<=")
+        return Signal("overshoot", "it was pulled on when it had come as far as it goes", less)
+    if not outcome.gripped():
+        deeper = outcome.changed("grasp_depth", 0.005)
+        return Signal("slip", "the handle slipped out of the fingers", deeper)
+    further = outcome.changed("pull_distance", min(missing, PULL_MARGIN))
+    return Signal("undershoot", "it was not pulled as far as it was to come", further)
+
+
+def of_twist(outcome: Outcome) -> Signal | None:
+    """A cap that was held all the while it was turned, and sits where it sat."""
+    later = outcome.later(outcome.theme.id)
+    turning = [r for r in outcome.reached if r.stage == "turn"]
+    if later is None or not turning or any(r.gripper_width <= EMPTY for r in turning):
+        return None
+    if float(np.linalg.norm(later.centre - outcome.theme.centre)) > IN_PLACE:
+        return None
+    further = outcome.changed("turn", TURN_MARGIN)
+    return Signal("undershoot", "the cap was not turned until it came loose", further)
+
+
+def of_insert(outcome: Outcome) -> Signal | None:
+    """A ring that rests on the post's end."""
+    post = next((o for o in outcome.before.objects if o.id == outcome.plan.roles.get("goal")), None)
+    later = outcome.later(outcome.theme.id)
+    if later is None or post is None:
+        return None
+    beside = float(np.linalg.norm((later.centre - post.centre)[:2]))
+    if beside > 0.5 * float(post.extents[:2].max()) or later.bottom - post.bottom <= IN_PLACE:
+        return None
+    deeper = outcome.changed("insert_depth", max(0.005, outcome.theme.top - outcome.theme.bottom))
+    return Signal("undershoot", "the ring was let go before it was well over the post's end", deeper)
+
+
+def of_push(outcome: Outcome) -> Signal | None:
+    """Pushed past the goal, or not up to it: the error along the push corrects the overshoot."""
+    goal = next((o for o in outcome.before.objects if o.id == outcome.plan.roles.get("goal")), None)
+    later = outcome.later(outcome.theme.id)
+    if goal is None or later is None:
+        return None
+    way = (goal.centre - outcome.theme.centre)[:2]
+    length = float(np.linalg.norm(way))
+    if length < 1e-6:
+        return None
+    along = float((later.centre - goal.centre)[:2] @ way) / length
+    if abs(along) <= PUSH_TOLERANCE:
+        return None
+    bound: Effect | None = outcome.changed("push_overshoot", -along, "<=" if along > 0 else ">=")
+    if along > 0:
+        return Signal("overshoot", "the object was pushed past the goal", bound)
+    return Signal("undershoot", "the object was not pushed as far as the goal", bound)

@@ -1,0 +1,154 @@
+"""What a skill is: its roles, its numbers and how it is carried out. Standard skills and third parties' alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from gvla2.planning.arm import Hand
+    from gvla2.planning.calls import SkillOptions
+    from gvla2.planning.contracts import Abstention
+    from gvla2.planning.scene import Scene, SceneObject
+    from gvla2.skills.outcome import Outcome, Signal
+    from gvla2.skills.proposals import Job, Proposal
+
+RoleName = Literal["theme", "goal", "part"]
+
+
+@dataclass(frozen=True)
+class Role:
+    """An object that a skill is about: ``theme`` is what is handled, ``goal`` where that leads.
+
+    A ``part`` is said of a plan only: the part of the theme that was worked.
+
+    ``relations`` are those of the goal that the skill knows, the one that is meant unless another is said first. A
+    goal that is ``required`` may be given as a place or a direction instead, where the skill takes these.
+    """
+
+    name: RoleName
+    meaning: str
+    required: bool = True
+    relations: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number theta of a skill: its unit ("m", "rad", "m/s", "" for a share), meaning and sensible range."""
+
+    name: str
+    unit: str
+    meaning: str
+    least: float = 0.0
+    most: float = 1.0
+
+
+@dataclass(frozen=True)
+class Example:
+    """A worked example for prompts: ``things`` as :func:`~gvla2.planning.scene_brief.scene_brief` lists them, what was
+    wished for, and the ``call`` that does it.
+    """
+
+    things: str
+    wish: str
+    call: str
+
+
+@dataclass(frozen=True)
+class Skill:
+    """One thing that a hand can do, as any planner calls it and memory learns of it.
+
+    ``description`` is one line for prompts and docs. ``propose`` turns a :class:`~gvla2.skills.proposals.Job` into
+    proposed trajectories, or says why there is none; ``defaults`` gives theta before memory speaks, for the theme, the
+    hand and the options. ``roles`` has a ``theme`` always.
+
+    ``amount`` names the parameter that a call's amount sets, "" where the skill takes none. ``free`` skills can go to
+    a place (x, y) or in a direction instead of to a goal. ``whole``: only a whole thing can be done it to, so that
+    naming a part means the whole. ``words`` is how lessons name the skill ("Pick up (grasp, lift)"), so that other
+    wordings of an instruction find them; ``key`` are the parameters that decide most, which successes teach;
+    ``scaled`` names those that go with a side of the theme ("height"). ``held_back``: what it moves may hold the hand
+    back, so that a slip is a matter of theta. ``diagnose`` tells from an outcome what went wrong, with what to change.
+    ``fits`` tells whether the skill can be done to a thing of a scene at all (None: to anything), and ``examples`` show
+    a language model how it is called. An ``implied`` skill is what others turn into where the scene asks for it, so
+    prompts leave it out.
+    """
+
+    name: str
+    description: str
+    roles: Sequence[Role]
+    parameters: Sequence[Parameter]
+    propose: Callable[[Job], Sequence[Proposal] | Abstention]
+    defaults: Callable[[SceneObject, Hand, SkillOptions], Mapping[str, float]]
+    words: str = ""
+    key: Sequence[str] = ()
+    scaled: Mapping[str, str] = field(default_factory=dict)
+    amount: str = ""
+    free: bool = False
+    whole: bool = False
+    held_back: bool = False
+    diagnose: Callable[[Outcome], Signal | None] | None = None
+    fits: Callable[[SceneObject, Scene, Hand], bool] | None = None
+    examples: Sequence[Example] = ()
+    implied: bool = False
+
+    def role(self, name: RoleName) -> Role | None:
+        """The role of that name, None where the skill has none."""
+        return next((r for r in self.roles if r.name == name), None)
+
+    @property
+    def aimed(self) -> bool:
+        """Whether it leads somewhere that has to be said: a goal, a place or a direction."""
+        goal = self.role("goal")
+        return goal is not None and goal.required
+
+    def signature(self, *, brief: bool = False) -> str:
+        """How it is called: ``place(theme, goal | xy | direction, relation=on|in|...)``; ``brief`` for small models:
+        ``place(theme, goal, on|in|...)``.
+        """
+        if brief:
+            return self._brief()
+        goal = self.role("goal")
+        words = ["theme"]
+        if goal is not None:
+            where = "goal" + (" | xy | direction" if self.free else "")
+            words.append(where if goal.required else f"[{where}]")
+            if len(goal.relations) > 1:
+                words.append(f"relation={'|'.join(goal.relations)}")
+        if self.amount:
+            words.append("amount=")
+        return f"{self.name}({', '.join(words)})"
+
+    def _brief(self) -> str:
+        goal = self.role("goal")
+        words = ["theme"]
+        if goal is not None:
+            words.append("goal" if goal.required else "[goal]")
+            relations = [r for r in goal.relations if r != "to"]
+            if len(goal.relations) > 3 and goal.required:
+                words.append("|".join(relations))
+        return f"{self.name}({', '.join(words)})"
+
+
+def fault_of(offered: object) -> str:
+    """Why what a plugin offers is no skill that a program can call, or ""; nobody has checked it before."""
+    if not isinstance(offered, Skill):
+        return f"returned {offered!r:.200}, which is not a Skill."
+    name: Any = offered.name
+    if not isinstance(name, str) or not name.isidentifier() or name != name.lower():
+        return f"the name {name!r:.200} cannot be called in a program; use small letters, digits and '_'."
+    for what, value, kind in (("role", offered.roles, Role), ("parameter", offered.parameters, Parameter)):
+        if not isinstance(value, Sequence) or not all(isinstance(v, kind) for v in value):
+            return f"'{name}' has {what}s that are no sequence of {kind.__name__}: {value!r:.200}."
+    if offered.role("theme") is None:
+        return f"'{name}' has no role 'theme': every skill handles something."
+    for what in ("propose", "defaults"):
+        if not callable(getattr(offered, what)):
+            return f"'{name}' has a {what} that cannot be called."
+    known = {p.name for p in offered.parameters}
+    strange = [n for n in (*offered.key, *offered.scaled, offered.amount) if n and n not in known]
+    if strange:
+        return f"'{name}' speaks of '{strange[0]}', which is none of its parameters: {', '.join(known) or 'none'}."
+    if not offered.description:
+        return f"'{name}' has no description, which is how planners learn of it."
+    return ""

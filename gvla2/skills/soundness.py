@@ -1,0 +1,93 @@
+"""Soundness: what is wrong with calls before anything is planned, in words that help whoever wrote them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
+
+from gvla2.planning.calls import SkillCall
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.scene import Scene
+from gvla2.skills.skill import Skill
+
+
+def unknown(calls: Sequence[SkillCall], scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
+    """A skill or an object that there is not, with what there is."""
+    if not calls:
+        return Abstention("other", "The program has no call: there is nothing to do.")
+    ids = {o.id for o in scene.objects}
+    for call in calls:
+        if call.skill not in skills:
+            close = get_close_matches(call.skill, skills, n=1)
+            hint = f" Did you mean '{close[0]}'?" if close else ""
+            return Abstention(
+                "unknown_skill", f"There is no skill '{call.skill}'.{hint} Skills: {', '.join(skills)}."
+            )
+        for role, name in (("theme", call.theme), ("goal", call.goal)):
+            if name not in ids and (name or role == "theme"):
+                known = ", ".join(f"{o.id} ({o.label})" for o in scene.objects) or "nothing"
+                return Abstention(
+                    "nothing_matches", f"There is no object '{name}' to {call.skill}; the scene has: {known}."
+                )
+    return None
+
+
+def nonsense(call: SkillCall, scene: Scene, skills: Mapping[str, Skill]) -> Abstention | None:
+    """A call that cannot mean anything, whatever the thing is, by a table that has its skill."""
+    theme, goal = scene[call.theme], scene[call.goal] if call.goal else None
+    if theme.shape == "region":
+        return Abstention("other", f"The {theme.label} is painted on the table: nobody can {call.skill} it.")
+    if goal is not None:
+        if goal.id == theme.id:
+            return Abstention("other", f"The {theme.label} cannot be its own goal.")
+        if goal in scene.parts_of(theme.id):
+            return Abstention(
+                "other", f"The {goal.label} is a part of the {theme.label}, so not a goal for it."
+            )
+    return _wrong_numbers(call, skills)
+
+
+def unaimed(call: SkillCall, skill: Skill, scene: Scene) -> Abstention | None:
+    """A goal too few, too many, or of a wrong kind; ``skill`` is the one that the call turned out to mean."""
+    label = scene[call.theme].label
+    role = skill.role("goal")
+    given = [bool(call.goal), call.xy is not None, call.direction is not None]
+    if role is None or (not skill.free and any(given[1:])):
+        if any(given):
+            aimed = "a goal" if call.goal else "a place" if call.xy is not None else "a direction"
+            return Abstention(
+                "other", f"To {skill.name} takes no such thing as {aimed}: it is called {skill.signature()}."
+            )
+        if role is None:
+            return None
+    if sum(given) > 1:
+        return Abstention("other", f"Of goal, place and direction, one only can be where the {label} goes.")
+    if role.required and not any(given):
+        example = "name a goal or a direction, such as 'onto the red square' or '10 cm to the left'"
+        return Abstention("no_goal", f"Where to {skill.name} the {label} is not said; {example}.")
+    if call.relation and not call.goal:
+        return Abstention("other", f"'{call.relation}' what? Without a goal it says nothing.")
+    if call.relation and role.relations and call.relation not in role.relations:
+        there = ", ".join(role.relations)
+        return Abstention("other", f"To {skill.name} knows no '{call.relation}'; there are {there}.")
+    return None
+
+
+def _wrong_numbers(call: SkillCall, skills: Mapping[str, Skill]) -> Abstention | None:
+    """Theta may be that of another skill: opening a drawer turns out to be pulling it."""
+    if call.amount is not None and call.amount <= 0.0:
+        return Abstention("other", f"An amount is more than nothing; {call.amount:g} m was asked for.")
+    if call.direction is not None and abs(call.direction[0]) + abs(call.direction[1]) < 1e-6:
+        return Abstention("other", "A direction of no length leads nowhere.")
+    own = {p.name: p for p in skills[call.skill].parameters}
+    ranges = {p.name: p for skill in skills.values() for p in skill.parameters} | own
+    for name, value in call.theta.items():
+        if name not in ranges:
+            return Abstention("other", f"To {call.skill} has no parameter '{name}'; it has {', '.join(own)}.")
+        least, most = ranges[name].least, ranges[name].most
+        if not least <= value <= most:
+            unit = f" {ranges[name].unit}" if ranges[name].unit else ""
+            return Abstention(
+                "other", f"{name} is {value:g}{unit}; it may be from {least:g} to {most:g}{unit}."
+            )
+    return None

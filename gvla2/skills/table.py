@@ -1,0 +1,195 @@
+"""The standard skills, as one table, and the table as text for prompts, grammars and docs.
+
+Nothing heavy is imported before a skill is carried out: ``gvla2 plugins`` shows the table at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import MappingProxyType
+from typing import Any
+
+from gvla2.skills.skill import Parameter, Role, Skill
+
+_SIDES = ("beside", "left_of", "right_of", "behind", "front_of")
+_ONTO = ("on", "in", "to", *_SIDES)
+
+PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
+    {
+        p.name: p
+        for p in (
+            Parameter(
+                "standoff", "m", "gap between hand and object before the last, straight part", 0.0, 0.2
+            ),
+            Parameter("approach_tilt", "rad", "lean of the approach from straight down", 0.0, 1.57),
+            Parameter("grasp_depth", "m", "from the top (or front) of what is held to the tool", 0.0, 0.3),
+            Parameter("grasp_fraction", "", "where along its longer side it is grasped, 0 to 1", 0.0, 1.0),
+            Parameter("lift_height", "m", "how far it is lifted", 0.0, 0.6),
+            Parameter(
+                "transit_clearance", "m", "gap between what is carried and the highest thing", 0.0, 0.3
+            ),
+            Parameter("place_height", "m", "gap under the object when the hand opens", 0.0, 0.1),
+            Parameter(
+                "turn", "rad", "by how much a cap is turned, against the clock from above", -6.28, 6.28
+            ),
+            Parameter("insert_depth", "m", "how far the hole goes over a post before release", 0.0, 0.2),
+            Parameter("push_height", "m", "gap between fingertips and table while pushing", 0.0, 0.2),
+            Parameter("push_overshoot", "m", "how far beyond the goal it is pushed", -0.1, 0.1),
+            Parameter("press_depth", "m", "how far below a button's top the fingertips go", 0.0, 0.03),
+            Parameter("lip_depth", "m", "how far inside a lid's free edge it is grasped", 0.0, 0.03),
+            Parameter("open_angle", "rad", "how far a lid is swung open, from closed", 0.2, 3.0),
+            Parameter("hook_depth", "m", "how far below a lid's free edge the fingers hook", 0.0, 0.05),
+            Parameter("let_go_angle", "rad", "opening from which a lid falls shut by itself", 0.0, 2.0),
+            Parameter("pull_distance", "m", "how far it is pulled (or drawn beyond being free)", 0.0, 0.4),
+            Parameter("end_distance", "m", "how far from its free end a thing is held", 0.0, 0.1),
+            Parameter("speed", "m/s", "of the tool in the open", 0.01, 0.5),
+            Parameter("contact_speed", "m/s", "of the tool where it touches", 0.01, 0.25),
+        )
+    }
+)
+"""Every number of the standard skills, by name."""
+
+_GRASP = ("standoff", "approach_tilt", "grasp_depth", "grasp_fraction")
+_CARRY = ("transit_clearance", "place_height")
+
+
+def _later(module: str, name: str) -> Callable[..., Any]:
+    """The function of a module of this package, imported when it is first called."""
+
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(f"gvla2.skills.{module}"), name)(*arguments)
+
+    return call
+
+
+def _numbers(*names: str) -> tuple[Parameter, ...]:
+    return tuple(PARAMETERS[name] for name in (*names, "speed", "contact_speed"))
+
+
+def _standard(name: str, schema: str, theta: str, diagnosed: bool, **rest: Any) -> Skill:
+    return Skill(
+        name,
+        propose=_later(f"schemas.{schema}", f"propose_{name}"),
+        defaults=_later(theta, f"of_{name}"),
+        diagnose=_later("shortfalls", f"of_{name}") if diagnosed else None,
+        **rest,
+    )
+
+
+_SKILLS = (
+    _standard(
+        "pick", "pick", "parameters", False,
+        description="take hold of a thing and lift it, also out of what it stands in; amount: how high",
+        roles=(Role("theme", "what is lifted; a part stands for its whole"),),
+        parameters=_numbers(*_GRASP, "lift_height"),
+        words="Pick up (grasp, grab, take, lift, raise)",
+        key=("grasp_depth", "approach_tilt", "standoff"),
+        scaled={"grasp_depth": "height"}, amount="lift_height", whole=True,
+    ),
+    _standard(
+        "place", "place", "parameters", False,
+        description="pick a thing up and put it down on, in or beside the goal, at xy, or so far in a direction",
+        roles=(
+            Role("theme", "what is put there; a part stands for its whole"),
+            Role("goal", "what it is put on, in or beside", relations=_ONTO),
+        ),
+        parameters=_numbers(*_GRASP, *_CARRY),
+        words="Place (put, set down on or into a goal)",
+        key=("place_height", "grasp_depth", "transit_clearance"),
+        scaled={"grasp_depth": "height"}, free=True, whole=True,
+    ),
+    _standard(
+        "push", "push", "parameters", True,
+        description="push a thing along the table to the goal, to xy, or so far in a direction",
+        roles=(
+            Role("theme", "what is pushed"),
+            Role("goal", "a painted patch, or a thing to push it against", relations=("to", "on", "in", *_SIDES)),
+        ),
+        parameters=_numbers("standoff", "push_height", "push_overshoot"),
+        words="Push (slide, shove, move to a goal)",
+        key=("push_overshoot", "push_height", "standoff"),
+        scaled={"push_height": "height"}, free=True, whole=True,
+    ),
+    _standard(
+        "press", "press", "parameters", False,
+        description="press a button or switch straight down; a lamp is switched on so",
+        roles=(Role("theme", "the button, or the one thing that it is a part of"), Role("part", "the button")),
+        parameters=_numbers("standoff", "press_depth"),
+        words="Press (push down, switch or turn on)",
+        key=("press_depth", "standoff"), scaled={"press_depth": "height"},
+    ),
+    _standard(
+        "twist", "twist", "parameters", True,
+        description="unscrew a cap or lid from a bottle or jar and lift it, or put it down at the goal",
+        roles=(
+            Role("theme", "the cap, or the bottle or jar that it closes"),
+            Role("goal", "where the cap is put", required=False, relations=_ONTO),
+        ),
+        parameters=_numbers(*_GRASP, *_CARRY, "turn", "lift_height"),
+        words="Twist (turn, unscrew, open, take off a cap)",
+        key=("turn", "grasp_depth", "standoff"),
+        scaled={"grasp_depth": "height"}, amount="lift_height", free=True, held_back=True,
+    ),
+    _standard(
+        "insert", "insert", "parameters", True,
+        description="lower a thing with a hole over a post that sticks up",
+        roles=(Role("theme", "the thing with the hole"), Role("goal", "the post", relations=("on", "in", "to"))),
+        parameters=_numbers(*_GRASP, *_CARRY, "insert_depth"),
+        words="Insert (put, slide, thread over a post)",
+        key=("insert_depth", "grasp_depth", "transit_clearance"),
+        scaled={"grasp_depth": "height", "insert_depth": "height"}, whole=True,
+    ),
+    _standard(
+        "open", "hinge", "parameters_work", True,
+        description="open a box by its lid, a drawer by its handle, a jar or bottle by its cap",
+        roles=(Role("theme", "what is opened, or its lid"),),
+        parameters=_numbers("standoff", "lip_depth", "open_angle"),
+        words="Open (swing, lift, flip up a lid)",
+        key=("open_angle", "lip_depth", "standoff"),
+    ),
+    _standard(
+        "close", "hinge", "parameters_work", True,
+        description="swing an open lid shut",
+        roles=(Role("theme", "the box, or its lid"),),
+        parameters=_numbers("standoff", "hook_depth", "let_go_angle"),
+        words="Close (shut, swing or fold down a lid)",
+        key=("let_go_angle", "hook_depth", "standoff"),
+    ),
+    _standard(
+        "pull", "pull", "parameters_work", True,
+        description="pull a drawer open by its handle; amount: how far",
+        roles=(Role("theme", "the drawer, its handle or its cabinet"),),
+        parameters=_numbers("standoff", "grasp_depth", "pull_distance"),
+        words="Pull (draw, slide out, open a drawer)",
+        key=("pull_distance", "grasp_depth", "standoff"),
+        amount="pull_distance", held_back=True,
+    ),
+    _standard(
+        "draw", "pull_out", "parameters_work", False,
+        description="draw a thing that is stuck between others out by its free end, and put it down at the goal",
+        roles=(
+            Role("theme", "what is stuck"),
+            Role("goal", "where it is put", required=False, relations=_ONTO),
+        ),
+        parameters=_numbers("standoff", "grasp_depth", "end_distance", "pull_distance", *_CARRY),
+        words="Draw out (extract, pull out, take from between)",
+        key=("grasp_depth", "end_distance", "pull_distance"),
+        scaled={"grasp_depth": "height"}, free=True, implied=True,
+    ),
+)  # fmt: skip
+
+STANDARD: Mapping[str, Skill] = MappingProxyType({skill.name: skill for skill in _SKILLS})
+"""The standard skills by name; what a request without a table of its own may call."""
+
+
+def describe(skills: Mapping[str, Skill] = STANDARD, *, numbers: bool = False) -> str:
+    """The table as text, a skill a line: how it is called and what it does; with ``numbers``, theta and its units."""
+    lines = []
+    for skill in skills.values():
+        line = f"{skill.signature()}: {skill.description}"
+        if numbers:
+            theta = ", ".join(f"{p.name}{f' [{p.unit}]' if p.unit else ''}" for p in skill.parameters)
+            line += f" (theta: {theta})"
+        lines.append(line)
+    return "\n".join(lines)

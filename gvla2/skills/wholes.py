@@ -1,0 +1,120 @@
+"""Wholes: a thing with the parts that perception tells apart, and what it stands in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.parts import CLOSE
+
+SLIM, UPRIGHT = 0.03, 0.95
+"""What is slimmer both ways than this, metres, and is upright by this cosine, is a stick."""
+
+CLEAR = 0.03
+"""What is drawn out of something ends this far above it, metres."""
+
+
+def parts_of(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
+    """What names it as its parent, and their parts in turn."""
+    return scene.parts_of(thing.id)
+
+
+def assembled(thing: SceneObject, scene: Scene) -> SceneObject:
+    """The thing with its parts as one: their points, and a box about all that is still upright on its own middle."""
+    parts = [p for p in parts_of(thing, scene) if p.shape != "region"]
+    if not parts:
+        return to_its_end(thing, scene)
+    corners = np.concatenate([thing.corners(), *(p.corners() for p in parts)])
+    local = transform_points(invert_rigid(thing.world_from_object), corners)
+    low, high = local.min(axis=0), local.max(axis=0)
+    up = int(np.argmax(np.abs(thing.world_from_object[2, :3])))
+    half = np.maximum(-low, high)
+    extents = np.where(np.arange(3) == up, high - low, 2.0 * half)
+    shift = np.where(np.arange(3) == up, 0.5 * (low + high), 0.0)
+    pose = thing.world_from_object.copy()
+    pose[:3, 3] += pose[:3, :3] @ shift
+    broader = bool((np.delete(extents - thing.extents, up) > 0.006).any())
+    points = np.concatenate([thing.points, *(p.points for p in parts)])
+    shape = "other" if broader and thing.shape in ("cylinder", "disc", "sphere") else thing.shape
+    whole = replace(thing, world_from_object=pose, extents=extents, points=points, shape=shape)
+    return to_its_end(whole, scene)
+
+
+def holders(thing: SceneObject, scene: Scene) -> tuple[SceneObject, ...]:
+    """What the thing stands in or on: its foot is over their footprint, at a height where they meet."""
+    own = {thing.id, *(p.id for p in parts_of(thing, scene))}
+    return tuple(
+        o for o in scene.obstacles(frozenset(own))
+        if o.top > thing.bottom - CLOSE and o.bottom < thing.bottom + CLOSE and _over(thing, o) and o.top < thing.top
+    )  # fmt: skip
+
+
+def inside(thing: SceneObject, holder: SceneObject) -> bool:
+    """Whether the thing goes down into the holder instead of resting on its top.
+
+    What is slim and upright does not stand on its end for long: where it seems to, it is stuck in what is below.
+    """
+    at_top = holder.top > thing.bottom - CLOSE
+    return holder.top > thing.bottom + CLOSE or (at_top and (holder.opening > 0.0 or stick(thing)))
+
+
+def stick(thing: SceneObject) -> bool:
+    """Whether it is upright and so slim that it would not stand by itself."""
+    tall = int(np.argmax(thing.extents))
+    rest = np.delete(thing.extents, tall)
+    upright = abs(float(thing.world_from_object[2, tall])) > UPRIGHT
+    return upright and float(rest.max()) < SLIM and float(thing.extents[tall]) > 2.0 * float(rest.max())
+
+
+def to_its_end(thing: SceneObject, scene: Scene) -> SceneObject:
+    """A stick with its box drawn out along itself to the floor of what it is stuck in: its end may be there."""
+    depth = max(
+        (thing.bottom - h.bottom for h in holders(thing, scene) if stick(thing) and inside(thing, h)),
+        default=0.0,
+    )
+    if depth <= CLOSE:
+        return thing
+    tall = int(np.argmax(thing.extents))
+    extents, pose = thing.extents.copy(), thing.world_from_object.copy()
+    up = float(np.sign(pose[2, tall]))
+    extents[tall] += depth
+    pose[:3, 3] -= up * 0.5 * depth * pose[:3, tall]
+    return replace(thing, world_from_object=pose, extents=extents)
+
+
+def way_out(thing: SceneObject, scene: Scene) -> FloatArray:
+    """(3,) unit: the way by which a thing leaves what it stands in: along itself where it is a stick, else up."""
+    tall = int(np.argmax(thing.extents))
+    along = thing.world_from_object[:3, tall]
+    if not stick(thing) or not any(inside(thing, h) for h in holders(thing, scene)):
+        return np.array([0.0, 0.0, 1.0])
+    return np.asarray(along if along[2] > 0 else -along)
+
+
+def rise(thing: SceneObject, scene: Scene) -> float:
+    """How far the thing is to be lifted to be clear of what it stands in, metres; 0 where it stands in nothing.
+
+    What stands in something is taken to go down to its floor: that end of it is not seen.
+    """
+    about = [h for h in holders(thing, scene) if inside(thing, h)]
+    return max((h.top - min(h.bottom, thing.bottom) for h in about), default=0.0)
+
+
+def clear_height(thing: SceneObject, scene: Scene) -> float:
+    """How far a thing is lifted at least: clear of what it stands in, and a little more."""
+    return rise(thing, scene) + CLEAR
+
+
+def _over(thing: SceneObject, other: SceneObject) -> bool:
+    foot = thing.centre
+    lean = thing.world_from_object[:3, :3]
+    tall = int(np.argmax(thing.extents))
+    if abs(lean[2, tall]) > 0.7:  # the lower end of something long, which may lean
+        foot = thing.centre - np.sign(lean[2, tall]) * lean[:, tall] * 0.5 * thing.extents[tall]
+    local = transform_points(
+        invert_rigid(other.world_from_object), np.array([foot[0], foot[1], other.centre[2]])
+    )
+    return bool((np.abs(local[:2]) <= 0.5 * other.extents[:2]).all())

@@ -1,0 +1,60 @@
+"""The 3DAgent planner of the paper: a language model writes the waypoints of the hand's path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
+    from gvla2.planning.contracts import Planner
+
+FORMS = ("relative", "bare")
+
+
+@dataclass(kw_only=True)
+class Agent3dConfig(ComponentConfig):
+    """Options of the ``agent3d`` planner, which asks the run's ``language``.
+
+    ``waypoints``: ``relative`` to named objects, or ``bare`` (x, y, z, g) as in the paper. ``points`` > 0 lists so many
+    surface points of each object, the paper's X_t. ``tries``
+    bounds how often the model is asked, with the reasons when an answer was no path; ``samples`` answers a try are
+    drawn and the one that most agree on is taken. ``programs`` remembered successes at most are shown. ``speed`` of
+    the tool in the open, ``contact_speed`` where it touches, m/s. ``explore`` > 0 is the temperature of the first
+    answer, for episodes that gather experience; ``explore_seed`` gives another answer.
+    """
+
+    waypoints: str = "relative"
+    points: int = 0
+    tries: int = 3
+    samples: int = 1
+    programs: int = 2
+    max_tokens: int = 400
+    speed: float = 0.25
+    contact_speed: float = 0.08
+    explore: float = 0.0
+    explore_seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.waypoints not in FORMS:
+            raise ConfigurationError(f"waypoints is '{self.waypoints}'; it is one of {', '.join(FORMS)}.")
+        if min(self.points, self.programs) < 0 or min(self.tries, self.samples, self.max_tokens) < 1:
+            raise ConfigurationError(
+                "points and programs are not negative; tries, samples and max_tokens are 1 or more."
+            )
+
+
+def _build(config: Agent3dConfig, language: LanguageModel) -> Planner:
+    """Plans waypoints by a language model: relative to named objects, or bare coordinates."""
+    from gvla2_plugins.agent3d.planner import Agent3d
+
+    return Agent3d(config, language)
+
+
+@hookimpl
+def gvla2_planners() -> list[Component[Planner]]:
+    """``planner=agent3d``."""
+    return [Component("agent3d", Agent3dConfig, _build, needs=("language",))]

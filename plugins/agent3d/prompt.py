@@ -1,0 +1,86 @@
+"""What the model is told: how waypoints are written, one example of the form, what was remembered, what is there."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+from gvla2.language import Message
+from gvla2.planning.contracts import PlanRequest
+from gvla2.planning.programs import told
+from gvla2.planning.scene_brief import SceneBrief
+
+RELATIVE = """\
+You plan the path of a robot hand. A waypoint is [name, dx, dy, up, g]: the fingertips go dx and dy \
+mm beside the middle of the named thing (x leads away from the robot, y to its left) and up mm above \
+its top, negative below it; g is 1 for an open hand, 0 for a closed one. A waypoint may also be \
+[name, other, along, up, g]: along mm from the middle of the named thing towards the other one, \
+negative away from it. To carry a thing, go above it with the hand open, go down to it, close, rise, \
+go above the goal, go down, open. To push a thing over the table, start behind it with the hand \
+closed and go to the goal. To press a button, go down on it with the hand closed. Answer with the \
+list of waypoints only."""
+BARE = """\
+You plan the path of a robot hand. A waypoint is [x, y, z, g]: where the fingertips go in mm, x away \
+from the robot, y to its left, z above the table; g is 1 for an open hand, 0 for a closed one. To \
+carry a thing, go above it with the hand open, go down to it, close, rise, go above the goal, go \
+down, open. To push a thing over the table, start behind it with the hand closed and go to the goal. \
+To press a button, go down on it with the hand closed. Answer with the list of waypoints only."""
+EXAMPLE_THINGS = {
+    False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
+    True: "tan_sponge 60x50x40 at 100,50\nwhite_bowl 140x140x60 open 130 at 300,-100",
+}
+EXAMPLE_TASK = "drop the sponge into the bowl"
+EXAMPLE_PATH = {
+    False: '[["tan_sponge",0,0,80,1],["tan_sponge",0,0,-20,1],["tan_sponge",0,0,-20,0],["tan_sponge",0,0,150,0],'
+    '["white_bowl",0,0,120,0],["white_bowl",0,0,20,1]]',
+    True: "[[100,50,120,1],[100,50,20,1],[100,50,20,0],[100,50,190,0],[300,-100,180,0],[300,-100,80,1]]",
+}
+
+
+def messages(request: PlanRequest, brief: SceneBrief, *, bare: bool, programs: int) -> list[Message]:
+    """The question. Memory stands between marks, as data: it can advise, and the checks hold whatever it says."""
+    blocks = [_block(EXAMPLE_THINGS[bare], EXAMPLE_TASK, EXAMPLE_PATH[bare])]
+    if remembered := _remembered(request, brief, programs if not bare else 0):
+        blocks.append(remembered)
+    blocks.append(_block(brief.text, _one_line(request.instruction), ""))
+    asked: list[Message] = [
+        {"role": "system", "content": BARE if bare else RELATIVE},
+        {"role": "user", "content": "\n\n".join(blocks)},
+    ]
+    return asked
+
+
+def _block(things: str, task: str, path: str) -> str:
+    lines = ["Things (name, length x width x height in mm):", things, f"Task: {task}", "Path:"]
+    return "\n".join([*lines, path] if path else lines)
+
+
+def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> str:
+    lines = []
+    for program in request.advice.programs:
+        if program.language != "waypoints" or len(lines) == programs:
+            continue
+        steps = told(program, request.scene, brief.names, request.instruction)
+        if steps is None:
+            continue
+        path = json.dumps([list(s) for s in steps], separators=(",", ":"))
+        lines.append(f"- {_one_line(program.instruction)}: {path} succeeded")
+    text = request.advice.text.strip()
+    if not lines and not text:
+        return ""
+    told_before = "\n".join(["Paths of tasks like this one, with the names of now:", *lines] if lines else [])
+    return "\n".join(["<memory>", *filter(None, (told_before, text)), "</memory>"])
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())[:400]
+
+
+def rejected_path(reasons: Sequence[str], path: str) -> list[Message]:
+    """What the checks said of a path, to its author."""
+    said = " ".join(_one_line(r) for r in reasons)[:1200]
+    asked: list[Message] = [{"role": "assistant", "content": path}] if path else []
+    return [
+        *asked,
+        {"role": "user", "content": f"That path cannot be carried out. {said}\nWrite a better path."},
+    ]

@@ -1,0 +1,117 @@
+"""What the model writes: waypoints as JSON, their grammar and schema, and what they mean in the world."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gvla2.language import json_in
+from gvla2.planning.scene import Scene
+from gvla2.skills.lifting import MOST_POINTS, PathPoint
+
+FARTHEST = 1000.0
+"""No offset is longer, millimetres."""
+Step = list[Any]
+
+
+def read_steps(text: str, ids: Mapping[str, str], *, bare: bool) -> list[Step]:
+    """The waypoints of an answer, names as written. Raises :class:`ValueError` with a sentence for the model."""
+    found = json_in(text)
+    if isinstance(found, dict):
+        found = next((v for v in found.values() if isinstance(v, list)), None)
+    if not isinstance(found, list) or not found or not all(isinstance(s, list) for s in found):
+        raise ValueError("It is not a list of waypoints, each a list.")
+    if len(found) > MOST_POINTS:
+        raise ValueError(f"It has {len(found)} waypoints; {MOST_POINTS} at most can be carried out.")
+    return [_bare(step) if bare else _relative(step, ids) for step in found]
+
+
+def path_of(steps: Sequence[Step], ids: Mapping[str, str], scene: Scene, *, bare: bool) -> list[PathPoint]:
+    """The points of the hand's path, world metres."""
+    if bare:
+        return [
+            PathPoint((1e-3 * x, 1e-3 * y, scene.table_height + 1e-3 * z), float(g)) for x, y, z, g in steps
+        ]
+    points = []
+    for name, second, third, up, g in steps:
+        thing = scene[ids[name]]
+        at = np.array([*thing.centre[:2], thing.top + 1e-3 * up])
+        if isinstance(second, str):
+            way = (scene[ids[second]].centre - thing.centre)[:2]
+            at[:2] += 1e-3 * third * way / max(float(np.linalg.norm(way)), 1e-9)
+        else:
+            at[:2] += 1e-3 * np.array([second, third])
+        x, y, z = (float(v) for v in at)
+        points.append(PathPoint((x, y, z), float(g), thing.id))
+    return points
+
+
+def with_ids(steps: Sequence[Step], ids: Mapping[str, str]) -> list[Step]:
+    """The steps with scene ids for names."""
+    return [[ids[part] if isinstance(part, str) else part for part in step] for step in steps]
+
+
+def schema(names: Sequence[str], *, bare: bool) -> dict[str, Any]:
+    """JSON schema of an answer."""
+    number = {"type": "integer", "minimum": -FARTHEST, "maximum": FARTHEST}
+    name = {"type": "string", "enum": list(names)}
+    hand = {"type": "integer", "enum": [0, 1]}
+    forms = (
+        [[number, number, number, hand]]
+        if bare
+        else [[name, number, number, number, hand], [name, name, number, number, hand]]
+    )
+    waypoints = [
+        {"type": "array", "prefixItems": form, "minItems": len(form), "maxItems": len(form), "items": False}
+        for form in forms
+    ]
+    items = waypoints[0] if bare else {"anyOf": waypoints}
+    return {
+        "type": "object",
+        "properties": {"path": {"type": "array", "items": items, "minItems": 2, "maxItems": MOST_POINTS}},
+        "required": ["path"],
+        "additionalProperties": False,
+    }
+
+
+def grammar(names: Sequence[str], *, bare: bool) -> str:
+    """llama.cpp's grammar of an answer: a bare list, which takes the fewest tokens."""
+    name = " | ".join(json.dumps(json.dumps(n)) for n in names)
+    middle = 'int "," int "," int' if bare else 'name "," ((int "," int) | (name "," int)) "," int'
+    return (
+        f'root ::= "[" point ("," point){{1,{MOST_POINTS - 1}}} "]"\n'
+        f'point ::= "[" {middle} "," [01] "]"\n'
+        'int ::= "-"? [0-9]{1,3}\n'
+        f"name ::= {name}\n"
+    )
+
+
+def _relative(step: Step, ids: Mapping[str, str]) -> Step:
+    if len(step) != 5:
+        raise ValueError(f"{json.dumps(step)[:80]} is no waypoint: five parts are needed.")
+    for part in step[: 2 if isinstance(step[1], str) else 1]:
+        if part not in ids:
+            raise ValueError(f"There is nothing called {json.dumps(part)[:60]}; there are {', '.join(ids)}.")
+    if isinstance(step[1], str) and step[1] == step[0]:
+        raise ValueError(f"{step[0]} is not on the way to itself.")
+    return [*step[:-1][: 2 if isinstance(step[1], str) else 1], *_numbers(step)]
+
+
+def _bare(step: Step) -> Step:
+    if len(step) != 4:
+        raise ValueError(f"{json.dumps(step)[:80]} is no waypoint: x, y, z and g are needed.")
+    return _numbers(step)
+
+
+def _numbers(step: Step) -> list[float]:
+    numbers = [part for part in step if not isinstance(part, str)]
+    if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers):
+        raise ValueError(f"{json.dumps(step)[:80]} has a part that is neither a name nor a number.")
+    if not all(abs(n) <= FARTHEST for n in numbers) or not 0 <= numbers[-1] <= 1:
+        raise ValueError(
+            f"{json.dumps(step)[:80]} has a number out of range: millimetres, and g from 0 to 1."
+        )
+    return numbers

@@ -1,0 +1,217 @@
+"""The small language of programs: a part of Python's syntax, parsed and interpreted here; nothing is executed.
+
+Statements: calls of skills, assignments, ``for`` over a list, ``if``/``elif``/``else``, ``pass``. Expressions: names of
+things, numbers, strings, lists, ``not``/``and``/``or``, comparisons, ``in``, and the functions of :data:`QUESTIONS`
+about things of the scene. Statements and calls are bounded.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from gvla2.planning.calls import RELATIONS, SkillCall
+from gvla2.planning.scene import Scene
+from gvla2.skills.skill import Skill
+
+DECLINE = "decline"
+"""The call by which a program says that the wish is not for this scene: ``decline(absent)``, and why."""
+WHY: Mapping[str, tuple[str, str]] = {
+    "absent": ("nothing_matches", "What the wish is about is not there."),
+    "unclear": ("ambiguous", "It is not clear which thing is meant."),
+    "impossible": ("other", "No skill does what the wish asks for."),
+}
+"""Reasons to decline, each with the kind and the words of an abstention."""
+MOST_STEPS, MOST_CALLS, LONGEST = 400, 12, 4000
+"""Statements carried out, calls made, and characters of a program."""
+WAYS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
+"""Directions as unit vectors (x, y), seen from the robot."""
+_IN = re.compile(r"(?<=[,(=])\s*in(?=\s*[,)])")
+"""The relation, which Python's syntax keeps for itself."""
+_COMPARE: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+    ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt,
+    ast.GtE: operator.ge, ast.In: lambda a, b: a in b, ast.NotIn: lambda a, b: a not in b,
+}  # fmt: skip
+
+
+class Declined(Exception):  # noqa: N818 - an answer, not an error
+    """The program declines; ``reason`` is one of :data:`WHY`."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+@dataclass
+class Interpreter:
+    """Reads one program for a scene. ``ids`` are the scene's ids by name; :meth:`run` gives the calls it makes."""
+
+    scene: Scene
+    ids: Mapping[str, str]
+    skills: Mapping[str, Skill]
+    calls: list[SkillCall] = field(default_factory=list)
+    variables: dict[str, Any] = field(default_factory=dict)
+    steps: int = 0
+
+    def run(self, text: str) -> tuple[SkillCall, ...]:
+        """The calls that the program makes. Raises :class:`ValueError` with a sentence for its author, and
+        :class:`Declined` where the program says that there is nothing to do.
+        """
+        source = _IN.sub("'in'", code_in(text))
+        try:
+            tree = ast.parse(source)
+        except (SyntaxError, ValueError, MemoryError) as error:
+            raise ValueError(f"It is not a program: {error}.") from None
+        self._block(tree.body)
+        if not self.calls:
+            raise ValueError("The program calls no skill.")
+        return tuple(self.calls)
+
+    def _block(self, statements: Sequence[ast.stmt]) -> None:
+        for statement in statements:
+            self.steps += 1
+            if self.steps > MOST_STEPS:
+                raise ValueError(f"The program takes more than {MOST_STEPS} steps.")
+            match statement:
+                case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
+                    continue
+                case ast.Expr(value=ast.Call() as call):
+                    self._call(call)
+                case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                    if name in self.ids or name in self.skills:
+                        raise ValueError(f"'{name}' is a name already; take another for the variable.")
+                    self.variables[name] = self._value(value)
+                case ast.For(target=ast.Name(id=name), iter=iterable, body=body, orelse=[]):
+                    things = self._value(iterable)
+                    if not isinstance(things, list):
+                        raise ValueError("A 'for' goes over a list.")
+                    for thing in things:
+                        self.variables[name] = thing
+                        self._block(body)
+                case ast.If(test=test, body=body, orelse=orelse):
+                    self._block(body if self._value(test) else orelse)
+                case _:
+                    raise ValueError(
+                        f"'{ast.unparse(statement)[:80]}' cannot be used: call skills, assign, for, if."
+                    )
+
+    def _call(self, call: ast.Call) -> None:
+        name = call.func.id if isinstance(call.func, ast.Name) else ast.unparse(call.func)[:40]
+        if name == DECLINE:
+            why = self._value(call.args[0]) if call.args else ""
+            raise Declined(why if why in WHY else "impossible")
+        if name not in self.skills:
+            raise ValueError(f"There is no skill '{name}'; there are {', '.join(self.skills)}.")
+        given = [self._value(a) for a in call.args]
+        named = {str(k.arg): self._value(k.value) for k in call.keywords}
+        if len(self.calls) == MOST_CALLS:
+            raise ValueError(f"The program makes more than {MOST_CALLS} calls.")
+        self.calls.append(self._skill_call(name, given, named))
+
+    def _skill_call(self, skill: str, given: list[Any], named: dict[str, Any]) -> SkillCall:
+        fields: dict[str, Any] = {}
+        things = [v for v in given if isinstance(v, str) and v in self.ids]
+        for value in given:
+            if isinstance(value, str) and value in self.ids:
+                continue
+            if value in RELATIONS and value:
+                fields["relation"] = value
+            elif isinstance(value, str) and value in WAYS:
+                fields["direction"] = WAYS[value]
+            elif isinstance(value, int | float) and not isinstance(value, bool):
+                fields["amount"] = 1e-3 * float(value)
+            else:
+                raise ValueError(
+                    f"In {skill}(...) '{value}' is nothing that is there: {', '.join(self.ids)}."
+                )
+        for key, value in named.items():
+            if key in ("theme", "goal") and value in self.ids:
+                things.append(value)
+            elif key in ("relation", "how") and value in RELATIONS:
+                fields["relation"] = value
+            elif key == "direction" and value in WAYS:
+                fields["direction"] = WAYS[value]
+            elif key in ("amount", "by") and isinstance(value, int | float):
+                fields["amount"] = 1e-3 * float(value)
+            else:
+                raise ValueError(f"{skill}(... {key}={value!r}) is not known.")
+        if not 1 <= len(things) <= 2:
+            raise ValueError(
+                f"{skill} takes one thing, and a goal where it leads somewhere; it got {len(things)}."
+            )
+        if len(things) == 2 and self.skills[skill].role("goal") is None:
+            raise ValueError(f"{skill} takes one thing and no goal.")
+        ids = [self.ids[t] for t in things]
+        return SkillCall(skill, *ids, **fields)
+
+    def _value(self, node: ast.expr) -> Any:
+        match node:
+            case ast.Constant(value=int() | float() | str() | bool() as value):
+                return value
+            case ast.Name(id=name):
+                if name in self.variables:
+                    return self.variables[name]
+                if name == "things":
+                    return list(self.ids)
+                return name
+            case ast.List(elts=elements) | ast.Tuple(elts=elements):
+                return [self._value(e) for e in elements]
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return not self._value(operand)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -self._number(operand)
+            case ast.BoolOp(op=op, values=values):
+                found = [bool(self._value(v)) for v in values]
+                return all(found) if isinstance(op, ast.And) else any(found)
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARE:
+                return self._compared(op, self._value(left), self._value(right))
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in QUESTIONS:
+                return QUESTIONS[name](self.scene, *(self._thing(a) for a in arguments))
+        raise ValueError(f"'{ast.unparse(node)[:80]}' cannot be used in a program.")
+
+    def _compared(self, op: ast.cmpop, left: Any, right: Any) -> bool:
+        try:
+            return bool(_COMPARE[type(op)](left, right))
+        except TypeError:
+            raise ValueError(f"'{left}' and '{right}' cannot be compared.") from None
+
+    def _number(self, node: ast.expr) -> float:
+        value = self._value(node)
+        if not isinstance(value, int | float):
+            raise ValueError(f"'{ast.unparse(node)[:80]}' is no number.")
+        return float(value)
+
+    def _thing(self, node: ast.expr) -> Any:
+        name = self._value(node)
+        if name not in self.ids:
+            raise ValueError(f"There is nothing called '{name}'; there are {', '.join(self.ids)}.")
+        return self.scene[self.ids[name]]
+
+
+def code_in(text: str) -> str:
+    """The program of an answer: what a code fence holds, else all of it. Raises :class:`ValueError` when endless."""
+    if len(text) > LONGEST:
+        raise ValueError(f"It has {len(text)} characters; {LONGEST} are enough for any program.")
+    fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)
+    return (fenced.group(1) if fenced else text).strip()
+
+
+def _inside(scene: Scene, thing: Any, other: Any) -> bool:
+    """Whether its middle is over the other's footprint."""
+    return bool((abs(thing.centre[:2] - other.centre[:2]) < 0.5 * other.extents[:2]).all())
+
+
+QUESTIONS: Mapping[str, Callable[..., Any]] = {
+    "height": lambda scene, thing: round(1e3 * (thing.top - thing.bottom)),
+    "length": lambda scene, thing: round(1e3 * float(max(thing.extents[:2]))),
+    "width": lambda scene, thing: round(1e3 * float(min(thing.extents[:2]))),
+    "x": lambda scene, thing: round(1e3 * float(thing.centre[0])),
+    "y": lambda scene, thing: round(1e3 * float(thing.centre[1])),
+    "colour": lambda scene, thing: thing.colour,
+    "is_on": _inside,
+}
+"""Functions about things: millimetres, a colour word, whether one is on or in another."""

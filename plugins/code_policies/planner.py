@@ -1,0 +1,160 @@
+"""The planner: brief the model, read its program, ask back where words and program disagree, carry the calls out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from gvla2.language import Answered, LanguageModel, UnusableAnswerError, ask_typed
+from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.programs import calls_program
+from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.skills.carry_out import carry_out
+from gvla2.skills.skill import Skill
+from gvla2.skills.table import STANDARD
+from gvla2_plugins.code_policies import CodePoliciesConfig
+from gvla2_plugins.code_policies.faithful import Named, doubts, named_things, ruled_out, unclear
+from gvla2_plugins.code_policies.interpreter import WHY, Declined, Interpreter
+from gvla2_plugins.code_policies.prompt import Fitting, correction, fitting, grammar, messages
+
+BACK = 2
+"""So often the reasons why a program cannot be carried out go back to the model."""
+
+
+@dataclass(frozen=True)
+class _Written:
+    """A program as it was written and as it was read."""
+
+    calls: tuple[SkillCall, ...]
+    text: str
+    transcript: tuple[Mapping[str, Any], ...]
+    share: float
+
+
+class CodePolicies:
+    """Implements :class:`gvla2.planning.contracts.Planner` by programs that a language model writes."""
+
+    def __init__(self, config: CodePoliciesConfig, language: LanguageModel) -> None:
+        self.config = config
+        self._language = language
+        self._options = SkillOptions(
+            lift_height=config.lift_height,
+            push_distance=config.push_distance,
+            speed=config.speed,
+            contact_speed=config.contact_speed,
+            explore=config.explore,
+            explore_seed=config.explore_seed,
+        )
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan of the program's first part, the rest with it; or an abstention with all that was said.
+
+        Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
+        """
+        skills, brief = request.skills or STANDARD, scene_brief(request.scene)
+        can = fitting(request, skills, brief)
+        if not can:
+            return Plan(None, abstention=Abstention("nothing_matches", "Nothing is there that a skill fits."))
+        asked = messages(request, skills, can, brief, self.config.programs)
+        if request.rejections:
+            asked += correction(request.rejections, _last_answer(request.rejected))
+        if self.config.cautious and (word := ruled_out(request.instruction)):
+            message = f"'{word}' may rule something out, which a small model reads past; planner.cautious=false tries."
+            return Plan(None, abstention=Abstention("other", message))
+        said: tuple[Mapping[str, Any], ...] = ()
+        kept: tuple[float, Plan, list[Named]] | None = None
+        named: list[Named] = []
+        for turn in range(1 + BACK):
+            try:
+                written = self._ask(asked, request, skills, can, brief, turn, named)
+            except UnusableAnswerError as error:
+                said += tuple(error.transcript)
+                break
+            said += written.transcript
+            plan, doubtful = self._carried_out(written, request, brief)
+            declined = not written.calls or (
+                plan.abstention is not None and plan.abstention.kind == "ambiguous"
+            )
+            against = len(doubtful) + 10.0 * (plan.abstention is not None and not declined)
+            if kept is None or against < kept[0]:
+                kept = against, plan, doubtful
+            if not against:
+                break
+            reasons = [plan.abstention.message] if plan.abstention is not None else []
+            asked += correction([*reasons, *(d.reason for d in doubtful)], written.text)
+            if len(written.calls) == 1:
+                all_named = named_things(request.instruction, request.scene, brief.names)
+                named = [*(d for d in doubtful if d.handled), *all_named]
+        if kept is None:
+            nothing = "The model wrote no program that can be read."
+            return Plan(None, abstention=Abstention("other", nothing), transcript=said)
+        return replace(self._heeded(kept[1], kept[2]), transcript=said)
+
+    def _heeded(self, plan: Plan, doubtful: Sequence[Named]) -> Plan:
+        """The plan; or, of a cautious planner, a refusal where the program leaves out what the wish names."""
+        if plan.abstention is not None or not doubtful or not self.config.cautious:
+            return plan
+        why = " ".join(d.reason for d in doubtful)
+        message = f"The model's programs do not follow the wish. {why}"
+        return replace(plan, trajectory=None, abstention=Abstention("other", message))
+
+    def _ask(
+        self,
+        asked: list[Any],
+        request: PlanRequest,
+        skills: Mapping[str, Skill],
+        can: Fitting,
+        brief: SceneBrief,
+        turn: int,
+        named: Sequence[Named],
+    ) -> _Written:
+        def parse(text: str) -> tuple[tuple[SkillCall, ...], str]:
+            try:
+                return Interpreter(request.scene, brief.ids, skills).run(text), text.strip()
+            except Declined as declined:
+                return (), declined.reason
+
+        answered: Answered[tuple[tuple[SkillCall, ...], str]] = ask_typed(
+            self._language,
+            asked,
+            parse,
+            purpose="plan",
+            grammar=grammar(skills, can, request.instruction, named),
+            tries=self.config.tries,
+            samples=self.config.samples,
+            same=lambda found: repr(found[0]),
+            seed=100 * turn,
+            temperature=0.5 if turn else None,
+            max_tokens=self.config.max_tokens,
+        )
+        calls, text = answered.answer
+        return _Written(calls, text, answered.transcript, answered.votes / answered.samples)
+
+    def _carried_out(
+        self, written: _Written, request: PlanRequest, brief: SceneBrief
+    ) -> tuple[Plan, list[Named]]:
+        """The plan of a program, and what makes it doubtful."""
+        if written.share < self.config.agreement:
+            split = f"Only {written.share:.0%} of the model's answers agree on a program."
+            return Plan(None, abstention=Abstention("ambiguous", split)), []
+        if not written.calls:
+            kind, words = WHY[written.text]
+            return Plan(None, abstention=Abstention(kind, words)), []
+        if several := unclear(written.calls, request.instruction, request.scene):
+            return Plan(None, abstention=Abstention("ambiguous", several)), []
+        doubtful = doubts(written.calls, request.instruction, request.scene, brief.names)
+        plan = carry_out(written.calls, request, self._options)
+        if plan.abstention is not None:
+            return plan, doubtful
+        program = calls_program(
+            written.text.splitlines(), brief.ids, request.scene, roles=plan.roles, skill=plan.skill,
+            instruction=request.instruction,
+        )  # fmt: skip
+        return replace(plan, program=program), doubtful
+
+
+def _last_answer(plan: Plan | None) -> str:
+    answers = [str(entry.get("answer", "")) for entry in plan.transcript] if plan is not None else []
+    return answers[-1] if answers else ""

@@ -1,0 +1,49 @@
+"""HAMSTER: a vision model draws the hand's path into a picture, depth gives it its third dimension.
+
+After Li et al., "HAMSTER: Hierarchical Action Models for Open-World Robot Manipulation" (2025): asked in its published
+words, the model answers with points (x, y) from 0 to 1 and with where the gripper opens and closes. There a learned
+policy follows the path; here it is lifted into the scene.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.language import LanguageModel
+    from gvla2.planning.contracts import Planner
+
+
+@dataclass(kw_only=True)
+class HamsterConfig(ComponentConfig):
+    """Options of the ``hamster`` planner; the run's ``language`` must be a model that sees.
+
+    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is what the model's coordinates count to:
+    1 for HAMSTER, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels; ``grid`` draws
+    labelled lines on it, for models that were not taught to point. An answer that cannot be used is asked for anew,
+    with the reason, ``tries`` times in all. ``travel`` is how far above the table what is held is carried at least,
+    metres.
+    """
+
+    camera: str = ""
+    scale: float = 1.0
+    longest: int = 1024
+    grid: bool = False
+    tries: int = 3
+    travel: float = 0.15
+
+
+def _build(config: HamsterConfig, language: LanguageModel) -> Planner:
+    """Plans by a vision model that draws the hand's path into one picture; depth lifts it into the scene."""
+    from gvla2_plugins.hamster.planner import HamsterPlanner
+
+    return HamsterPlanner(config, language)
+
+
+@hookimpl
+def gvla2_planners() -> list[Component[Planner]]:
+    """The planner ``hamster``."""
+    return [Component("hamster", HamsterConfig, _build, needs=("language",))]

@@ -1,0 +1,66 @@
+"""The planner: one picture, one path drawn into it, lifted into the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from gvla2.errors import ConfigurationError, PlanningError
+from gvla2.language import LanguageModel, picture
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.pictures import check_longest, shown
+from gvla2.planning.pixels import view_of
+from gvla2.planning.pointing import check_scale, read_path
+from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
+from gvla2.skills.lifting import PathPoint
+from gvla2_plugins.hamster.drawn import drawn
+
+if TYPE_CHECKING:
+    from gvla2_plugins.hamster import HamsterConfig
+
+PROMPT = """In the image, please execute the command described in <quest>{quest}</quest>.
+Provide a sequence of points denoting the trajectory of a robot gripper to achieve the goal.
+Format your answer as a list of tuples enclosed by <ans> and </ans> tags. For example:
+<ans>[({a:g}, {b:g}), <action>Close Gripper</action>, ({c:g}, {d:g}), <action>Open Gripper</action>, ...]</ans>
+The tuple denotes point x and y location of the end effector of the gripper in the image. The action tags indicate the
+gripper action.
+The coordinates should be floats ranging between 0 and {scale:g}, indicating the relative locations of the points in
+the image."""
+"""How HAMSTER was taught to be asked, as published with it."""
+
+
+class HamsterPlanner:
+    """Implements :class:`gvla2.planning.contracts.Planner` by a path in one picture."""
+
+    def __init__(self, config: HamsterConfig, language: LanguageModel) -> None:
+        check_longest(config.longest)
+        check_scale(config.scale)
+        if config.tries < 1 or not 0.0 <= config.travel < 1.0:
+            raise ConfigurationError(
+                f"tries is {config.tries} and travel {config.travel}; they must be at least 1 and in [0, 1) metres."
+            )
+        self.config, self._language = config, language
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` where no model answers."""
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
+        config, scale = self.config, self.config.scale
+        try:
+            view = view_of(request.observation, config.camera)
+        except PlanningError as error:
+            return Plan(None, abstention=Abstention("other", str(error)))
+
+        def read(text: str) -> Sequence[Sequence[PathPoint]]:
+            strokes = read_path(text, scale)
+            as_drawn = drawn(strokes, view, request, config.travel)
+            # How high a drawn path is in the air is a guess; low is nearer to what arms can reach.
+            level = drawn(strokes, view, request, config.travel, level=True)
+            return [as_drawn, level]
+
+        numbers = {name: share * scale for name, share in zip("abcd", (0.25, 0.32, 0.41, 0.74), strict=True)}
+        words = PROMPT.format(quest=instruction_in(request), scale=scale, **numbers)
+        png = shown(view, config.longest, grid=config.grid, scale=scale)
+        content = [picture(png), {"type": "text", "text": "\n\n".join([words, *told(request)])}]
+        messages = [{"role": "user", "content": content}]
+        return ask_for_path(self._language, messages, read, request, tries=config.tries)

@@ -1,0 +1,59 @@
+"""The server's process: ``python -m gvla2_plugins.llama_cpp.serving FOLDER`` leaves it running and returns at once."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+_WATCH = 0.5
+"""Seconds between two looks whether anybody is left to serve."""
+
+
+def main(folder: Path) -> None:
+    """Take the lock, go into the background, load the model, serve until nobody holds the users' lock."""
+    serving = os.open(folder / "serving", os.O_RDWR | os.O_CREAT, 0o600)
+    fcntl.flock(serving, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    if os.fork():
+        os._exit(0)
+    _tell(folder, pid=os.getpid())
+    server = _serve(json.loads((folder / "options.json").read_text()))
+    _tell(folder, pid=os.getpid(), url=server.listening_address)
+    users = os.open(folder / "users", os.O_RDWR | os.O_CREAT, 0o600)
+    while True:
+        try:
+            fcntl.flock(users, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_WATCH)
+            continue
+        (folder / "server.json").unlink(missing_ok=True)
+        os._exit(0)  # with both locks held: who comes now waits, and then starts anew
+
+
+def _serve(options: dict):
+    import xllamacpp
+
+    files = [name for name, *_ in options["files"]]
+    asked = xllamacpp.CommonParams()
+    asked.model.path = files[0]
+    asked.model_alias = {Path(files[0]).name}
+    if len(files) > 1:
+        asked.mmproj.path = files[1]
+    asked.port, asked.ui, asked.n_gpu_layers = 0, False, options["gpu_layers"]
+    asked.n_parallel, asked.n_ctx = options["slots"], options["slots"] * options["context"]
+    for threads in (asked.cpuparams, asked.cpuparams_batch):
+        threads.n_threads, threads.poll = options["threads"], 0
+    return xllamacpp.Server(asked)
+
+
+def _tell(folder: Path, **what: object) -> None:
+    part = folder / "server.json.part"
+    part.write_text(json.dumps(what))
+    part.replace(folder / "server.json")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

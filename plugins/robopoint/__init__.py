@@ -1,0 +1,47 @@
+"""RoboPoint: a vision model points at things and places in a picture, a skill does the rest.
+
+After Yuan et al., "RoboPoint: A Vision-Language Model for Spatial Affordance Prediction for Robotics" (2024): asked in
+its published words, the model answers with points [(x, y), ...] from 0 to 1. Any model that can point serves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.language import LanguageModel
+    from gvla2.planning.contracts import Planner
+
+
+@dataclass(kw_only=True)
+class RoboPointConfig(ComponentConfig):
+    """Options of the ``robopoint`` planner; the run's ``language`` must be a model that sees.
+
+    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is what the model's coordinates count to:
+    1 for RoboPoint, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels; ``grid``
+    draws labelled lines on it, for models that were not taught to point. An answer that cannot be used is asked for
+    anew, ``tries`` times in all. ``agreement`` is the share of points that must lie on one object for it to be meant.
+    """
+
+    camera: str = ""
+    scale: float = 1.0
+    longest: int = 1024
+    grid: bool = False
+    tries: int = 3
+    agreement: float = 0.5
+
+
+def _build(config: RoboPointConfig, language: LanguageModel) -> Planner:
+    """Plans by a vision model that points at what to take and where to put it; skills carry it out."""
+    from gvla2_plugins.robopoint.planner import RoboPointPlanner
+
+    return RoboPointPlanner(config, language)
+
+
+@hookimpl
+def gvla2_planners() -> list[Component[Planner]]:
+    """The planner ``robopoint``."""
+    return [Component("robopoint", RoboPointConfig, _build, needs=("language",))]

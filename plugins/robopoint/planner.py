@@ -1,0 +1,147 @@
+"""The planner: read the instruction, have each thing and place pointed at, call the skill."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, PlanningError
+from gvla2.language import LanguageModel, UnusableAnswerError, ask_typed, picture
+from gvla2.planning.calls import SkillCall
+from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.pictures import check_longest, shown
+from gvla2.planning.pixels import Sighting, pixel_at, sight, view_of
+from gvla2.planning.pointing import check_scale, read_points
+from gvla2.skills.asked_paths import nothing_to_ask, told
+from gvla2.skills.carry_out import carry_out
+from gvla2.skills.table import STANDARD
+from gvla2_plugins.robopoint.reading import form, question, read_answer, read_simply
+
+if TYPE_CHECKING:
+    from gvla2_plugins.robopoint import RoboPointConfig
+
+T = TypeVar("T")
+
+SUFFIX = (
+    "Your answer should be formatted as a list of tuples, i.e. [(x1, y1), (x2, y2), ...], where each tuple contains "
+    "the x and y coordinates of a point satisfying the conditions above. The coordinates should be between 0 and "
+    "{scale:g}, indicating the normalized pixel locations of the points in the image."
+)
+"""How RoboPoint was taught to be asked, as published with it."""
+BESIDES = {
+    "beside": "beside", "left_of": "to the left of", "right_of": "to the right of",
+    "behind": "behind", "front_of": "in front of",
+}  # fmt: skip
+"""Relations whose goal is a place in the open, in the words that the model was taught."""
+LEVEL = 0.02
+"""Points on the table are within this of its height, metres."""
+
+
+class RoboPointPlanner:
+    """Implements :class:`gvla2.planning.contracts.Planner`; what moves is what a skill proposed and checked."""
+
+    def __init__(self, config: RoboPointConfig, language: LanguageModel) -> None:
+        check_longest(config.longest)
+        check_scale(config.scale)
+        if not 0.0 < config.agreement <= 1.0 or config.tries < 1:
+            raise ConfigurationError(
+                f"agreement is {config.agreement} and tries {config.tries}; they must be in (0, 1] and at least 1."
+            )
+        self.config, self._language = config, language
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` where no model answers."""
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
+        asking = _Asking(self.config, self._language, request)
+        try:
+            found = asking.call()
+        except (PlanningError, UnusableAnswerError) as error:
+            found = Abstention("other", str(error))
+            asking.said += getattr(error, "transcript", ())
+        if isinstance(found, Abstention):
+            return Plan(None, abstention=found, transcript=tuple(asking.said))
+        plan = carry_out((found,), request)
+        return replace(plan, transcript=(*asking.said, *plan.transcript))
+
+
+class _Asking:
+    """One request: its picture, and what was said."""
+
+    def __init__(self, config: RoboPointConfig, language: LanguageModel, request: PlanRequest) -> None:
+        self.said: list[Mapping[str, Any]] = []
+        self._config, self._language, self._request = config, language, request
+        self._skills = request.skills or STANDARD
+
+    def call(self) -> SkillCall | Abstention:
+        """The skill call that the instruction and the picture give."""
+        request, skills = self._request, self._skills
+        task = read_simply(request.instruction)
+        if task is None or task.skill not in skills:
+            words: list[dict[str, Any]] = [{"role": "user", "content": question(request.instruction, skills)}]
+            task = self._ask(words, lambda text: read_answer(text, skills), schema=form(skills))
+        if task.skill == "none":
+            return Abstention("unknown_skill", f"None of {', '.join(skills)} was seen in the instruction.")
+        theme = self._thing(task.theme)
+        goal: str | Abstention = ""
+        if task.goal and isinstance(theme, str) and task.relation not in BESIDES:
+            goal = self._thing(task.goal)
+            if isinstance(goal, Abstention) and goal.kind == "nothing_matches" and skills[task.skill].free:
+                goal = ""  # what was not perceived as a thing may still be a place
+        for refusal in (theme, goal):
+            if isinstance(refusal, Abstention):
+                return refusal
+        if goal or not task.goal:
+            return SkillCall(task.skill, str(theme), goal=str(goal), relation=task.relation)
+        where = f"{BESIDES.get(task.relation, 'on')} the {task.goal}"
+        seen = self._point(f"Find some spots within the vacant space {where}.")
+        free = [s.point for s in seen if abs(s.point[2] - request.scene.table_height) < LEVEL]
+        if len(free) < self._config.agreement * len(seen):
+            return Abstention(
+                "no_goal", f"Where the model pointed for a place {where}, the table is not free."
+            )
+        x, y = (float(v) for v in np.median(free, axis=0)[:2])
+        return SkillCall(task.skill, str(theme), xy=(x, y))
+
+    def _thing(self, words: str) -> str | Abstention:
+        """The id of the object that most points lie on."""
+        seen = self._point(f"Locate several points on the {words}.")
+        votes = Counter(s.object for s in seen if s.object).most_common(2)
+        where = f"Where the model pointed for '{words}'"
+        if not votes:
+            return Abstention("nothing_matches", f"{where}, no object was perceived.")
+        (best, count), rest = votes[0], votes[1:]
+        if count < self._config.agreement * len(seen) or any(other == count for _, other in rest):
+            return Abstention("ambiguous", f"{where}, there are several things, or none at most points.")
+        return best
+
+    def _point(self, words: str) -> list[Sighting]:
+        """What is where the model points."""
+        config, request = self._config, self._request
+        view = view_of(request.observation, config.camera)
+        asked = "\n\n".join([*told(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
+        png = shown(view, config.longest, grid=config.grid, scale=config.scale)
+        content = [picture(png), {"type": "text", "text": asked}]
+
+        def parse(text: str) -> list[Sighting]:
+            seen, why = [], ""
+            for u, v in read_points(text, config.scale):
+                try:
+                    seen.append(sight(pixel_at(view, u, v), request.observation, request.scene))
+                except PlanningError as error:
+                    why = str(error)
+            if not seen:
+                raise ValueError(why)
+            return seen
+
+        return self._ask([{"role": "user", "content": content}], parse)
+
+    def _ask(self, messages: list[dict[str, Any]], parse: Callable[[str], T], **schema: Any) -> T:
+        tries = self._config.tries
+        found = ask_typed(self._language, messages, parse, purpose="plan", tries=tries, **schema)
+        self.said += found.transcript
+        return found.answer

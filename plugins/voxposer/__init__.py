@@ -1,0 +1,42 @@
+"""VoxPoser: a language model writes value maps over the space, and a planner finds the way through them.
+After Huang et al., "VoxPoser: Composable 3D Value Maps for Robotic Manipulation with Language Models" (2023).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.language import LanguageModel
+    from gvla2.planning.contracts import Planner
+
+
+@dataclass(kw_only=True)
+class VoxPoserConfig(ComponentConfig):
+    """Options of the ``voxposer`` planner; the run's ``language`` writes the maps.
+
+    ``voxel`` is the grid's step in metres. Being at something costs ``obstacles`` times the way itself, less within
+    ``margin`` metres of it, and a full avoidance ``avoidance`` times. There are ``tries`` answers in all.
+    """
+
+    voxel: float = 0.02
+    obstacles: float = 20.0
+    margin: float = 0.04
+    avoidance: float = 20.0
+    tries: int = 3
+
+
+def _build(config: VoxPoserConfig, language: LanguageModel) -> Planner:
+    """Plans by value maps that a language model writes, and the cheapest way through them."""
+    from gvla2_plugins.voxposer.planner import VoxPoserPlanner
+
+    return VoxPoserPlanner(config, language)
+
+
+@hookimpl
+def gvla2_planners() -> list[Component[Planner]]:
+    """The planner ``voxposer``."""
+    return [Component("voxposer", VoxPoserConfig, _build, needs=("language",))]

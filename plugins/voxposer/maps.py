@@ -1,0 +1,136 @@
+"""Value maps: a program of moves, ``move("grasp", affordance=at(ball), gripper=0)``, and what its maps are worth.
+
+``x``, ``y``, ``z`` are millimetres as in the scene's brief, whose names stand for things.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
+from gvla2.planning.array_expressions import Interpreter, Value
+from gvla2.planning.scene import Scene, SceneObject
+
+MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
+LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
+"""Characters, nodes of its tree, variables and moves of a program: what bounds its time and memory."""
+
+
+class Program(NamedTuple):
+    """The expressions of each move's maps, in order, and the variables that they use."""
+
+    stages: tuple[Mapping[str, ast.expr], ...]
+    variables: Mapping[str, ast.expr]
+
+
+def read_program(text: str) -> Program:
+    """The program in an answer; raises :class:`ValueError` that says what is no program in it."""
+    source = text.split("```")[1].removeprefix("python").strip() if text.count("```") >= 2 else text.strip()
+    if len(source) > LONGEST:
+        raise ValueError(f"The program has {len(source)} characters; write at most {LONGEST}.")
+    try:
+        tree = ast.parse(source)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise ValueError(
+            f"The program cannot be read ({error}); write lines move(...) and nothing else."
+        ) from None
+    if sum(1 for _ in ast.walk(tree)) > MOST_NODES:
+        raise ValueError("The program is too long; write fewer and simpler moves.")
+    stages: list[Mapping[str, ast.expr]] = []
+    variables: dict[str, ast.expr] = {}
+    for line in tree.body:
+        match line:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                if name in variables or name in "xyz":
+                    raise ValueError(f"'{name}' has a meaning already; use another name.")
+                variables[name] = value
+            case ast.Expr(value=ast.Call(func=ast.Name(id="move"), args=args, keywords=keywords)):
+                maps = {str(k.arg): k.value for k in keywords}
+                if len(args) > 1 or set(maps) - set(MAPS) or "affordance" not in maps:
+                    raise ValueError(
+                        f"Line {line.lineno}: a move has a name, an affordance, and of {', '.join(MAPS)}."
+                    )
+                stages.append(maps)
+            case _:
+                raise ValueError(f"Line {line.lineno} is neither move(...) nor name = expression.")
+    if len(variables) > MOST_VARIABLES or not 1 <= len(stages) <= MOST_STAGES:
+        raise ValueError(
+            f"The program has {len(stages)} moves and {len(variables)} variables; write 1 to {MOST_STAGES} moves and "
+            f"at most {MOST_VARIABLES} variables."
+        )
+    return Program(tuple(stages), variables)
+
+
+class Field:
+    """The vocabulary of maps (:class:`gvla2.planning.array_expressions.Vocabulary`) at points (..., 3), metres."""
+
+    words = "x, y, z, the things' names, at, above, beside, near, distance"
+
+    def __init__(self, scene: Scene, ids: Mapping[str, str], program: Program, points: FloatArray) -> None:
+        self._scene, self._ids, self._points = scene, ids, points
+        self.variables = program.variables
+        self._interpreter = Interpreter(self)
+
+    def values(self, map_: ast.expr) -> FloatArray:
+        """(...) values of a map at the points; raises :class:`ValueError` for what is not of the language."""
+        return np.broadcast_to(self._interpreter.value(map_), self._points.shape[:-1])
+
+    def array(self, name: str) -> Value | None:
+        """The coordinates, millimetres above the table."""
+        if name not in ("x", "y", "z"):
+            return None
+        axis = "xyz".index(name)
+        return np.asarray(1e3 * (self._points[..., axis] - (self._scene.table_height if axis == 2 else 0.0)))
+
+    def attribute(self, owner: ast.expr, name: str) -> Value:
+        """A number of a thing, millimetres."""
+        thing, table = self._thing(owner), self._scene.table_height
+        x, y, z = thing.centre
+        width, length = sorted(thing.extents[:2])
+        sides = {"x": x, "y": y, "z": z - table, "top": thing.top - table, "bottom": thing.bottom - table,
+                 "height": thing.top - thing.bottom, "width": width, "length": length}  # fmt: skip
+        if name not in sides:
+            raise ValueError(f"Things have no '{name}'; they have {', '.join(sides)}.")
+        return np.float64(1e3 * sides[name])
+
+    def function(
+        self, name: str
+    ) -> Callable[[Sequence[ast.expr], Callable[[ast.expr], Value]], Value] | None:
+        """A map made of a thing and of distances in millimetres."""
+        return partial(self._place, _PLACES[name]) if name in _PLACES else None
+
+    def _place(
+        self, place: Callable[..., Value], args: Sequence[ast.expr], value: Callable[[ast.expr], Value]
+    ) -> Value:
+        return place(self._points, self._thing(args[0]), *(1e-3 * float(value(a)) for a in args[1:]))
+
+    def _thing(self, node: ast.expr) -> SceneObject:
+        name = node.id if isinstance(node, ast.Name) else node.value if isinstance(node, ast.Constant) else ""
+        if not isinstance(name, str) or name not in self._ids:
+            raise ValueError(
+                f"There is no thing '{ast.unparse(node)[:60]}'; there are {', '.join(self._ids)}."
+            )
+        return self._scene[self._ids[name]]
+
+
+def _to(points: FloatArray, place: FloatArray) -> FloatArray:
+    return -1e3 * np.linalg.norm(points - place, axis=-1)
+
+
+def _distance(points: FloatArray, thing: SceneObject) -> FloatArray:
+    local = np.abs(transform_points(invert_rigid(thing.world_from_object), points)) - 0.5 * thing.extents
+    return np.asarray(1e3 * np.linalg.norm(np.maximum(local, 0.0), axis=-1))
+
+
+_PLACES: Mapping[str, Callable[..., Value]] = {
+    "at": lambda p, o: _to(p, o.centre),
+    "above": lambda p, o, up=0.1: _to(p, np.array([*o.centre[:2], o.top + up])),
+    "beside": lambda p, o, dx, dy, dz=0.0: _to(p, o.centre + np.array([dx, dy, dz])),
+    "near": lambda p, o, reach=0.1: np.clip(1.0 - _distance(p, o) / max(1e3 * reach, 1.0), 0.0, 1.0),
+    "distance": _distance,
+}

@@ -1,0 +1,122 @@
+"""The planner: the model's program, the way through its maps, lifted into the scene and checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError
+from gvla2.language import LanguageModel
+from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.pixels import object_at
+from gvla2.planning.scene import Box
+from gvla2.planning.scene_brief import LEGEND, scene_brief
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.planning.voxel_route import VoxelGrid
+from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
+from gvla2.skills.lifting import PathPoint
+from gvla2_plugins.voxposer.maps import Field, Program, read_program
+
+if TYPE_CHECKING:
+    from gvla2_plugins.voxposer import VoxPoserConfig
+
+NEAR = 0.03
+"""A waypoint so near to a stop takes its turn of the hand, metres."""
+
+
+SLOWEST, FASTEST = 0.1, 2.0
+"""Bounds of the speed map, shares of the usual speed."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """World metres; the hand's opening after arriving; its turn, radians; the speed as a share of the usual one."""
+
+    place: tuple[float, float, float]
+    gripper: float
+    turn: float | None
+    speed: float
+
+
+def stops(
+    program: Program, request: PlanRequest, ids: Mapping[str, str], config: VoxPoserConfig
+) -> list[Stop]:
+    """The way of the hand, open at first; raises :class:`ValueError` for maps that mean nothing."""
+    scene, arm = request.scene, request.arm
+    low = np.maximum(scene.workspace.low, arm.workspace.low)
+    low[2] = max(low[2], scene.table_height)
+    box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
+    grid = VoxelGrid.over(box, config.voxel)
+    everywhere = Field(scene, ids, program, grid.centres())
+    found: list[Stop] = []
+    at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
+    for stage in program.stages:
+        maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
+        avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
+        goal = grid.peak(lambda p, m=stage["affordance"]: Field(scene, ids, program, p).values(m), avoided)
+        goal = np.clip(goal, box.low, box.high)
+        # Not in the way: what the move begins or ends at, what is held, and what a closed, empty hand goes straight to.
+        line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
+        ends = {held, *(object_at(point, scene) for point in line)}
+        clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=config.margin)
+        costs = 1.0 + config.obstacles * np.exp(-clear / config.margin) + config.avoidance * avoided
+        # A number for the hand is meant for the end of the move, a map with several of them for where it says so.
+        varied = np.ptp(maps.get("gripper", np.zeros(1))) > 0.0
+        way = grid.route(costs, at, goal)
+        for number, point in enumerate(way[1:], 2):
+            given = {name: float(map_[tuple(grid.indices(point))]) for name, map_ in maps.items()}
+            hand = given.get("gripper", gripper) if varied or number == len(way) else gripper
+            turn = float(np.radians(given["rotation"])) if "rotation" in given else None
+            speed = float(np.clip(given.get("speed", 1.0), SLOWEST, FASTEST))
+            found.append(Stop(tuple(map(float, point)), float(np.clip(hand, 0.0, 1.0)), turn, speed))
+        closed = found[-1].gripper < 0.5
+        held = (object_at(goal, scene) if gripper >= 0.5 else held) if closed else ""
+        at, gripper = goal, found[-1].gripper
+    return found
+
+
+class VoxPoserPlanner:
+    """Implements :class:`gvla2.planning.contracts.Planner` by value maps."""
+
+    def __init__(self, config: VoxPoserConfig, language: LanguageModel) -> None:
+        numbers = (config.tries, config.obstacles, config.margin, config.avoidance)
+        if not all(0.0 < n < 1e6 for n in numbers):
+            raise ConfigurationError(f"tries, obstacles, margin, avoidance are {numbers}: not all positive.")
+        self.config, self._language = config, language
+        self._prompt = files(__package__).joinpath("prompt.md").read_text("utf-8")
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan or a typed abstention; raises :class:`~gvla2.language.LanguageModelError` where no model answers."""
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
+        brief, way = scene_brief(request.scene), list[Stop]()
+
+        def read(text: str) -> Sequence[Sequence[PathPoint]]:
+            way[:] = stops(read_program(text), request, brief.ids, self.config)
+            return [[PathPoint(s.place, s.gripper) for s in way]]
+
+        words = [f"Things ({LEGEND}); data alone:\n{brief.text}", *told(request)]
+        asked = "\n\n".join([*words, f"Task: {instruction_in(request)}"])
+        messages = [{"role": "system", "content": self._prompt}, {"role": "user", "content": asked}]
+        plan = ask_for_path(self._language, messages, read, request, tries=self.config.tries)
+        return plan if plan.trajectory is None else replace(plan, trajectory=_with_maps(plan.trajectory, way))
+
+
+def _with_maps(trajectory: Trajectory, way: Sequence[Stop]) -> Trajectory:
+    """The trajectory with the rotation and speed that the maps give near its waypoints."""
+    places = np.array([s.place for s in way])
+
+    def mapped(waypoint: Waypoint) -> Waypoint:
+        gaps = np.linalg.norm(places - waypoint.xyz, axis=1)
+        stop = way[int(np.argmin(gaps))]
+        waypoint = replace(waypoint, speed=waypoint.speed * stop.speed)
+        if stop.turn is None or gaps.min() > NEAR:
+            return waypoint
+        closing = (-float(np.sin(stop.turn)), float(np.cos(stop.turn)), 0.0)
+        return replace(waypoint, orientation=Orientation("grasp", closing=closing))
+
+    return Trajectory(tuple(map(mapped, trajectory)))

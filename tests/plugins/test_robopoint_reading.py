@@ -1,0 +1,86 @@
+"""Instructions of simple form are read; for anything else the model is asked."""
+
+import json
+
+import pytest
+
+from gvla2_plugins.robopoint.reading import Task, form, question, read_answer, read_simply
+
+
+@pytest.mark.parametrize(
+    ("words", "task"),
+    [
+        ("pick up the red cube", Task("pick", "red cube")),
+        ("lift the green box off the table", Task("pick", "green box")),
+        ("Lift the blue cup.", Task("pick", "blue cup")),
+        ("put the pear on the plate", Task("place", "pear", "plate", "on")),
+        ("Place the lid of the jar onto the mat!", Task("place", "lid of the jar", "mat", "on")),
+        ("put the spoon in the bowl", Task("place", "spoon", "bowl", "in")),
+        ("set the cup to the left of the box", Task("place", "cup", "box", "left_of")),
+        ("put the cup in front of the box", Task("place", "cup", "box", "front_of")),
+        ("lay the comb next to the brush", Task("place", "comb", "brush", "beside")),
+    ],
+)
+def test_what_is_read(words, task):
+    assert read_simply(words) == task
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "",
+        "flumber the grond wibbly",
+        "do not pick up the red cube",
+        "don't put the cup on the plate",
+        "pick up any cube except the maroon one",
+        "pick up the cube and put it on the plate",
+        "put the cup on the tray on the box",
+        "put all cubes in the bowl",
+        "lift the cup by 10 cm",
+        "pick up the cup. Then wave.",
+        "open the drawer",
+        "the red cube",
+    ],
+)
+def test_what_is_left_to_the_model(words):
+    assert read_simply(words) is None
+
+
+class Skill:
+    def __init__(self, name):
+        self.name, self.description = name, f"does {name}"
+
+    def signature(self):
+        return f"{self.name}(theme)"
+
+
+SKILLS = {name: Skill(name) for name in ("pick", "open")}
+
+
+def test_the_question_and_its_form_name_the_skills():
+    assert "open(theme): does open" in question("open  the\ndrawer", SKILLS)
+    assert form(SKILLS)["properties"]["skill"] == {"enum": ["pick", "open", "none"]}
+
+
+def test_the_answer_is_read():
+    text = json.dumps({"skill": "open", "theme": "drawer ", "goal": "", "relation": ""})
+    assert read_answer(f"Here: ```json\n{text}\n```", SKILLS) == Task("open", "drawer")
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ("the drawer", "JSON"),
+        ("[1, 2]", "no JSON object"),
+        ('{"skill": "juggle", "theme": "a"}', "no skill 'juggle'; there are pick, open and none"),
+        ('{"skill": ["open"], "theme": "a"}', "no skill"),
+        ('{"skill": "open", "theme": ""}', "name the thing"),
+        ('{"skill": "open", "theme": 3}', "short texts"),
+        ('{"skill": "open", "theme": "' + "a" * 90 + '"}', "short texts"),
+        ('{"skill": "open", "theme": "a", "relation": "over"}', "no relation 'over'"),
+        ('{"skill": "open", "theme": NaN}', "NaN, which is not a number"),
+    ],
+)
+def test_other_answers_are_refused_with_their_reason(answer, said):
+    with pytest.raises(ValueError, match=said):
+        read_answer(answer, SKILLS)

@@ -1,0 +1,106 @@
+"""What cannot be read with certainty is declined, and what a sentence rules out is heeded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.contracts import Abstention
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2_plugins.skill.planner import read
+
+
+def thing(name, label, shape, xy, opening=0.0, parent=""):
+    pose = rigid(translation=(*xy, 0.8))
+    colour = label.split()[0]
+    return SceneObject(
+        name, label, shape, colour, pose, np.full(3, 0.06), np.zeros((0, 3)), opening=opening, parent=parent
+    )
+
+
+def scene(*things):
+    return Scene(things, 0.75, Box(np.array([-0.3, -0.7, 0.75]), np.array([0.8, 0.7, 1.7])))
+
+
+CUBES = scene(
+    *(thing(c[0], f"{c} cube", "box", (0.3, 0.15 * i)) for i, c in enumerate(("blue", "maroon", "lime")))
+)
+TRAY = scene(
+    thing("t", "gray tray", "box", (0.1, 0.0), 0.15),
+    thing("g", "green box", "box", (0.2, 0.2)),
+    thing("y", "yellow bottle", "cylinder", (0.3, -0.2)),
+    thing("k", "orange knife block", "box", (0.4, 0.3)),
+)
+LAMP = scene(
+    thing("s", "gray lamp shade", "disc", (0.3, 0.0), parent="l"),
+    thing("l", "black lamp base", "plate", (0.3, 0.1)),
+    thing("b", "rose button", "disc", (0.3, 0.2), parent="l"),
+)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "themes"),
+    [
+        ("pick up the cube that is not blue and not lime", {"m"}),
+        ("lift the cube that is neither blue nor maroon", {"l"}),
+        ("lift any cube except the blue one", {"m", "l"}),
+        ("pick up any cube but the maroon one", {"b", "l"}),
+        ("pick up any cube other than the lime one", {"b", "m"}),
+        ("lift the blue cube without touching the maroon one", {"b"}),
+        ("don't push the blue cube, lift the maroon one", {"m"}),
+        ("lift the lime cube, not the others", {"l"}),
+    ],
+)
+def test_exceptions_are_heeded(sentence, themes):
+    found = read(sentence, CUBES)
+    assert not isinstance(found, Abstention), found
+    assert found.calls[0].theme in themes
+
+
+@pytest.mark.parametrize(
+    ("sentence", "where"),
+    [
+        ("pick up a cube, not the blue one", CUBES),
+        ("pick up a cube that is not blue or maroon", CUBES),
+        ("pick up the cube which isn't the one I like", CUBES),
+        ("pick up all cubes but the blue one", CUBES),
+        ("lift the second cube", CUBES),
+        ("lift the cube closest to the maroon cube", CUBES),
+        ("pick up the blue cube or the maroon cube", CUBES),
+        ("if there is a red cube lift it, otherwise lift the blue one", CUBES),
+        ("lift the blue cube unless it is heavy", CUBES),
+        ("lift the blue cube twice", CUBES),
+        ("put the blue cube between the maroon and the lime cube", CUBES),
+        ("put the blue cube in the maroon cube", CUBES),
+        ("lift the blue cube but don't lift it", CUBES),
+        ("pick up the red cube", CUBES),
+        ("put the milk carton in the tray", TRAY),
+        ("put the ketchup in the tray", TRAY),
+        ("put the can in the tray", TRAY),
+        ("put the mustard in the tray", TRAY),
+        ("lift the donut", scene(thing("y", "yellow bottle", "cylinder", (0.3, -0.2)))),
+        ("lift the mustard", scene(thing("y", "yellow bottle", "cylinder", (0.3, -0.2)))),
+        ("lift the towel", scene(thing("w", "white tower", "box", (0.3, -0.2)))),
+        ("put the bottle in the basket", TRAY),
+        ("put everything except the green box in the tray", TRAY),
+        ("put the bottle in the tray upside down", TRAY),
+        ("put the bottle under the tray", TRAY),
+        ("press the lamp shade", LAMP),
+        ("turn on the radio", LAMP),
+        ("turn on the lamp without pressing the button", LAMP),
+        ("don't turn on the lamp", LAMP),
+        ("turn the lamp off", LAMP),
+    ],
+)
+def test_what_is_not_certain_is_declined(sentence, where):
+    found = read(sentence, where)
+    assert isinstance(found, Abstention), found
+    assert found.message
+
+
+def test_a_kind_is_believed_of_the_only_thing_of_its_noun():
+    assert read("put the mustard bottle in the tray", TRAY).calls[0].theme == "y"
+    two = scene(*TRAY.objects, thing("z", "white bottle", "cylinder", (0.5, 0.0)))
+    assert isinstance(read("put the mustard bottle in the tray", two), Abstention)
+    assert read("put the knife block on the green box", TRAY).calls[0].theme == "k"

@@ -1,0 +1,99 @@
+"""Scenes of a few things, and requests about them without a word."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import rigid
+from gvla2.planning.checks import check_trajectory
+from gvla2.planning.contracts import Advice, Plan, PlanRequest
+from gvla2.planning.scene import Scene, SceneObject
+from gvla2.testing import inputs
+from gvla2_plugins.sapien.panda import make_arm
+
+TABLE = 0.752
+ARM = make_arm()
+
+
+def thing(
+    name, shape, xyz, size, *, yaw=0.0, turn=None, parent="", opening=0.0, label="", points=None
+) -> SceneObject:
+    """Something without a telling name; ``xyz`` is its box's middle, z above the table."""
+    rotation = Rotation.from_euler("z", yaw).as_matrix() if turn is None else turn
+    pose = rigid(rotation, (xyz[0], xyz[1], TABLE + xyz[2]))
+    seen = np.zeros((0, 3)) if points is None else points
+    return SceneObject(
+        name, label or f"thing {name}", shape, "", pose, np.array(size, float), seen, parent=parent, opening=opening
+    )  # fmt: skip
+
+
+def cube(name, xy, side=0.05, yaw=0.2) -> SceneObject:
+    return thing(name, "box", (*xy, side / 2), (side,) * 3, yaw=yaw)
+
+
+def box(angle: float, xy=(0.12, -0.1)) -> tuple[SceneObject, SceneObject]:
+    """A box and its lid, which is hinged at +x and open by ``angle``."""
+    hinge = np.array([xy[0] + 0.125, xy[1], 0.155])
+    turn = Rotation.from_euler("y", angle).as_matrix()
+    lid = thing("lid", "plate", hinge - turn[:, 0] * 0.134, (0.268, 0.35, 0.01), turn=turn, parent="box")
+    return thing("box", "box", (*xy, 0.075), (0.25, 0.35, 0.15)), lid
+
+
+def drawer(xy=(0.30, 0.15)) -> tuple[SceneObject, ...]:
+    return (
+        thing("cabinet", "box", (*xy, 0.08), (0.24, 0.28, 0.16)),
+        thing("drawer", "box", (xy[0] - 0.114, xy[1], 0.08), (0.012, 0.248, 0.128), parent="cabinet"),
+        thing("bar", "bar", (xy[0] - 0.16, xy[1], 0.125), (0.012, 0.11, 0.012), parent="drawer"),
+    )
+
+
+def jar(xy=(0.35, 0.15)) -> tuple[SceneObject, SceneObject]:
+    return (
+        thing("jar", "cylinder", (*xy, 0.06), (0.07, 0.07, 0.12)),
+        thing("cap", "disc", (*xy, 0.13), (0.06, 0.06, 0.02), parent="jar"),
+    )
+
+
+def stuck_brick() -> tuple[SceneObject, ...]:
+    """A brick between two slabs; a third of it sticks out at +y."""
+    return (
+        thing("low", "box", (0.2, -0.1, 0.03), (0.2, 0.2, 0.06)),
+        thing("brick", "box", (0.2, -0.03, 0.075), (0.06, 0.18, 0.03)),
+        thing("high", "box", (0.2, -0.1, 0.12), (0.2, 0.2, 0.06)),
+    )
+
+
+PATCH = thing("patch", "region", (0.4, -0.1, 0.0005), (0.1, 0.1, 0.001))
+TRAY = thing("tray", "box", (0.45, 0.25, 0.02), (0.2, 0.2, 0.04), opening=0.18)
+POST = thing("post", "cylinder", (0.25, -0.25, 0.05), (0.02, 0.02, 0.1))
+RING = thing("ring", "ring", (0.3, 0.1, 0.01), (0.07, 0.07, 0.02), opening=0.04)
+LAMP = (
+    thing("lamp", "plate", (0.35, -0.3, 0.005), (0.16, 0.08, 0.01)),
+    thing("knob", "disc", (0.31, -0.3, 0.017), (0.033, 0.033, 0.014), parent="lamp"),
+)
+
+
+def request(*things: SceneObject, effects=(), **more) -> PlanRequest:
+    scene = Scene(things, TABLE, ARM.workspace)
+    start = ARM.forward(ARM.home)
+    seen = replace(inputs.observation(16), world_from_tcp=start, joints=ARM.home)
+    return PlanRequest("", scene, ARM, start, ARM.home, seen, Advice(effects=tuple(effects)), **more)
+
+
+def sound(plan: Plan, asked: PlanRequest) -> Plan:
+    """The plan, which has a trajectory that passes every check."""
+    assert plan.trajectory is not None, plan.abstention
+    report = check_trajectory(
+        plan.trajectory, asked.scene, ARM, asked.start, asked.joints,
+        effects=asked.advice.effects, parameters=plan.parameters, skill=plan.skill,
+    )  # fmt: skip
+    assert report.passed, report.reasons
+    return plan
+
+
+def at(plan: Plan, stage: str) -> np.ndarray:
+    assert plan.trajectory is not None, plan.abstention
+    return np.array(next(w.xyz for w in plan.trajectory if w.stage == stage))

@@ -1,0 +1,166 @@
+"""Who plans: second tries with the rejected plan, and a fallback planner that is never silent."""
+
+from contextlib import closing
+from dataclasses import replace
+
+import pytest
+
+from gvla2.commands.run import build_parts
+from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.language import MalformedAnswerError, ModelUnavailableError
+from gvla2.planning.contracts import Abstention, Plan
+from gvla2.planning.trajectory import Trajectory
+from gvla2.telling import told_of
+
+SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=1", "memory=none")
+TALK = ({"role": "assistant", "content": "I cannot"},)
+
+
+class Listener:
+    def begin(self, stage):
+        pass
+
+    def stage(self, record, stage):
+        pass
+
+    def frame(self, image):
+        pass
+
+
+class Answering:
+    """A planner of given answers, one after the other; an error is raised, a function asked."""
+
+    def __init__(self, *answers):
+        self.answers, self.requests = list(answers), []
+
+    def plan(self, request):
+        self.requests.append(request)
+        answer = self.answers.pop(0)
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer(request) if callable(answer) else answer
+
+
+@pytest.fixture
+def parts(registry, compose_run):
+    made = build_parts(compose_run(*SMALL, "fallback=skill"), registry)
+    with closing(made.robot), closing(made.memory):
+        yield made
+
+
+def sunk(planner, by=0.3):
+    """Its plan, ``by`` metres under the table: no check passes that."""
+
+    def plan(request):
+        made = planner.plan(request)
+        low = [replace(w, xyz=(w.xyz[0], w.xyz[1], w.xyz[2] - by)) for w in made.trajectory]
+        return replace(made, trajectory=Trajectory(tuple(low)))
+
+    return plan
+
+
+def run(parts, planner, **more):
+    return run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1, **more), Listener())
+
+
+def declined(kind):
+    return Plan(None, abstention=Abstention(kind, "I would rather not."), transcript=TALK)
+
+
+FAILING = {
+    "no model": (ModelUnavailableError("nobody there"),),
+    "a cut answer": (MalformedAnswerError("cut off"),),
+    "no plan, twice": ("rubbish", "rubbish"),
+    "no means": (declined("other"),),
+    "no skill": (declined("unknown_skill"),),
+    "no reach": (declined("unreachable"),),
+}
+
+
+@pytest.mark.parametrize("answers", FAILING.values(), ids=FAILING)
+def test_the_fallback_steps_in_and_says_so(parts, answers):
+    planner = Answering(*answers)
+    record = run(parts, planner)
+    assert record.failure is None, record.failure
+    assert record.judgement.eased
+    assert record.plan.fallback == "skill"
+    (note,) = [n for n in record.notes if "fallback planner 'skill' stepped in" in n]
+    assert not planner.answers
+    if isinstance(answers[0], Plan):
+        assert record.plan.transcript[:1] == TALK, "what the first planner was told and said is kept"
+        assert answers[0].abstention.kind in note
+
+
+@pytest.mark.parametrize("kind", ["nothing_matches", "ambiguous", "no_goal", "too_wide"])
+def test_a_real_refusal_stands(parts, kind):
+    record = run(parts, Answering(declined(kind)))
+    assert (record.failure.stage, record.failure.kind) == ("plan", kind)
+    assert record.plan.fallback == ""
+    assert record.report is None
+
+
+def test_without_a_fallback_a_model_that_is_not_there_is_named(parts):
+    record = run(replace(parts, fallback=None), Answering(ModelUnavailableError("nobody there")))
+    assert (record.failure.stage, record.failure.kind) == ("plan", "unavailable")
+
+
+def test_a_rejected_planner_gets_its_plan_back_and_then_the_fallback_plans(parts):
+    inner = parts.fallback
+    planner = Answering(sunk(inner), sunk(inner))
+    record = run(parts, planner)
+    first, second = planner.requests
+    assert first.rejected is None
+    assert second.rejected is not None
+    assert second.rejected.trajectory.waypoints[0].stage == "approach"
+    assert any("above the table" in reason for reason in second.rejections)
+    assert record.plan.fallback == "skill"
+    assert any("was rejected twice" in note for note in record.notes)
+    assert record.judgement.eased
+
+
+def test_one_rejection_is_the_planners_own_to_mend(parts):
+    planner = Answering(sunk(parts.fallback), parts.fallback.plan)
+    record = run(parts, planner)
+    assert record.plan.fallback == ""
+    assert record.judgement.eased
+
+
+def test_a_rejection_stands_where_the_planner_then_refuses_for_good(parts):
+    record = run(parts, Answering(sunk(parts.fallback), declined("nothing_matches")))
+    assert (record.failure.stage, record.failure.kind) == ("check", "rejected")
+    assert record.plan.fallback == ""
+    assert record.report is None
+
+
+def test_where_both_fail_both_are_named(parts):
+    broken = replace(parts, fallback=Answering(MalformedAnswerError("prose")))
+    record = run(broken, Answering(ModelUnavailableError("nobody there")))
+    assert record.failure.stage == "plan"
+    assert "nobody there" in record.failure.message
+    assert "prose" in record.failure.message
+    assert record.report is None
+
+
+def test_a_fallback_that_declines_too_moves_nothing(parts):
+    record = run(replace(parts, fallback=Answering(declined("ambiguous"))), Answering(declined("other")))
+    assert (record.failure.kind, record.plan.fallback) == ("ambiguous", "skill")
+    assert record.report is None
+
+
+def test_a_conversation_is_told_to_memory_without_keys(parts):
+    key = "sk-" + "a1B2" * 8
+    talk = (
+        {"role": "user", "content": f"Authorization: Bearer {key} and {key}"},
+        {"role": "assistant", "content": "x" * 9000},
+    )
+
+    def talking(request):
+        return replace(parts.fallback.plan(request), transcript=talk[:1])
+
+    record = run(parts, Answering(talking))
+    ((story, _),) = told_of(record)
+    assert "conversation with a language model" in story.transcript
+    assert "a1B2a1B2" not in story.transcript
+    long = replace(record, plan=replace(record.plan, transcript=talk))
+    ((story, _),) = told_of(long)
+    assert len(story.transcript) < 15_000

@@ -1,0 +1,56 @@
+"""A run with a language model: chosen once, asked by several parts, its cost in ``result.json``."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gvla2.commands.run import build_parts, run_episodes
+from gvla2.errors import MissingDependencyError
+from gvla2.testing.language import LocalModel, said
+
+SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2", "quiet=true")
+KEY = "sk-t0p-s3cret"
+
+
+def answering(request: dict[str, Any]) -> dict[str, Any]:
+    judging = "Criterion" in request["messages"][-1]["content"]
+    return said("<score>A</score>" if judging else "[]")
+
+
+def test_what_the_model_cost_is_in_the_result_by_purpose_and_the_key_nowhere(
+    registry, compose_run, tmp_path: Path, monkeypatch
+):
+    monkeypatch.setenv("MY_KEY", KEY)
+    with LocalModel(answering) as model:
+        chosen = (f"language.base_url={model.url}", "language.model=m", "language.api_key_env=MY_KEY")
+        config = compose_run(
+            *SMALL, "verifier=llm", "inducer=llm", f"memory.url=sqlite:///{tmp_path}/m.db", *chosen
+        )
+        run_episodes(config, registry, tmp_path / "out")
+        asked = len(model.requests)
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    told = result["language"]
+    assert set(told) == {"verify", "induce"}
+    assert told["verify"]["calls"] + told["induce"]["calls"] == asked
+    assert told["verify"]["prompt_tokens"] == 100 * told["verify"]["calls"] > 0
+    assert told["verify"]["seconds"] > 0
+    assert result["choices"]["language"] == "endpoint"
+    for file in (tmp_path / "out").rglob("*"):
+        assert file.is_dir() or KEY.encode() not in file.read_bytes(), file
+
+
+def test_a_model_that_nobody_asks_is_not_even_made(registry, compose_run, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    parts = build_parts(compose_run(*SMALL, "memory=none"), registry)
+    parts.robot.close()
+    assert parts.language is None
+    assert "language" not in parts.choices
+
+
+def test_one_that_is_asked_needs_its_packages_before_the_robot_moves(registry, compose_run, monkeypatch):
+    config = compose_run(*SMALL, "memory=none", "verifier=llm")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingDependencyError, match=r"gvla2\[llm\]"):
+        build_parts(config, registry)
