@@ -64,12 +64,12 @@ FROZEN = "The bank is frozen: nothing was learnt."
 class KnowledgeBank:
     """A named bank, for any number of processes and threads.
 
-    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already; ""
-    is the user's own memory. It is created where there is none. By default it ranks by words, vectors, quality and
-    geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes again, ``judge`` who decides
-    whether texts that are suspected of it contradict each other, ``writer`` who merges lessons in words of his own
-    (rules sum up without him); ``clock`` gives seconds since the epoch.
-    Waits for other processes at most ``busy_seconds`` at a time.
+    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already and is
+    closed with the bank; "" is the user's own memory. It is created where there is none. By default it ranks by
+    words, vectors, quality and geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes
+    again, ``judge`` who decides whether texts that are suspected of it contradict each other, ``writer`` who merges
+    lessons in words of his own (rules sum up without him); ``clock`` gives seconds since the epoch. Waits for other
+    processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
     it as a memory turns that into a degraded answer. Options that cannot be raise
@@ -162,7 +162,8 @@ class KnowledgeBank:
             source, context = source or f"run/{uuid4()}", recalled or MemoryContext()
             episode = MemoryEpisode(_task(episode), told, str(verdict), context, source)
             verdict = _said(success)
-        assert isinstance(verdict, Verdict), "an episode comes with a verdict"
+        if not isinstance(verdict, Verdict):
+            raise TypeError("An episode is learnt with its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
