@@ -248,7 +248,7 @@ class Candidates(Protocol):
         ...
 
     def lexical(self, query: str) -> NDArray[np.float64]:
-        """(N,) share in [0, 1] of the information (idf) of the query, or of a sentence of it, in each record's words."""
+        """(N,) share in [0, 1] of the query's information (idf), or of a sentence of it, in each record's words."""
         ...
 
     def cosine(self, vector: NDArray[np.float32]) -> NDArray[np.float64]:

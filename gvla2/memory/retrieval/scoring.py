@@ -77,7 +77,7 @@ def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows:
             known = ~np.isnan(difference)
             total[known] += difference[known]
             shared += known
-    return np.divide(total, shared, out=np.full(len(total), math.nan), where=shared > 0)
+    return np.where(shared > 0, total / np.maximum(shared, 1.0), math.nan)
 
 
 def relative_difference(known: Array, asked: float) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,12 +112,9 @@ class View:
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        rows: Iterable[tuple[Any, ...]] = self._sql.execute(  # type: ignore[assignment]
-            query.where(RECORD.c.bank == bank, RECORD.c.rev > since)
-        )
-        for whole in rows:
-            model, length, stored = whole[0], whole[1], whole[2]
-            record = sound(whole[3:], forgotten=True)
+        for row in self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since)):
+            model, length, stored = row[0], row[1], row[2]
+            record = sound(row[3:], forgotten=True)
             if record is not None:
                 vector = vector_of(length, stored)
                 found.append((record, vector, model if vector is not None else ""))
@@ -144,8 +141,8 @@ class View:
         if few is not None:
             rows |= set(self._chunked(query, LINK.c.target, few))
         pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
-        for source, kind, target in rows:
-            pairs[kind].add(frozenset((source, target)))
+        for row in rows:
+            pairs[row.kind].add(frozenset((row.source, row.target)))
         wanted = set(ids)
         ends = [id for pair in pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"]) for id in pair]
         return dict(Counter(id for id in ends if id in wanted))

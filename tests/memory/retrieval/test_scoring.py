@@ -91,9 +91,8 @@ def test_scenes_are_compared_alike_one_by_one_and_together() -> None:
     bank = candidates(["lift it"] * len(scenes), signatures=scenes)
     for asked in ({"w": 0.05}, {"w": 0.2, "h": 1.5}, {"w": 0.0, "x": math.nan}, {}):
         expected = [signature_distance(asked, scene) for scene in scenes]
-        np.testing.assert_allclose(
-            scene_distance(asked, bank, np.arange(len(scenes))), [math.nan if d is None else d for d in expected], atol=1e-12
-        )
+        found = scene_distance(asked, bank, np.arange(len(scenes)))
+        np.testing.assert_allclose(found, [math.nan if d is None else d for d in expected], atol=1e-12)
 
 
 def test_signature_distance() -> None:
