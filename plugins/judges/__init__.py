@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
-from gvla2.language.options import EndpointOptions
 
 if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Judge
 
 
@@ -20,8 +20,8 @@ class RulesJudgeConfig(ComponentConfig):
 
 
 @dataclass(kw_only=True)
-class LlmJudgeConfig(EndpointOptions, ComponentConfig):
-    """Options of the ``llm`` judge; where the model is and how it is asked: ``EndpointOptions``.
+class LlmJudgeConfig(ComponentConfig):
+    """Options of the ``llm`` judge, which asks the run's ``language``.
 
     From ``contradicts`` on two lessons are taken to contradict each other, up to ``agrees`` they are not; in between
     the suspicion stays one. With ``both_ways`` each pair is asked about in both orders, and the mean counts: models
@@ -40,14 +40,17 @@ def _build_rules(config: RulesJudgeConfig) -> Judge:
     return RulesJudge(config)
 
 
-def _build_llm(config: LlmJudgeConfig) -> Judge:
+def _build_llm(config: LlmJudgeConfig, language: LanguageModel) -> Judge:
     """A language model's score tokens, at any OpenAI-compatible address."""
     from gvla2_plugins.judges.language import LlmJudge
 
-    return LlmJudge(config)
+    return LlmJudge(config, language)
 
 
 @hookimpl
 def gvla2_judges() -> list[Component[Judge]]:
     """``judge=rules`` and ``judge=llm``."""
-    return [Component("rules", RulesJudgeConfig, _build_rules), Component("llm", LlmJudgeConfig, _build_llm)]
+    return [
+        Component("rules", RulesJudgeConfig, _build_rules),
+        Component("llm", LlmJudgeConfig, _build_llm, needs=("language",)),
+    ]

@@ -7,7 +7,7 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
-from gvla2.language import Completion, Endpoint, LanguageModelError, Ledger, Message, Request
+from gvla2.language import Completion, LanguageModel, LanguageModelError, Message, Request
 from gvla2.memory.contracts import Judgement, Suspects
 from gvla2.memory.retrieval.rendering import neutralised
 from gvla2.memory.verification.score_tokens import TokenScore, score_answer
@@ -36,17 +36,15 @@ Give your reason in one sentence, then end with the letter in exactly this form:
 
 
 class LlmJudge:
-    """A language model's judgement of pairs of lessons; ``ledger`` counts the tokens of all of them."""
+    """A language model's judgement of pairs of lessons."""
 
-    def __init__(self, config: LlmJudgeConfig, *, ledger: Ledger | None = None) -> None:
+    def __init__(self, config: LlmJudgeConfig, language: LanguageModel) -> None:
         if not 0.0 <= config.agrees < config.contradicts <= 1.0:
             raise ConfigurationError(
                 f"agrees is {config.agrees} and contradicts {config.contradicts}; they must lie in [0, 1], agrees "
                 "below contradicts."
             )
-        self._config = config
-        self._endpoint = Endpoint(config, ledger=ledger)
-        self.ledger = self._endpoint.ledger
+        self._config, self._language = config, language
 
     def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
         """A judgement a pair; those that could not be asked about are left open, with the reason."""
@@ -54,7 +52,7 @@ class LlmJudge:
         requests = [
             Request(_messages(pair, turned), logprobs=True, seed=0) for pair in suspects for turned in ways
         ]
-        answers = self._endpoint.complete_all(requests, purpose="extra") if requests else []
+        answers = self._language.complete_all(requests, purpose="judge") if requests else []
         return [
             self._judgement(pair, answers[i * len(ways) : (i + 1) * len(ways)])
             for i, pair in enumerate(suspects)

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from gvla2.errors import ConfigurationError
+from gvla2.language import Endpoint, EndpointOptions
 from gvla2.memory.contracts import Suspects
 from gvla2.testing.component import check_component
 from gvla2.testing.judge import check_judge
@@ -48,7 +49,9 @@ def graded(letter: str, odds: dict[str, float] | None = None) -> dict[str, Any]:
 
 
 def judge(model: LocalModel, **options: Any) -> LlmJudge:
-    return LlmJudge(LlmJudgeConfig(**{"base_url": model.url, "model": "m", "backoff": 0.01, **options}))
+    both = options.pop("both_ways", True)
+    language = Endpoint(EndpointOptions(**{"base_url": model.url, "model": "m", "retries": 0, **options}))
+    return LlmJudge(LlmJudgeConfig(both_ways=both), language)
 
 
 def by_text(request: dict[str, Any]) -> dict[str, Any]:
@@ -102,16 +105,17 @@ def test_a_cache_asks_once(tmp_path: Any) -> None:
 @pytest.mark.parametrize("reply", [Reply({"error": {"message": "busy"}}, status=500), said("I cannot tell.")])
 def test_what_could_not_be_asked_is_left_open(reply: Any) -> None:
     with LocalModel(lambda request: reply) as model:
-        (answer,) = judge(model, retries=0).judge([AGAINST])
+        (answer,) = judge(model).judge([AGAINST])
     assert answer.contradicts is None
     assert answer.probability == AGAINST.suspicion
     assert answer.reason
 
 
 def test_it_conforms_with_nobody_there() -> None:
-    check_judge(LlmJudge(LlmJudgeConfig(base_url="http://127.0.0.1:9/v1", model="m", retries=0, timeout=1.0)))
+    nobody = Endpoint(EndpointOptions(base_url="http://127.0.0.1:9/v1", model="m", retries=0, timeout=1.0))
+    check_judge(LlmJudge(LlmJudgeConfig(), nobody))
 
 
 def test_thresholds_that_cannot_be() -> None:
     with pytest.raises(ConfigurationError, match="agrees below contradicts"):
-        LlmJudge(LlmJudgeConfig(agrees=0.8, contradicts=0.7))
+        LlmJudge(LlmJudgeConfig(agrees=0.8, contradicts=0.7), Endpoint(EndpointOptions()))
