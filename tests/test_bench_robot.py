@@ -58,7 +58,7 @@ def test_arms_learn_from_one_exploration_are_frozen_and_tested_on_the_same_layou
     assert any(row["recalled"] for row in on), "the bank was taught, and is read"
     assert all(row["recalled"] or row["abstained"] for row in on)
     assert not any(row["recalled"] for row in rows if row["arm"] == "off")
-    assert (tmp_path / "first" / "banks" / "on.db").is_file()
+    assert (tmp_path / "first" / "banks" / "skill" / "on.db").is_file()
     page = (tmp_path / "first" / "index.html").read_text()
     assert "what memory adds" in page
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import re
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -117,7 +118,18 @@ def _write_result(
 
 
 def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 bench [overrides]``; the process's exit status."""
+    """Entry of ``gvla2 bench [suite] [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("bench", job, argv)
+    return launch("bench", job, as_overrides(argv))
+
+
+def as_overrides(argv: list[str]) -> list[str]:
+    """The arguments in Hydra's terms.
+
+    A leading word, as in ``gvla2 bench robot``, chooses the suite. Options by a component's name
+    (``planner_options.agent3d.tries=1``) are new to the configuration, for which Hydra would want a ``+``.
+    """
+    word = argv[0] if argv else ""
+    told = [f"suite={word}", *argv[1:]] if re.fullmatch(r"\w+", word) else argv
+    return [f"++{one}" if re.match(r"(planner|arm|baseline)_options\.", one) else one for one in told]

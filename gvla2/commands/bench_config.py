@@ -71,12 +71,16 @@ class BenchConfig:
     share the objects, 0 for one a core (8 at most); ``quiet`` leaves only the table on the terminal. The suite
     ``memory`` heeds ``memory``, ``results`` and ``data.root`` alone.
 
-    Of the suite ``robot``: every task x arm x seed x episode, judged by both profiles. ``tasks`` are the paper's
-    fourteen by default; ``arms`` are ``off``, ``on``, ``shuffled``, ``best_theta``, or the name of any memory;
-    ``arm_options`` configures an arm's memory by the arm's name (``arm_options.on.admission=false``). Each of
-    ``seeds`` lays out ``episodes``. Experience comes from ``exploration_seeds``, whose plans vary by ``exploration``
-    (a relative spread), and is frozen before the test. ``replan`` further attempts are allowed
-    in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one.
+    Of the suite ``robot``: every task x planner x arm x layout, judged by both profiles. ``tasks`` are the paper's
+    fourteen by default; ``planners`` compares some by name (by default the one of ``planner``), with
+    ``planner_options`` by theirs (``planner_options.code_policies.samples=3``). ``arms`` are ``off``, ``on``,
+    ``shuffled``, ``best_theta``, or the name of any memory: by default ``off`` alone where ``planners`` are named, else
+    these four and ``semantic``; ``arm_options`` configures an arm's memory by the arm's name
+    (``arm_options.on.admission=false``). Each of
+    ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves. Experience comes from
+    ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its plans by ``exploration``
+    (a relative spread, or a model's temperature), and is frozen before the test. ``replan`` further attempts are
+    allowed in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one.
     With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
     language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
     objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
@@ -101,9 +105,13 @@ class BenchConfig:
     memory: MemoryBenchConfig = field(default_factory=MemoryBenchConfig)
     results: ResultsConfig = field(default_factory=ResultsConfig)
     tasks: list[str] = field(default_factory=list)
-    arms: list[str] = field(default_factory=lambda: ["off", "on", "shuffled", "semantic", "best_theta"])
+    planners: list[str] = field(default_factory=list)
+    planner_options: dict[str, Any] = field(default_factory=dict)
+    teacher: str = ""
+    arms: list[str] | None = None
     arm_options: dict[str, Any] = field(default_factory=dict)
     episodes: int = 25
+    layouts: list[int] = field(default_factory=list)
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
     exploration: float = 0.25
     replan: int = 0
@@ -138,9 +146,9 @@ class BenchConfig:
             raise ConfigurationError("baselines, drifts and seeds must each name at least one.")
         if self.surface_samples < 100:
             raise ConfigurationError("surface_samples must be at least 100.")
-        if self.workers < 0 or min(self.seeds) < 0:
-            raise ConfigurationError("workers and seeds must not be negative.")
-        if not self.arms or self.episodes < 1 or self.videos < 0 or self.replan < 0:
+        if self.workers < 0 or min((*self.seeds, *self.layouts)) < 0:
+            raise ConfigurationError("workers, seeds and layouts must not be negative.")
+        if not self.chosen_arms or self.episodes < 1 or self.videos < 0 or self.replan < 0:
             raise ConfigurationError(
                 "arms must name at least one, episodes be 1 or more; no count is negative."
             )
@@ -152,3 +160,9 @@ class BenchConfig:
             raise ConfigurationError("perceivers must name at least one.")
         if not 0.25 <= self.scale <= 4 or not 0 <= self.exploration <= 1:
             raise ConfigurationError("scale lies in [0.25, 4] and exploration in [0, 1].")
+
+    @property
+    def chosen_arms(self) -> list[str]:
+        """The arms, each once."""
+        usual = ["off"] if self.planners else ["off", "on", "shuffled", "semantic", "best_theta"]
+        return list(dict.fromkeys(usual if self.arms is None else self.arms))

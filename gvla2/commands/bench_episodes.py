@@ -39,8 +39,8 @@ class EpisodeUnit:
 
     ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls
     nothing. ``bank`` is the file of the arm's frozen bank, "" where the arm has none; ``experiences`` are what an arm
-    without a file learns from; ``asked`` is what ``shuffled`` asks instead. ``film`` names a folder for complete run
-    pages.
+    without a file learns from; ``asked`` is what ``shuffled`` asks instead (None: nothing is to be had).
+    ``film`` names a folder for complete run pages.
     """
 
     config: BenchConfig
@@ -55,8 +55,8 @@ class EpisodeUnit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one episode; plain data. ``succeeded`` by profile; ``experience`` from exploration alone, one an
-    attempt and part.
+    """What became of one episode; plain data. ``succeeded`` by profile; ``spent`` is what planning took, by measure;
+    ``experience`` from exploration alone, one an attempt and part.
     """
 
     layout: int
@@ -64,6 +64,7 @@ class Outcome:
     seconds: float
     failure: str
     message: str
+    spent: Mapping[str, float | None]
     notes: Mapping[str, Any]
     experience: tuple[Experience, ...] = ()
 
@@ -168,18 +169,45 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         round(seconds, 3),
         failure or ("" if succeeded["eased"] else "unnoticed"),
         record.failure.message if record.failure else "",
+        spent_on(record),
         _notes(record),
         explored,
     )
 
 
+def spent_on(record: EpisodeRecord) -> dict[str, float | None]:
+    """Seconds of planning in all attempts and parts (None where there was none), and what language models took.
+
+    Checking belongs to planning: a plan that is rejected is asked for anew there.
+
+    ``calls`` cost tokens, ``cached`` ones did not; tokens are the server's own count, and None where it gave none.
+    """
+    timings = [each.timings for each in _all_of(record) if "plan" in each.timings]
+    planning = [each["plan"] + each.get("check", 0.0) for each in timings]
+    tallies = record.language.values()
+    counts: dict[str, float | None] = {
+        name: sum(tally.get(name, 0) for tally in tallies)
+        for name in ("calls", "cached", "prompt_tokens", "completion_tokens")
+    }
+    if any(tally.get("unmetered") for tally in tallies):
+        counts |= {"prompt_tokens": None, "completion_tokens": None}
+    return {"planning_seconds": round(sum(planning), 4) if planning else None, **counts}
+
+
+def _all_of(record: EpisodeRecord) -> list[EpisodeRecord]:
+    """The record and those of its earlier attempts and parts, and theirs."""
+    return [record, *(one for each in (*record.attempts, *record.parts) for one in _all_of(each))]
+
+
 def _notes(record: EpisodeRecord) -> dict[str, Any]:
     recalled, plan = record.recalled, record.plan
+    fallbacks = [each.plan.fallback for each in _all_of(record) if each.plan and each.plan.fallback]
     return {
         "instruction": record.instruction,
         "skill": plan.skill if plan else "",
         "skills": [part.plan.skill if part.plan else "" for part in record.whole],
-        "fallback": plan.fallback if plan else "",
+        "fallback": fallbacks[0] if fallbacks else "",
+        "language": {purpose: dict(tally) for purpose, tally in record.language.items()},
         "verdict": record.verdict.outcome if record.verdict else "",
         "quality": record.verdict.quality if record.verdict else None,
         "recalled": [item.id for item in recalled.items] if recalled else [],
@@ -244,7 +272,7 @@ def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
     with closing(registry.build(root, "memory")) as memory:
         if not has_file(registry, unit.arm):
             teach(memory, unit.experiences)
-        yield Frozen(memory) if unit.asked is None else Shuffled(memory, unit.asked)
+        yield Shuffled(memory, unit.asked) if unit.arm == "shuffled" else Frozen(memory)
 
 
 _kept: dict[str, Parts] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +36,24 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 
 SYNONYMS = {"grey": "gray", "pink": "rose", "turquoise": "teal"}
 """Other words that people use for the same colours."""
+
+FAMILIES: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(COLOURS, ()),
+    "blue": ("azure", "navy"), "light blue": ("azure", "cyan"), "sky blue": ("azure", "cyan"),
+    "dark blue": ("navy",), "navy blue": ("navy",), "azure blue": ("azure",), "bright blue": ("blue", "azure"),
+    "green": ("lime", "olive"), "light green": ("lime",), "bright green": ("lime",), "lime green": ("lime",),
+    "dark green": ("green",), "olive green": ("olive",), "khaki": ("olive",), "emerald": ("green",),
+    "purple": ("violet",), "violet": ("purple",), "lilac": ("violet",), "light purple": ("violet",),
+    "dark purple": ("purple",), "indigo": ("violet",), "magenta": (), "fuchsia": ("magenta",),
+    "pink": ("rose", "magenta"), "hot pink": ("magenta", "rose"), "bright pink": ("magenta", "rose"),
+    "dark pink": ("magenta", "rose"), "light gray": ("silver",), "gray": ("silver",), "silvery": ("silver",),
+    "dark gray": ("gray",), "brown": ("maroon", "olive"), "dark red": ("maroon",), "burgundy": ("maroon",),
+    "bright red": ("red",), "crimson": ("red",), "scarlet": ("red",), "turquoise": ("teal", "cyan"),
+    "blue green": ("teal",), "aqua": ("cyan",), "dark cyan": ("teal",), "gold": ("yellow",), "golden": ("yellow",),
+    "bright yellow": ("yellow",), "dark yellow": ("olive",), "beige": ("silver",),
+}  # fmt: skip
+"""What people say to the colour words of :data:`COLOURS` that they may mean where nothing is called so itself: basic
+terms to their shades, never a shade to its basic term. Red is red alone: maroon is told from it at a glance."""
 
 TOLD_APART = 30.0
 """Distance (see :func:`colour_distance`) from which two surfaces are told apart in any light: no two shades of one
@@ -79,6 +98,18 @@ def nearest_colours(rgb: ArrayLike, k: int = 3) -> tuple[tuple[str, float], ...]
     distances = colour_distance(np.array([COLOURS[name] for name in names]), rgb)
     order = np.argsort(distances, kind="stable")[:k]
     return tuple((names[i], float(distances[i])) for i in order)
+
+
+def meant_by(word: str, present: Iterable[str]) -> str:
+    """The one colour of ``present`` (words of :data:`COLOURS`) that people mean by ``word``; "" for none or several.
+
+    A thing that is called so comes first: where there is a blue one, "blue" never means the navy one.
+    """
+    here = set(present)
+    if word in here:
+        return word
+    found = [name for name in FAMILIES.get(word, ()) if name in here]
+    return found[0] if len(found) == 1 else ""
 
 
 def colours_in(sentence: str) -> tuple[str, ...]:

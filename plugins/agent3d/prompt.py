@@ -11,14 +11,13 @@ from gvla2.planning.programs import told
 from gvla2.planning.scene_brief import SceneBrief
 
 RELATIVE = """\
-You plan the path of a robot hand. A waypoint is [name, dx, dy, up, g]: the fingertips go dx and dy \
-mm beside the middle of the named thing (x leads away from the robot, y to its left) and up mm above \
-its top, negative below it; g is 1 for an open hand, 0 for a closed one. A waypoint may also be \
-[name, other, along, up, g]: along mm from the middle of the named thing towards the other one, \
-negative away from it. To carry a thing, go above it with the hand open, go down to it, close, rise, \
-go above the goal, go down, open. To push a thing over the table, start behind it with the hand \
-closed and go to the goal. To press a button, go down on it with the hand closed. Answer with the \
-list of waypoints only."""
+You plan the path of a robot hand as waypoints [name, dx, dy, up, g]: the fingertips go dx, dy mm \
+beside the middle of the named thing and up mm above its top (negative: below its top); g is 1 for \
+an open hand and 0 for a closed one. A waypoint may also be [name, other, along, up, g]: along mm \
+from the middle of the named thing towards the other one (negative: away from it). x points away \
+from the robot, y to its left. To carry a thing, go above it open, go down to it open, close, rise, \
+go above the goal, open. To push a thing along the table, keep the hand closed behind it and move it \
+to the goal. To press, go down on it with the hand closed."""
 BARE = """\
 You plan the path of a robot hand. A waypoint is [x, y, z, g]: where the fingertips go in mm, x away \
 from the robot, y to its left, z above the table; g is 1 for an open hand, 0 for a closed one. To \
@@ -31,8 +30,8 @@ EXAMPLE_THINGS = {
 }
 EXAMPLE_TASK = "drop the sponge into the bowl"
 EXAMPLE_PATH = {
-    False: '[["tan_sponge",0,0,80,1],["tan_sponge",0,0,-20,1],["tan_sponge",0,0,-20,0],["tan_sponge",0,0,150,0],'
-    '["white_bowl",0,0,120,0],["white_bowl",0,0,20,1]]',
+    False: '[["tan_sponge",0,0,100,1],["tan_sponge",0,0,-20,1],["tan_sponge",0,0,-20,0],'
+    '["tan_sponge",0,0,120,0],["white_bowl",0,0,100,0],["white_bowl",0,0,20,1]]',
     True: "[[100,50,120,1],[100,50,20,1],[100,50,20,0],[100,50,190,0],[300,-100,180,0],[300,-100,80,1]]",
 }
 
@@ -40,9 +39,9 @@ EXAMPLE_PATH = {
 def messages(request: PlanRequest, brief: SceneBrief, *, bare: bool, programs: int) -> list[Message]:
     """The question. Memory stands between marks, as data: it can advise, and the checks hold whatever it says."""
     blocks = [_block(EXAMPLE_THINGS[bare], EXAMPLE_TASK, EXAMPLE_PATH[bare])]
-    if remembered := _remembered(request, brief, programs if not bare else 0):
-        blocks.append(remembered)
-    blocks.append(_block(brief.text, _one_line(request.instruction), ""))
+    remembered, about = _remembered(request, brief, programs if not bare else 0)
+    things = "\n".join(filter(None, (_by_relevance(brief, request.instruction, about), remembered)))
+    blocks.append(_block(things, _one_line(request.instruction), ""))
     asked: list[Message] = [
         {"role": "system", "content": BARE if bare else RELATIVE},
         {"role": "user", "content": "\n\n".join(blocks)},
@@ -55,21 +54,40 @@ def _block(things: str, task: str, path: str) -> str:
     return "\n".join([*lines, path] if path else lines)
 
 
-def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> str:
-    lines = []
+def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> tuple[str, list[str]]:
+    """What succeeded before, in the form of the question, and what else memory says, between marks, as data; and the
+    names that these paths are about.
+    """
+    blocks: list[str] = []
+    about: list[str] = []
     for program in request.advice.programs:
-        if program.language != "waypoints" or len(lines) == programs:
+        if program.language != "waypoints" or len(blocks) == programs:
             continue
         steps = told(program, request.scene, brief.names, request.instruction)
-        if steps is None:
-            continue
-        path = json.dumps([list(s) for s in steps], separators=(",", ":"))
-        lines.append(f"- {_one_line(program.instruction)}: {path} succeeded")
+        if steps is not None:
+            about += [part for step in steps for part in step[:2] if isinstance(part, str)]
+            path = json.dumps([list(s) for s in steps], separators=(",", ":"))
+            blocks.append(
+                f"Task: {_one_line(program.instruction)}\nPath (succeeded, with the names of now):\n{path}"
+            )
     text = request.advice.text.strip()
-    if not lines and not text:
-        return ""
-    told_before = "\n".join(["Paths of tasks like this one, with the names of now:", *lines] if lines else [])
-    return "\n".join(["<memory>", *filter(None, (told_before, text)), "</memory>"])
+    if not blocks and not text:
+        return "", []
+    return "\n".join(["<memory>", *([text] if text else []), *blocks, "</memory>"]), about
+
+
+def _by_relevance(brief: SceneBrief, instruction: str, about: Sequence[str]) -> str:
+    """The lines of the brief, those first that remembered paths are about or the task names: small models begin with
+    what they read first.
+    """
+    said = instruction.casefold()
+
+    def rank(line: str) -> tuple[int, int]:
+        name = line.partition(" ")[0]
+        found = [said.find(word) for word in name.split("_") if len(word) > 2 and word in said]
+        return (0 if name in about else 1, -len(found))
+
+    return "\n".join(sorted(brief.text.splitlines(), key=rank))
 
 
 def _one_line(text: str) -> str:

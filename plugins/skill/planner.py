@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import cast
 
-from gvla2.planning.calls import SkillCall, SkillOptions
+import numpy as np
+
+from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
-from gvla2_plugins.skill import SkillConfig
-from gvla2_plugins.skill.exceptions import excepted
-from gvla2_plugins.skill.grammar import Intent, parse
-from gvla2_plugins.skill.grounding import Grounded, ground, ground_button
+from gvla2_plugins.skill import SkillConfig, lexicon
+from gvla2_plugins.skill.grammar import parse
+from gvla2_plugins.skill.grounding import Grounded, ground, ground_all, ground_button, ground_worked, strange
+from gvla2_plugins.skill.intents import Denial, Intent
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
-from gvla2_plugins.skill.worked import ground_worked
 
-WORKED = ("open", "close", "pull", "twist")
-"""Verbs that ask for something to be worked; the core tells how."""
+SLACK = 0.002
+"""By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
+MOVING = ("pick", "fetch", "place", "pull")
+"""Skills that take a thing from where it is."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +39,8 @@ class SkillPlanner:
 
     def __init__(self, config: SkillConfig) -> None:
         self.config = config
-        self.options = SkillOptions(
-            config.lift_height, config.push_distance, config.speed, config.contact_speed,
-            config.tries, config.explore, config.explore_seed,
-        )  # fmt: skip
+        names = (f.name for f in fields(SkillOptions))
+        self.options = SkillOptions(**{name: getattr(config, name) for name in names})
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
@@ -54,95 +56,101 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     pairs = sorting(sentence, scene, spelling)
     if isinstance(pairs, Abstention):
         return pairs
-    if pairs is not None:
+    if pairs:
         return Reading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
     intent = parse(sentence, [o.label for o in scene.objects], spelling)
     if refusal := _not_understood(intent, sentence):
         return refusal
-    out = excepted(intent, scene)
+    out = _excepted(intent, scene)
     if isinstance(out, Abstention):
         return out
     theme = _theme(intent, scene, out)
     if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
-        # "Get the block on the square", where no block is on a square: it is to go there.
         intent, theme = aimed, _theme(aimed, scene, out)
     if isinstance(theme, Abstention):
         return theme
-    goal = _goal(intent, theme.object, scene, out)
+    call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
+    notes = (*intent.notes, *theme.notes)
+    skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
+    if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
+        return Reading((call,), notes)
+    goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
         return goal
-    if goal is not None and intent.relation == "in" and _solid(goal.object):
-        return Abstention("other", f"The {goal.object.label} is not seen to be open: nothing goes into it.")
-    notes = (*intent.notes, *theme.notes, *(goal.notes if goal is not None else ()))
-    return Reading((_call(intent, theme.object, goal),), notes)
+    if intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
+        return Abstention("other", why)
+    call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
+    return Reading((call,), (*notes, *goal.notes))
 
 
 def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:
     """What it is done to, none of ``out``. Without a name, the one thing that can be moved, if there is only one."""
-    phrase = intent.theme or Phrase("it", pronoun=True)
     seen = replace(scene, objects=tuple(o for o in scene.objects if o.id not in out))
     if intent.skill == "press":
         return ground_button(intent.theme, seen)
-    return ground_worked(phrase, seen) if intent.skill in WORKED else ground(phrase, seen, movable=True)
+    phrase = intent.theme or Phrase("it", pronoun=True)
+    worked = intent.skill in lexicon.WORKED
+    return ground_worked(phrase, seen) if worked else ground(phrase, seen, movable=True)
 
 
-def _goal(
-    intent: Intent, theme: SceneObject, scene: Scene, out: frozenset[str]
-) -> Grounded | Abstention | None:
-    """The goal, looked for only where what is meant has one: "pull the drawer out of the cabinet" has none."""
-    if intent.goal is None or intent.skill == "press":
-        return None
-    skill = suited(intent.skill, theme, scene, aimed=True)
-    if STANDARD[skill].role("goal") is None:
-        return None
-    return ground(intent.goal, scene, exclude=frozenset({theme.id}) | out)
-
-
-def _solid(thing: SceneObject) -> bool:
-    shut = thing.shape in ("box", "cylinder", "sphere") and not thing.opening and not thing.parent
-    return shut and thing.label.split()[-1:] in (
-        ["cube"],
-        ["box"],
-        ["cylinder"],
-        ["ball"],
-        ["brick"],
-        ["can"],
-    )
-
-
-def _call(intent: Intent, theme: SceneObject, goal: Grounded | None) -> SkillCall:
-    relation = intent.relation if goal is not None else ""
-    return SkillCall(
-        intent.skill,
-        theme.id,
-        goal.object.id if goal is not None else "",
-        relation=relation,  # type: ignore[arg-type]
-        amount=intent.amount,
-        direction=intent.direction if goal is None else None,
-    )
+def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
+    """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
+    if goal.shape == "region" or goal.parent:
+        return ""
+    solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
+    if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
+        return f"The {goal.label} is not seen to be open: nothing goes into it."
+    room = goal.opening or float(np.max(goal.extents[:2]))
+    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # whichever way it is turned
+        return f"The {theme.label} is too large to go into the {goal.label}."
+    return ""
 
 
 def _aimed(intent: Intent) -> Intent | None:
     """A taking of what is said to be on something, read as putting it there; None for any other."""
-    landmark = intent.theme.landmark if intent.theme is not None else None
-    if (
-        intent.skill != "pick"
-        or intent.theme is None
-        or landmark is None
-        or landmark[0] not in ("on", "in", "to")
-    ):
+    relation, goal = (intent.theme and intent.theme.landmark) or ("", None)
+    if intent.skill != "pick" or intent.theme is None or relation not in ("on", "in", "to"):
         return None
-    theme, goal = replace(intent.theme, landmark=None), landmark[1]
-    return replace(intent, skill="place", theme=theme, goal=goal, relation=landmark[0])
+    theme = replace(intent.theme, landmark=None)
+    return replace(intent, skill="place", theme=theme, goal=goal, relation=relation)
 
 
 def _not_understood(intent: Intent, instruction: str) -> Abstention | None:
     asked = " ".join(instruction.split())[:200]
-    known = ", ".join(STANDARD)
-    if (intent.skill and intent.skill not in STANDARD) or (not intent.skill and intent.trouble):
-        return Abstention("unknown_skill", f"'{asked}': {intent.trouble}; it can {known}.")
-    if not intent.skill:
-        return Abstention("unknown_skill", f"'{asked}' has no verb that this planner knows; it can {known}.")
-    if intent.trouble:
-        return Abstention("other", f"'{asked}': {intent.trouble}.")
-    return None
+    trouble = intent.trouble or ("" if intent.skill else "it has no verb that this planner knows")
+    if intent.skill not in STANDARD:
+        return Abstention("unknown_skill", f"'{asked}': {trouble}; it can {', '.join(STANDARD)}.")
+    return Abstention("other", f"'{asked}': {trouble}.") if trouble else None
+
+
+def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
+    """The ids that a sentence rules out; a refusal where what it rules out cannot be told or leaves nothing to do."""
+    out: set[str] = set()
+    for denial in intent.denials:
+        words = denial.text.split()
+        mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
+        if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
+            continue  # planning avoids it anyway; "not the others"
+        phrase = denial.phrase
+        if phrase is None or phrase.pronoun or phrase.everywhere:
+            if not _apart(denial, intent):
+                return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")
+            continue
+        found = ground_all(phrase, scene)
+        if not denial.verbs and (not found or all(strange(phrase, o) for o in found)):
+            return Abstention("nothing_matches", f"What is meant by not '{denial.text}' cannot be told.")
+        if phrase.unknown and not found and not _apart(denial, intent):
+            return Abstention("other", f"What is not to be done, '{denial.text}', is not understood.")
+        out |= {o.id for o in found}
+    return frozenset(out)
+
+
+def _apart(denial: Denial, intent: Intent) -> bool:
+    """Whether a denial that names nothing leaves what is asked as it is: it is of another skill, and says no more."""
+    words = set(denial.text.split())
+    if words & lexicon.LETTING or not denial.verbs:
+        return bool(words & (lexicon.SUPPORTS | lexicon.STAYING)) and not words & lexicon.LETTING
+    skills = [s for s, phrases in lexicon.VERBS.items() if {p.split()[0] for p in phrases} & denial.verbs]
+    asked = {*MOVING} if intent.skill in MOVING else {intent.skill}
+    plain = denial.phrase is None or not denial.phrase.unknown
+    return plain and bool(skills) and not asked & set(skills)

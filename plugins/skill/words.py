@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from difflib import SequenceMatcher, get_close_matches
+from difflib import get_close_matches
 from functools import cache
 
+from gvla2.planning.colours import FAMILIES
 from gvla2_plugins.skill import lexicon
 
-_TOKEN = re.compile(r"\d+(?:\.\d+)?|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
-_DASH = re.compile(r"\s-+\s|[–—]")
-"""A dash between words is a stop; a hyphen inside a word is a space."""
+_TOKEN = re.compile(r"\d+(?:\.\d+)?|'s\b|[^\W\d_]+(?:'[^\W\d_]+)?|[,.;:!?]")
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
-VOWELS = "aeiou"
 
 
 def tokenise(sentence: str) -> list[str]:
@@ -21,31 +19,26 @@ def tokenise(sentence: str) -> list[str]:
     text = sentence.lower().replace("’", "'").replace("_", " ")
     text = re.sub(r"\bcan't\b|\bcannot\b", "can not", text)
     text = re.sub(r"n't\b", " not", text)
-    text = _DASH.sub(" , ", text).replace("-", " ")
-    tokens: list[str] = []
-    for token in _TOKEN.findall(text):
-        if token.endswith("'s") and token not in ("let's", "it's"):
-            tokens += [token[:-2], "'s"]
-        else:
-            tokens.append(token)
-    return tokens
+    text = re.sub(r"(?<!\blet)(?<!\bit)'s\b", " 's", text)
+    text = re.sub(
+        r"\s-+\s|[–—]", " , ", text
+    )  # a dash between words is a stop, a hyphen inside a word a space
+    return _TOKEN.findall(text.replace("-", " "))
 
 
 @cache
 def _verb_forms() -> dict[str, frozenset[str]]:
     """Inflected form to the verbs it can be a form of."""
-    bases = {
-        phrase.split()[0] for phrases in lexicon.VERBS.values() for phrase in phrases
-    } | lexicon.UNSUPPORTED
+    bases = {phrase.split()[0] for listed in lexicon.VERBS.values() for phrase in listed}
+    bases |= lexicon.UNSUPPORTED
     forms: dict[str, set[str]] = {}
     for base in bases:
         stem = base[:-1] if base.endswith("e") else base
         inflected = [base, base + "s", stem + "ed", stem + "ing"]
-        if base.endswith(("s", "sh", "ch", "x", "z", "o")):
-            inflected.append(base + "es")
-        if len(base) > 2 and base[-1] not in VOWELS + "wxy" and base[-2] in VOWELS:
+        inflected += [base + "es"] * base.endswith(("s", "sh", "ch", "x", "z", "o"))
+        if len(base) > 2 and base[-1] not in "aeiouwxy" and base[-2] in "aeiou":
             inflected += [base + base[-1] + "ed", base + base[-1] + "ing"]
-        if base.endswith("y") and base[-2] not in VOWELS:
+        if base.endswith("y") and base[-2] not in "aeiou":
             inflected += [base[:-1] + "ies", base[:-1] + "ied"]
         for form in inflected:
             forms.setdefault(form, set()).add(base)
@@ -61,19 +54,12 @@ def verbs_of(token: str) -> frozenset[str]:
     return _verb_forms().get(token, frozenset())
 
 
-def is_gerund(token: str) -> bool:
-    """Whether it is the -ing form of a known verb."""
-    return token.endswith("ing") and bool(verbs_of(token))
-
-
 @cache
 def _noun_classes() -> dict[str, str]:
-    classes: dict[str, str] = {}
-    for noun, words in lexicon.NOUNS.items():
-        for word in words:
-            for form in (word, word + "s", word + "es" if word.endswith(("s", "x", "sh", "ch")) else word):
-                classes.setdefault(form, noun)
-    return classes
+    words = [(word, noun) for noun, listed in lexicon.NOUNS.items() for word in listed]
+    es = ("s", "x", "sh", "ch")
+    plurals = [(word + ("es" if word.endswith(es) else "s"), noun) for word, noun in words]
+    return dict([*plurals, *words])
 
 
 def noun_class(token: str) -> str:
@@ -84,36 +70,30 @@ def noun_class(token: str) -> str:
 @cache
 def vocabulary() -> frozenset[str]:
     """Every word the grammar knows."""
-    words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.COLOUR_WORDS) | set(lexicon.UNITS)
-    words |= (
-        lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | lexicon.TABLE_WORDS | set(lexicon.NUMBERS)
-    )
-    tables: list[Iterable[str]] = [
-        *lexicon.SELECTORS.values(),
-        *lexicon.RELATIONS.values(),
-        *lexicon.VERBS.values(),
-    ]
-    tables += [lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS]
-    words |= {word for table in tables for phrase in table for word in phrase.split()}
-    words |= lexicon.WISHING | lexicon.SHINING | lexicon.HAND
-    words |= lexicon.STAYING | lexicon.IGNORING | lexicon.LETTING | lexicon.UNTOUCHED | lexicon.REMAINDER
-    words |= {word for pair in lexicon.SHADES for word in pair} | {unit + "s" for unit in lexicon.UNITS}
+    words = set(_verb_forms()) | set(_noun_classes()) | set(lexicon.UNITS) | {u + "s" for u in lexicon.UNITS}
+    for listed in (
+        lexicon.FILLERS, lexicon.DETERMINERS, lexicon.PRONOUNS, lexicon.TABLE_WORDS, lexicon.NUMBERS, lexicon.WISHING,
+        lexicon.SHINING, lexicon.HAND, lexicon.STAYING, lexicon.LETTING, lexicon.UNTOUCHED,
+        lexicon.REMAINDER, lexicon.DIRECTIONS, lexicon.UNTIL, lexicon.NEGATIONS, lexicon.SORTING, FAMILIES, {"grey"},
+        *lexicon.SELECTORS.values(), *lexicon.RELATIONS.values(), *lexicon.VERBS.values(),
+    ):  # fmt: skip
+        words |= {word for phrase in listed for word in phrase.split()}
     return frozenset(words - {"*"})
 
 
 def spell(
     tokens: Iterable[str], threshold: float, known: frozenset[str] = frozenset()
 ) -> tuple[list[str], list[str]]:
-    """Tokens with misspelt words replaced, and one sentence a replacement.
+    """Tokens with misspelt words replaced, and one sentence a replacement; ``known`` are further words that are right.
 
     A word of five letters or more is read as the one known word of the same initial that is so much alike; shorter
     ones only where they have the same letters (``pcik``), since one other letter makes another word (``pack``).
-    ``known`` are further words that are right (labels of the scene).
     """
     out, notes = [], []
     words = vocabulary() | known
     for token in tokens:
-        meant = token if token in words or len(token) < 4 or not token.isalpha() else _guess(token, threshold)
+        sound = token in words or len(token) < 4 or not token.isalpha() or threshold >= 1.0
+        meant = token if sound else _guess(token, threshold)
         if meant != token:
             notes.append(f"'{token}' was read as '{meant}'.")
         out.append(meant)
@@ -121,22 +101,14 @@ def spell(
 
 
 def _guess(token: str, threshold: float) -> str:
-    negations = {word for phrase in lexicon.NEGATIONS for word in phrase.split()}
-    telling = vocabulary() - lexicon.FILLERS - lexicon.DETERMINERS - lexicon.PRONOUNS - negations
-    near = [w for w in telling if w[0] == token[0] and w.endswith("ed") <= token.endswith("d")]
-    mixed = sorted(w for w in near if sorted(w) == sorted(token))
-    if mixed and threshold < 1.0:
+    small = lexicon.FILLERS | lexicon.DETERMINERS | lexicon.PRONOUNS | {"without", "never", "dont"}
+    alike = [w for w in sorted(vocabulary() - small) if w[0] == token[0]]
+    near = [w for w in alike if w.endswith("ed") <= token.endswith("d")]
+    if mixed := [w for w in near if sorted(w) == sorted(token)]:
         return mixed[0]
-    near = get_close_matches(token, near, n=4, cutoff=threshold) if len(token) > 4 and threshold < 1.0 else []
-    best = near[0] if near else token
-    rivals = [w for w in near if not (w.startswith(best) or best.startswith(w))]
-    return (
-        best if _alike(token, best) > max((_alike(token, w) for w in rivals), default=0.0) + 0.05 else token
-    )
-
-
-def _alike(one: str, other: str) -> float:
-    return SequenceMatcher(None, other, one).ratio()
+    best, *rivals = (get_close_matches(token, near, 4, threshold) if len(token) > 4 else []) or [token]
+    same = [w for w in rivals if not (w.startswith(best) or best.startswith(w))]  # no other form of it
+    return token if same else best
 
 
 def take_length(tokens: list[str]) -> tuple[list[str], float | None]:

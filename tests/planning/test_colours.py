@@ -5,11 +5,13 @@ from hypothesis import strategies as st
 
 from gvla2.planning.colours import (
     COLOURS,
+    FAMILIES,
     TOLD_APART,
     appearance,
     colour_distance,
     colours_in,
     lab,
+    meant_by,
     nearest_colours,
 )
 
@@ -66,3 +68,24 @@ def test_nearest_colours_come_in_order():
 )
 def test_colours_in_a_sentence(sentence, words):
     assert colours_in(sentence) == words
+
+
+@pytest.mark.parametrize(
+    ("word", "present", "meant"),
+    [
+        ("blue", ["azure", "red"], "azure"),
+        ("blue", ["azure", "blue"], "blue"),
+        ("blue", ["azure", "navy"], ""),
+        ("pink", ["magenta", "gray"], "magenta"),
+        ("dark blue", ["navy", "azure"], "navy"),
+        ("red", ["maroon"], ""),
+        ("maroon", ["red"], ""),
+        ("azure", ["blue"], ""),
+    ],
+)
+def test_people_mean_a_shade_by_its_basic_term_where_there_is_only_one(word, present, meant):
+    assert meant_by(word, present) == meant
+
+
+def test_families_hold_known_colours():
+    assert {name for shades in FAMILIES.values() for name in shades} <= set(COLOURS)

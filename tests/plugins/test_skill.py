@@ -243,7 +243,8 @@ def test_a_landmark_decides_too(arm):
 def test_no_other_colour_and_no_other_kind_stands_in_for_what_is_not_there(arm):
     lime = cube("a", "lime", (0.35, 0.1))
     can = thing("c", "blue box", "box", (0.35, 0.1), (0.05, 0.05, 0.08))
-    assert refusal(plan(arm, "pick up the green cube", lime, BLUE)) == "nothing_matches"
+    assert refusal(plan(arm, "pick up the teal cube", lime, BLUE)) == "nothing_matches"
+    assert plan(arm, "pick up the green cube", lime, BLUE).roles["theme"] == "a"
     assert plan(arm, "pick up the green cube", lime, cube("g", "green", (0.3, -0.1))).roles["theme"] == "g"
     for sentence in ("pick up the blue cylinder", "pick up the can", "put the blue mug on the red cube"):
         assert refusal(plan(arm, sentence, can, RED)) == "nothing_matches"

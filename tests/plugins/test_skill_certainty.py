@@ -104,3 +104,39 @@ def test_a_kind_is_believed_of_the_only_thing_of_its_noun():
     two = scene(*TRAY.objects, thing("z", "white bottle", "cylinder", (0.5, 0.0)))
     assert isinstance(read("put the mustard bottle in the tray", two), Abstention)
     assert read("put the knife block on the green box", TRAY).calls[0].theme == "k"
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "lift the blue cube, but don't let it leave the table",
+        "lift the blue cube, but do not let go of the table",
+        "put the blue cube on the maroon cube but keep it on the table",
+        "lift the blue cube but don't move it",
+        "lift the blue cube, not too high",
+    ],
+)
+def test_a_prohibition_that_is_not_understood_declines(sentence):
+    assert isinstance(read(sentence, CUBES), Abstention)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "theme"),
+    [
+        ("lift the green cube", "l"),
+        ("lift the dark red cube", "m"),
+        ("I'm cleaning up, so lift the lime cube", "l"),
+        ("lift the blue cube so I can wipe the desk", "b"),
+    ],
+)
+def test_people_name_shades_by_their_family_and_tell_what_they_are_at(sentence, theme):
+    assert read(sentence, CUBES).calls[0].theme == theme
+
+
+def test_what_is_too_large_for_an_opening_does_not_go_into_it():
+    tray = thing("t", "gray tray", "box", (0.1, 0.0), 0.04)
+    cube = thing("b", "blue cube", "box", (0.3, 0.0))
+    found = read("put the blue cube into the tray", scene(tray, cube))
+    assert isinstance(found, Abstention)
+    assert "too large" in found.message
+    assert read("put the blue cube on the tray", scene(tray, cube)).calls[0].goal == "t"

@@ -58,8 +58,7 @@ slide the ring down the red pillar
 move the block to the target without lifting it
 without picking it up, move the cube to the square
 glide the block to the square""",
-    "press": """bring the lamp to light
-get the lamp lit
+    "press": """get the lamp lit
 bring the lamp to life
 make the lamp work
 flip the switch up""",

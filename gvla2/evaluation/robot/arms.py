@@ -45,15 +45,18 @@ class Frozen:
 class Shuffled(Frozen):
     """A frozen memory that is always asked about another task: what comes back was learnt there.
 
-    The control for "any memory would have helped": as many records, as much text, the wrong lessons.
+    The control for "any memory would have helped": as many records, as much text, the wrong lessons. Where no other
+    task left any experience (``asked`` is None) nothing comes back, and never the task's own.
     """
 
-    def __init__(self, memory: Memory, asked: MemoryTask) -> None:
+    def __init__(self, memory: Memory, asked: MemoryTask | None) -> None:
         super().__init__(memory)
         self._asked = asked
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """What the memory recalls for the other task."""
+        if self._asked is None:
+            return MemoryContext((), "", "no other task left experience")
         return super().recall(self._asked)
 
 
@@ -66,11 +69,10 @@ class BestTheta:
 
     def __init__(self, experiences: Sequence[Experience]) -> None:
         won = [e for e in experiences if e.verdict.outcome == "verified_success"]
-        told = [Effect.from_json(lesson.effect) for e in won for lesson in e.episode.lessons if lesson.effect]
+        told = [lesson.effect for e in won for lesson in e.episode.lessons if lesson.effect]
         tried: dict[tuple[str, str], list[Effect]] = {}
-        for effect in told:
-            if effect.kind == "prior":
-                tried.setdefault((effect.skill, effect.parameter), []).append(effect)
+        for effect in (Effect.from_json(one) for one in told if one.get("kind") == "prior"):
+            tried.setdefault((effect.skill, effect.parameter), []).append(effect)
         self._best = [
             replace(some[0], value=fmean(one.value for one in some), sd=0.0, count=CERTAIN)
             for some in tried.values()

@@ -48,14 +48,22 @@ def layout_seed(seed: int, episode: int) -> int:
     return STRIDE * (seed + 1) + episode
 
 
-def check_seeds(episodes: int, exploration_seeds: Sequence[int]) -> None:
-    """Raises :class:`ConfigurationError` where exploration could meet a test's layout."""
+def check_seeds(episodes: int, exploration_seeds: Sequence[int], layouts: Sequence[int] = ()) -> None:
+    """Raises :class:`ConfigurationError` where exploration could meet a test's layout.
+
+    ``layouts`` are those of the test where they are named, instead of ``episodes`` for each seed.
+    """
     if episodes > STRIDE:
         raise ConfigurationError(f"episodes is {episodes}; {STRIDE} at most fit to one seed.")
     bad = [seed for seed in exploration_seeds if not 0 <= seed < STRIDE]
     if bad:
         raise ConfigurationError(
             f"exploration_seeds {bad} do not lie in [0, {STRIDE}): further ones lay out the test."
+        )
+    met = sorted(set(exploration_seeds) & set(layouts))
+    if met:
+        raise ConfigurationError(
+            f"layouts {met} are among the exploration_seeds: what was explored cannot test. Name others."
         )
 
 
@@ -67,8 +75,14 @@ def ordered(tasks: Sequence[str]) -> list[str]:
 
 def stand_in(task: str, tasks: Sequence[str]) -> str:
     """The task whose memories ``shuffled`` gives to ``task``: the next one of those chosen, or of the paper's."""
+    return others_of(task, tasks)[0]
+
+
+def others_of(task: str, tasks: Sequence[str]) -> list[str]:
+    """The tasks that could stand in for ``task``, the next one first: its own is never among them."""
     circle = list(tasks) if len(tasks) > 1 else [task, *(name for name in PAPER if name != task)]
-    return circle[(circle.index(task) + 1) % len(circle)]
+    place = circle.index(task)
+    return circle[place + 1 :] + circle[:place]
 
 
 GRASP = ("slipped",)
@@ -81,8 +95,12 @@ def failure_class(record: EpisodeRecord) -> str:
     """Where an episode that did not reach its goal went wrong, in one of ten words; "" for no failure.
 
     ``unnoticed``: the robot's own verifier saw nothing wrong. ``not_achieved``: it ran to its end and saw for itself.
+    ``unavailable`` whatever became of it where the planner's model answered nothing: the plan, if any, was another's.
     """
     failure = record.failure
+    asked = record.language.get("plan", {})
+    if asked.get("failed") and not asked.get("calls") and not asked.get("cached"):
+        return "unavailable"
     if failure is None:
         return ""
     if failure.kind in NOT_MEASURED:

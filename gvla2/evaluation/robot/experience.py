@@ -38,10 +38,11 @@ class Experience:
         """From :meth:`to_json`'s object."""
         told, judged = dict(data["episode"]), dict(data["verdict"])
         told.pop("recalled", None)
+        asked = dict(told["task"])
         episode = MemoryEpisode(
             **{
                 **told,
-                "task": MemoryTask(**told["task"]),
+                "task": MemoryTask(**{**asked, "things": tuple(asked.get("things", ()))}),
                 "lessons": tuple(Lesson(**lesson) for lesson in told["lessons"]),
             }
         )

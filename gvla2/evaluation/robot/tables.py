@@ -12,17 +12,26 @@ from textwrap import shorten
 from gvla2.evaluation.paired import Pair, exact_mcnemar, holm, pooled_difference, won_and_lost
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.robot.design import PAPER, PROFILES, SUITE, ordered
+from gvla2.evaluation.robot.planners import (
+    NONE,
+    arm_of,
+    arms_of,
+    columns_of,
+    planner_sheet,
+    success_lines,
+    unmeasured,
+)
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone
-from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
+from gvla2.evaluation.statistics import mean_and_deviation
 
-GROUPS = ("robot", "perceiver", "planner", "verifier", "depth_noise", "scale")
-"""Factors that cells of one table have in common."""
-FIRST = ("off", "on")
+HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale")
+"""Factors that planners must have in common to be compared."""
+PLANNER = ("planner", "model")
+"""Factors that the arms of a table have in common besides."""
 SURE = 0.05
 """An adjusted p below it is coloured."""
 LONGEST_REASON = 200
 """Characters of a failure's message below its film; the run page has all of it."""
-NONE = SheetCell(("not measured",), none=True)
 
 SUCCESS = (
     "Success in per cent over episodes with its 95 % Wilson interval; the mean over tasks ± standard deviation over "
@@ -78,38 +87,42 @@ _Episodes = Mapping[tuple[str, str], Mapping[tuple[str, str], Cell]]
 
 
 def make_robot_tables(cells: Iterable[Cell], layout: RobotLayout) -> list[RobotTable]:
-    """For each group its success by profile, the differences between arms, and the failures."""
+    """For each group its planners side by side, its success by profile, the differences between arms, the failures."""
+    given = list(cells)
+    order = {_of(cell, PLANNER): place for place, cell in reversed(list(enumerate(given)))}
     latest: dict[tuple[str, ...], Cell] = {}
-    for cell in sorted(cells, key=lambda cell: cell.run):
-        latest[
-            tuple(
-                str(cell.factors.get(n, "")) for n in (*GROUPS, "task", "arm", "profile", "seed", "episode")
-            )
-        ] = cell
+    for cell in sorted(given, key=lambda cell: cell.run):
+        which = (*PLANNER, "task", "arm", "teacher", "profile", "seed", "episode")
+        latest[_of(cell, HOUSE) + _of(cell, which)] = cell
     tables = []
-    for group, found in groupby(sorted(latest.items()), key=lambda item: item[0][: len(GROUPS)]):
-        kept = [cell for _, cell in found]
-        said = ", ".join(f"{name} {value}" for name, value in zip(GROUPS, group, strict=True))
-        tables += _of_group(kept, f"{layout.title} ({said})", layout)
+    kept = sorted(latest.values(), key=lambda cell: (_of(cell, HOUSE), order[_of(cell, PLANNER)]))
+    for _, found in groupby(kept, key=lambda cell: _of(cell, HOUSE)):
+        tables += _of_house(list(found), layout)
     return tables
 
 
-def _of_group(cells: Sequence[Cell], title: str, layout: RobotLayout) -> list[RobotTable]:
+def _of(cell: Cell, names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(str(cell.factors.get(name, "")) for name in names)
+
+
+def _of_house(cells: Sequence[Cell], layout: RobotLayout) -> list[RobotTable]:
+    by_planner = {which: list(some) for which, some in groupby(cells, key=lambda cell: _of(cell, PLANNER))}
     runs = tuple(sorted({cell.run for cell in cells}))
     tasks = ordered([str(cell.factors["task"]) for cell in cells])
-    present = dict.fromkeys(str(cell.factors["arm"]) for cell in cells)
-    arms = [arm for arm in FIRST if arm in present] + sorted(set(present) - set(FIRST))
-    by_profile = {profile: _episodes(cells, profile) for profile in PROFILES}
-    sheets = [
-        _success(found, tasks, arms, f"{title}: success, {profile}", runs)
-        for profile, found in by_profile.items()
-    ]
-    if len(arms) > 1:
-        sheets.append(_effects(by_profile, tasks, arms, f"{title}: what memory adds", runs))
-    unmeasured = Counter(
-        str(cell.factors["arm"]) for cell in cells if cell.factors.get("profile") == "eased" and _gap(cell)
-    )
-    sheets.append(_failures(by_profile["eased"], unmeasured, tasks, arms, f"{title}: failures", runs))
+    sheets: list[Sheet] = []
+    if len(by_planner) > 1 or any(
+        cell.measures.get("calls") or cell.measures.get("cached") for cell in cells
+    ):
+        title = f"{layout.title} ({_said(cells[0], HOUSE)})"
+        columns = columns_of(cells)
+        sheets += [
+            planner_sheet(columns, tasks, profile, f"{title}: planners, {profile}", runs, profile == "eased")
+            for profile in PROFILES
+        ]
+        sheets.append(_failures(columns, tasks, f"{title}: failures", runs))
+    for found in by_planner.values():
+        own = ordered([str(cell.factors["task"]) for cell in found])
+        sheets += _of_planner(found, own, layout, runs, bool(sheets))
     films = tuple(film for cell in cells if (film := _film(cell)) is not None)
     return [
         RobotTable(layout, sheet, runs, films if place == len(sheets) - 1 else ())
@@ -117,17 +130,37 @@ def _of_group(cells: Sequence[Cell], title: str, layout: RobotLayout) -> list[Ro
     ]
 
 
-def _gap(cell: Cell) -> bool:
-    """Whether the episode says nothing of its arm: the planner did not answer in time, or its model was not there."""
-    return cell.measures.get("success") is None
+def _said(cell: Cell, names: Sequence[str]) -> str:
+    return ", ".join(f"{name} {value}" for name in names if (value := str(cell.factors.get(name, ""))))
+
+
+def _of_planner(
+    cells: Sequence[Cell], tasks: Sequence[str], layout: RobotLayout, runs: tuple[int, ...], compared: bool
+) -> list[Sheet]:
+    """What memory does for one planner; nothing where it is off and the planner was ``compared`` above."""
+    arms = arms_of(cells)
+    if compared and len(arms) == 1:
+        return []
+    title = f"{layout.title} ({_said(cells[0], (*HOUSE, *PLANNER))})"
+    by_profile = {profile: _episodes(cells, profile) for profile in PROFILES}
+    sheets = [
+        _success(found, tasks, arms, f"{title}: success, {profile}", runs)
+        for profile, found in by_profile.items()
+    ]
+    if len(arms) > 1:
+        sheets.append(_effects(by_profile, tasks, arms, f"{title}: what memory adds", runs))
+    if not compared:
+        columns = {f"memory {arm}": [c for c in cells if arm_of(c) == arm] for arm in arms}
+        sheets.append(_failures(columns, tasks, f"{title}: failures", runs))
+    return sheets
 
 
 def _episodes(cells: Sequence[Cell], profile: str) -> _Episodes:
     found: dict[tuple[str, str], dict[tuple[str, str], Cell]] = {}
     for cell in cells:
         f = cell.factors
-        if f.get("profile") == profile and not _gap(cell):
-            place = str(f["task"]), str(f["arm"])
+        if f.get("profile") == profile and not unmeasured(cell):
+            place = str(f["task"]), arm_of(cell)
             found.setdefault(place, {})[str(f["seed"]), str(f["episode"])] = cell
     return found
 
@@ -159,13 +192,8 @@ def _success(
 def _rate(cells: Mapping[tuple[str, str], Cell], gain: int | None) -> SheetCell:
     if not cells:
         return NONE
-    won = sum(bool(cell.measures["success"]) for cell in cells.values())
-    low, high = wilson_interval(won, len(cells))
     tone: Tone = "" if not gain else "better" if gain > 0 else "worse"
-    return SheetCell(
-        (f"{100 * won / len(cells):.1f}", f"[{100 * low:.0f}, {100 * high:.0f}] {won}/{len(cells)}"),
-        tone=tone,
-    )
+    return SheetCell(success_lines(list(cells.values())), tone=tone)
 
 
 def _mean(found: _Episodes, tasks: Sequence[str], arm: str) -> SheetCell:
@@ -208,7 +236,9 @@ def _effects(
     runs: tuple[int, ...],
 ) -> Sheet:
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
-    against += [("on", arm) for arm in arms if arm not in ("on", "off") and "on" in arms]
+    for arm in arms:
+        on = f"on{arm[len(arm.split(' (')[0]) :]}"  # taught alike
+        against += [(on, arm)] if arm not in (on, "off") and on in arms else []
     rows = []
     for second, first in against:
         cells = [_effect(by_profile[profile], tasks, first, second) for profile in PROFILES]
@@ -239,30 +269,26 @@ def _effect(found: _Episodes, tasks: Sequence[str], first: str, second: str) -> 
 
 
 def _failures(
-    found: _Episodes,
-    unmeasured: Mapping[str, int],
-    tasks: Sequence[str],
-    arms: Sequence[str],
-    title: str,
-    runs: tuple[int, ...],
+    columns: Mapping[str, Sequence[Cell]], tasks: Sequence[str], title: str, runs: tuple[int, ...]
 ) -> Sheet:
-    by_arm = {arm: [c for task in tasks for c in found.get((task, arm), {}).values()] for arm in arms}
-    counts = {arm: Counter(str(c.notes.get("failure", "")) for c in cells) for arm, cells in by_arm.items()}
-    classes = sorted({name for counted in counts.values() for name in counted if name})
+    eased = {name: [c for c in some if c.factors.get("profile") == "eased"] for name, some in columns.items()}
+    gaps = {name: sum(unmeasured(cell) for cell in some) for name, some in eased.items()}
+    sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in eased.items()}
+    counts = {name: Counter(str(c.notes.get("failure", "")) for c in some) for name, some in sound.items()}
     rows: list[SheetRow] = []
 
     def add(label: str, tell: Callable[[str], str]) -> None:
-        rows.append(SheetRow(label, tuple(SheetCell((tell(arm),)) for arm in arms)))
+        rows.append(SheetRow(label, tuple(SheetCell((tell(name),)) for name in columns)))
 
-    for name in classes:
-        add(name.replace("_", " "), lambda arm, name=name: str(counts[arm][name]))  # type: ignore[misc]
-    add("episodes", lambda arm: str(len(by_arm[arm])))
-    if any(unmeasured.values()):
-        add("not measured", lambda arm: str(unmeasured.get(arm, 0)))
-    add("verifier agrees", lambda arm: _agreement(by_arm[arm]))
-    add("seconds, median", lambda arm: _median(by_arm[arm]))
+    for kind in sorted({kind for counted in counts.values() for kind in counted if kind}):
+        add(kind.replace("_", " "), lambda name, kind=kind: str(counts[name][kind]))  # type: ignore[misc]
+    add("episodes", lambda name: str(len(sound[name])))
+    if any(gaps.values()):
+        add("not measured", lambda name: str(gaps[name]))
+    add("verifier agrees", lambda name: _agreement(sound[name]))
+    add("seconds, median", lambda name: _median(sound[name]))
     footnote = f"{len(tasks)} tasks; runs {', '.join(map(str, runs))} of the results database."
-    return Sheet(title, tuple(f"memory {arm}" for arm in arms), tuple(rows), footnote, FAILURES)
+    return Sheet(title, tuple(columns), tuple(rows), footnote, FAILURES)
 
 
 def _agreement(cells: Sequence[Cell]) -> str:
@@ -281,6 +307,7 @@ def _film(cell: Cell) -> Film | None:
     if not folder:
         return None
     f, notes = cell.factors, cell.notes
-    said = f"{f['task']}, memory {f['arm']}, layout {notes.get('layout')}: {notes.get('failure')}"
+    who = f"{f.get('planner', '')}, {f['task']}, memory {arm_of(cell)}, layout {notes.get('layout')}"
+    said = f"{who}: {notes.get('failure')}"
     why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
     return Film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)

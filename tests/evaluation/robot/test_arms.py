@@ -2,6 +2,7 @@
 
 import json
 from contextlib import closing
+from dataclasses import replace
 
 import pytest
 
@@ -25,7 +26,7 @@ def experience(
         f"{skill} a small box: this grasp depth {'succeeded' if verdict is GOOD else 'failed'}.",
         Effect.from_json(effect).to_json(),
     )
-    task = MemoryTask(query, {"objects": 2.0}, skill)
+    task = MemoryTask(query, {"objects": 2.0}, skill, ("red cube box",))
     return Experience(skill, seed, MemoryEpisode(task, (lesson,), source=f"{skill}-{seed}"), verdict)
 
 
@@ -35,7 +36,18 @@ def test_experience_survives_json():
 
 
 def test_the_best_theta_is_the_mean_of_what_succeeded_and_replaces_the_default():
-    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD)])
+    program = {
+        "kind": "program",
+        "skill": "pick",
+        "language": "calls",
+        "roles": {},
+        "steps": ["pick({theme})"],
+    }
+    told = experience(3, 0.5, GOOD)
+    told = replace(
+        told, episode=replace(told.episode, lessons=(Lesson("procedural_hint", "What was done.", program),))
+    )
+    arm = BestTheta([experience(0, 0.02, GOOD), experience(1, 0.04, GOOD), experience(2, 0.9, BAD), told])
     context = arm.recall(MemoryTask("lift the red cube"))
     (item,) = context.items
     effect = Effect.from_json(item.effect, source=item.id)
@@ -69,3 +81,6 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
         assert not learned.merged
         assert frozen.recall(asked).text == before.text
         assert any("press" in item.content for item in shuffled.recall(asked).items)
+        nothing = Shuffled(memory, None).recall(asked)
+        assert not nothing.items
+        assert nothing.abstained

@@ -67,3 +67,14 @@ def test_nobody_stands_in_for_itself(tasks):
 def test_every_failure_has_a_class(stage, kind, expected):
     assert failure_class(replace(RECORD, failure=Failure(stage, kind, ""))) == expected
     assert failure_class(RECORD) == ""
+
+
+def test_an_episode_whose_model_answered_nothing_says_nothing_of_its_planner():
+    silent, once = {"failed": 3, "calls": 0, "cached": 0}, {"failed": 2, "calls": 1, "cached": 0}
+    assert failure_class(replace(RECORD, language={"plan": silent})) == "unavailable", (
+        "the fallback's success"
+    )
+    abstained = Failure("plan", "other", "no program that can be read")
+    assert failure_class(replace(RECORD, language={"plan": silent}, failure=abstained)) == "unavailable"
+    assert failure_class(replace(RECORD, language={"plan": once}, failure=abstained)) == "abstained"
+    assert failure_class(replace(RECORD, language={"verify": silent})) == ""

@@ -1,0 +1,260 @@
+"""The robot suite's design: each planner's episodes, what identifies them, and what they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from gvla2.catalog import Registry, nothing_in
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_episodes import (
+    GEOMETRY,
+    LOOP,
+    MEMORY,
+    chosen_memory,
+    chosen_parts,
+    configured,
+)
+from gvla2.component import ComponentConfig
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.robot.design import (
+    CONTROLS,
+    EXPLORATION,
+    MEMORY_OF,
+    PROFILES,
+    SUITE,
+    VERSION,
+    check_seeds,
+    layout_seed,
+    ordered,
+    stand_in,
+)
+
+MEASURING_CODE = (
+    "gvla2.advice", "gvla2.attempts", "gvla2.checking", "gvla2.consulting", "gvla2.continuing", "gvla2.correspondence",
+    "gvla2.diagnosis", "gvla2.episode", "gvla2.evaluation.robot.arms", "gvla2.evaluation.robot.design",
+    "gvla2.evaluation.robot.experience", "gvla2.geometry", "gvla2.lessons", "gvla2.memory", "gvla2.planning",
+    "gvla2.refine", "gvla2.robot", "gvla2.skills", "gvla2.telling",
+)  # fmt: skip
+"""Code whose change makes stored rows out of date, besides the plugins that were chosen."""
+ASKING_CODE = ("gvla2.language",)
+"""The same, of rows for which a language model was asked."""
+NAMED = "layouts"
+"""The ``seed`` of episodes whose layouts were named; ``episode`` is the layout then."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """An episode of the design: both its profiles' keys, and the factors that they have in common."""
+
+    task: str
+    arm: str
+    layout: int
+    keys: Mapping[str, str]
+    factors: Mapping[str, str | int]
+
+
+@dataclass(frozen=True)
+class Design:
+    """What one planner goes through: ``config`` is the bench with this planner, ``teaching`` with whoever explores."""
+
+    config: BenchConfig
+    teaching: BenchConfig
+    tasks: Sequence[str]
+    plan: Sequence[Planned]
+    exploring: Sequence[Planned]
+
+    @property
+    def planner(self) -> str:
+        """The planner's name, which no other design of the bench has."""
+        return self.config.planner.name
+
+
+def designs(config: BenchConfig, registry: Registry) -> list[Design]:
+    """A design for each planner of the bench, all over the same tasks, arms and layouts.
+
+    Raises :class:`ConfigurationError` for names and options that do not exist, and for a layout that exploration has.
+    """
+    tasks = ordered(config.tasks)
+    explored = _explored_tasks(config, tasks)
+    check_seeds(config.episodes, config.exploration_seeds, config.layouts if explored else ())
+    planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
+    for name in config.planner_options:
+        if name not in planners and name != config.teacher:
+            raise ConfigurationError(
+                f"planner_options.{name}: '{name}' is none of the planners of this bench ({', '.join(planners)})."
+            )
+    benches = {name: with_planner(config, registry, name) for name in planners}
+    teacher = with_planner(config, registry, config.teacher) if config.teacher else None
+    for bench in benches.values():
+        _check_names(bench, registry, tasks)
+    return [_design(bench, teacher or bench, registry, tasks, explored) for bench in benches.values()]
+
+
+def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchConfig:
+    """The bench with one of its planners, configured; a planner is not its own fallback."""
+    registry.get("planner", name)
+    given = config.planner_options.get(name) or {}
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(
+            f"planner_options.{name} is {given!r}; give options: planner_options.{name}.OPTION=VALUE."
+        )
+    known = sorted({field.name for field in fields(registry.get("planner", name).config)} - {"name"})
+    for option in given:
+        if option not in known:
+            close = get_close_matches(str(option), known, n=1)
+            hint = f" Did you mean '{close[0]}'?" if close else ""
+            raise ConfigurationError(
+                f"planner_options.{name}.{option}: the planner '{name}' has no such option.{hint} "
+                f"It has: {', '.join(known) or 'none'}."
+            )
+    own = config.planner if config.planner.name == name else None
+    base = asdict(own) if own is not None else {"name": name}
+    planner = (
+        own
+        if own is not None and not given
+        else registry.configure({"planner": {**base, **given}}, "planner")[0]
+    )
+    fallback = ComponentConfig(name="none") if config.fallback.name == name else config.fallback
+    return replace(config, planner=planner, fallback=fallback)
+
+
+def planner_label(config: BenchConfig) -> str:
+    """The planner in a table: its name, what was changed of its options, and who steps in for it."""
+    planner = config.planner
+    changed = []
+    for field in fields(planner):
+        usual = field.default if field.default_factory is MISSING else field.default_factory()
+        value = getattr(planner, field.name)
+        if field.name != "name" and value != usual:
+            changed.append(f"{field.name}={value}")
+    label = f"{planner.name} ({', '.join(changed)})" if changed else planner.name
+    helped = config.fallback.name not in ("", "none")
+    return f"{label}, then {config.fallback.name}" if helped else label
+
+
+def _check_names(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> None:
+    for task in tasks:
+        chosen_parts(config, registry, task)
+    for arm in config.chosen_arms:
+        if arm not in CONTROLS and arm not in MEMORY_OF and arm not in registry.components("memory"):
+            there = ", ".join(dict.fromkeys([*CONTROLS, *MEMORY_OF, *registry.components("memory")]))
+            raise ConfigurationError(f"No arm '{arm}'. Available: {there}.")
+    for arm in config.arm_options:
+        if arm not in config.chosen_arms or arm in ("off", "best_theta"):
+            raise ConfigurationError(
+                f"arm_options.{arm}: there is no arm '{arm}' with a memory among the arms."
+            )
+
+
+def _explored_tasks(config: BenchConfig, tasks: Sequence[str]) -> list[str]:
+    """The tasks whose experience some arm needs."""
+    if all(arm in ("off", "none") for arm in config.chosen_arms):
+        return []
+    others = [stand_in(task, tasks) for task in tasks] if "shuffled" in config.chosen_arms else []
+    return list(dict.fromkeys([*tasks, *others]))
+
+
+def _design(
+    config: BenchConfig,
+    teaching: BenchConfig,
+    registry: Registry,
+    tasks: Sequence[str],
+    explored: Sequence[str],
+) -> Design:
+    around = _around(config, registry, tasks)
+    taught = _around(teaching, registry, explored)
+    exploring = _exploration(teaching, explored, taught)
+    plan = _episodes(config, teaching, registry, tasks, around, [taught[task] for task in explored])
+    return Design(config, teaching, tasks, plan, exploring)
+
+
+def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:
+    """What all episodes of a task have in common and could change their outcome, by task."""
+    from gvla2.evaluation.provenance import code_digest
+
+    found = {}
+    asks = bool(_model(config, registry))
+    for task in tasks:
+        root = chosen_parts(config, registry, task)
+        typed = configured(registry, root, (*LOOP, *GEOMETRY))
+        tries = (config.replan, config.max_parts)
+        modules = sorted({type(one).__module__ for one in typed})
+        code = code_digest((*MEASURING_CODE, *(ASKING_CODE if asks else ()), *modules))
+        found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), tries, code, VERSION)
+    return found
+
+
+def _model(config: BenchConfig, registry: Registry) -> str:
+    """The language model that the loop's components ask; "" where none does."""
+    kinds = [kind for kind in (*LOOP, *GEOMETRY) if kind != "task" and not nothing_in(config, kind)]
+    if not any("language" in registry.configure(config, kind)[1].needs for kind in kinds):
+        return ""
+    return Path(str(getattr(config.language, "model", ""))).name.removesuffix(".gguf") or config.language.name
+
+
+def _episodes(
+    config: BenchConfig,
+    teaching: BenchConfig,
+    registry: Registry,
+    tasks: Sequence[str],
+    around: Mapping[str, Any],
+    taught: Sequence[Any],
+) -> list[Planned]:
+    from gvla2.evaluation.results import cell_key
+
+    learnt = (list(_explored_tasks(config, tasks)), config.exploration_seeds, config.exploration, taught)
+    memories = {arm: _memory_key(config, registry, arm) for arm in config.chosen_arms}
+    common: dict[str, str | int] = {
+        kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")
+    }
+    common |= {"planner": planner_label(config), "model": _model(config, registry)}
+    common |= {"depth_noise": config.depth_noise.kind, "scale": str(config.scale)}
+    plan = []
+    for task in tasks:
+        for arm in config.chosen_arms:
+            past = () if arm in ("off", "none") else (learnt, memories[arm])
+            other = teaching is not config and planner_label(teaching) != planner_label(config)
+            teacher = planner_label(teaching) if past and other else ""
+            for place, layout in _places(config):
+                here: dict[str, str | int] = {"task": task, "arm": arm, **place}
+                keys = {p: cell_key(SUITE, here, p, around[task], past) for p in PROFILES}
+                plan.append(Planned(task, arm, layout, keys, {**here, "teacher": teacher, **common}))
+    return plan
+
+
+def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:
+    """The test's layouts, and as which of which seed each counts."""
+    if config.layouts:
+        return [({"seed": NAMED, "episode": layout}, layout) for layout in dict.fromkeys(config.layouts)]
+    return [
+        ({"seed": seed, "episode": episode}, layout_seed(seed, episode))
+        for seed in dict.fromkeys(config.seeds)
+        for episode in range(config.episodes)
+    ]
+
+
+def _memory_key(config: BenchConfig, registry: Registry, arm: str) -> Any:
+    if arm in CONTROLS and arm not in MEMORY_OF:
+        return None
+    root = chosen_memory(config, registry, arm, "")
+    from gvla2.evaluation.provenance import code_digest
+
+    typed = configured(registry, root, MEMORY)
+    return [list(map(asdict, typed)), code_digest(tuple(sorted({type(one).__module__ for one in typed})))]
+
+
+def _exploration(config: BenchConfig, tasks: Sequence[str], around: Mapping[str, Any]) -> list[Planned]:
+    from gvla2.evaluation.results import cell_key
+
+    plan = []
+    for task in tasks:
+        for seed in dict.fromkeys(config.exploration_seeds):
+            place: dict[str, str | int] = {"task": task, "arm": "exploration", "seed": seed}
+            key = cell_key(EXPLORATION, place, around[task], config.exploration)
+            factors = {**place, "planner": planner_label(config)}
+            plan.append(Planned(task, "exploration", seed, {"both": key}, factors))
+    return plan

@@ -1,0 +1,153 @@
+"""Planners side by side: what each reaches task by task, and what it costs in seconds and tokens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from statistics import fmean, median
+
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
+from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
+
+FIRST = ("off", "on")
+NONE = SheetCell(("not measured",), none=True)
+
+PLANNERS = (
+    "Success in per cent over episodes with its 95 % Wilson interval; below it an episode's median seconds of planning "
+    "(checks and answers to rejected plans included), its mean number of calls to a language model, and the mean "
+    "tokens of their prompts + answers as the server counted them. The mean is over tasks. Answers from a cache cost "
+    "neither tokens nor time and are told apart; so are episodes in which the fallback planned."
+)
+
+
+def unmeasured(cell: Cell) -> bool:
+    """Whether the episode says nothing of its arm: the planner did not answer in time, or its model was not there."""
+    return cell.measures.get("success") is None
+
+
+def arm_of(cell: Cell) -> str:
+    """The arm as tables name it; what another planner explored is an arm of its own."""
+    teacher = cell.factors.get("teacher")
+    return f"{cell.factors['arm']} (taught by {teacher})" if teacher else str(cell.factors["arm"])
+
+
+def arms_of(cells: Sequence[Cell]) -> list[str]:
+    """The arms of these cells, ``off`` and ``on`` first."""
+    present = {arm_of(cell) for cell in cells}
+    return [arm for arm in FIRST if arm in present] + sorted(present - set(FIRST))
+
+
+def success_lines(cells: Sequence[Cell]) -> tuple[str, str]:
+    """The rate in per cent, and its interval with the counts."""
+    won = sum(bool(cell.measures["success"]) for cell in cells)
+    low, high = wilson_interval(won, len(cells))
+    return f"{100 * won / len(cells):.1f}", f"[{100 * low:.0f}, {100 * high:.0f}] {won}/{len(cells)}"
+
+
+def columns_of(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
+    """The cells by planner, its language model where there are several, and arm where there are others than ``off``."""
+    models: dict[str, set[str]] = {}
+    for cell in cells:
+        models.setdefault(str(cell.factors["planner"]), set()).add(str(cell.factors.get("model", "")))
+    several = any(arm != "off" for arm in arms_of(cells))
+    columns: dict[str, list[Cell]] = {}
+    for arm in arms_of(cells):
+        for cell in cells:
+            if arm_of(cell) == arm:
+                planner, model = str(cell.factors["planner"]), str(cell.factors.get("model", ""))
+                asked = f" by {model}" if model and len(models[planner]) > 1 else ""
+                named = f"{planner}{asked}, memory {arm}" if several else f"{planner}{asked}"
+                columns.setdefault(named, []).append(cell)
+    order = list(dict.fromkeys(str(cell.factors["planner"]) for cell in cells))
+    return dict(sorted(columns.items(), key=lambda item: order.index(str(item[1][0].factors["planner"]))))
+
+
+def planner_sheet(
+    columns: Mapping[str, Sequence[Cell]],
+    tasks: Sequence[str],
+    profile: str,
+    title: str,
+    runs: tuple[int, ...],
+    costs: bool = True,
+) -> Sheet:
+    """Tasks down, planners across, a row of means, then, with ``costs``, what an episode costs."""
+    found = {name: [c for c in some if c.factors.get("profile") == profile] for name, some in columns.items()}
+    sound = {name: [cell for cell in some if not unmeasured(cell)] for name, some in found.items()}
+    rows = []
+    for task in tasks:
+        of_task = [[c for c in found[name] if c.factors["task"] == task] for name in columns]
+        rows.append(SheetRow(task, tuple(_cell(cells, costs) for cells in of_task)))
+    rows.append(SheetRow("mean over tasks", tuple(_mean(some, tasks) for some in sound.values())))
+
+    def add(label: str, tell: Callable[[Sequence[Cell]], str]) -> None:
+        rows.append(
+            SheetRow(label, tuple(SheetCell((tell(some) if some else "",)) for some in sound.values()))
+        )
+
+    everything = [cell for some in sound.values() for cell in some]
+    if costs:
+        add("planning seconds, median", lambda some: _seconds(some).removesuffix(" s"))
+        add("calls an episode", lambda some: f"{_average(some, 'calls') or 0:.1f}")
+        add("prompt + answer tokens an episode", lambda some: _tokens(some).removesuffix(" tokens"))
+    if costs and any(cell.measures.get("cached") for cell in everything):
+        add("answers from the cache", lambda some: f"{sum(c.measures.get('cached') or 0 for c in some):.0f}")
+    if any(cell.notes.get("fallback") for cell in everything):
+        add("episodes with the fallback", lambda some: f"{_fallbacks(some)} of {len(some)}")
+    add("episodes", lambda some: str(len(some)))
+    models = sorted({str(cell.factors.get("model", "")) for cell in everything} - {""})
+    asked = f"; language model {', '.join(models)}" if models else ""
+    footnote = f"{len(tasks)} tasks{asked}; runs {', '.join(map(str, runs))} of the results database."
+    return Sheet(title, tuple(columns), tuple(rows), footnote, PLANNERS)
+
+
+def _cell(cells: Sequence[Cell], costs: bool) -> SheetCell:
+    sound = [cell for cell in cells if not unmeasured(cell)]
+    gaps = f"{len(cells) - len(sound)} not measured" if len(sound) < len(cells) else ""
+    if not sound:
+        return SheetCell((gaps,), none=True) if gaps else NONE
+    lines = [*success_lines(sound), *(_costs(sound) if costs else ()), gaps]
+    return SheetCell(tuple(line for line in lines if line))
+
+
+def _costs(cells: Sequence[Cell]) -> list[str]:
+    lines = [_seconds(cells)]
+    if calls := _average(cells, "calls"):
+        lines += [f"{calls:.1f} {'call' if calls == 1 else 'calls'}", _tokens(cells)]
+    cached = sum(cell.measures.get("cached") or 0 for cell in cells)
+    lines += [f"{cached:.0f} from the cache"] if cached else []
+    return lines + ([f"fallback in {_fallbacks(cells)}"] if _fallbacks(cells) else [])
+
+
+def _mean(cells: Sequence[Cell], tasks: Sequence[str]) -> SheetCell:
+    """The mean over tasks, its deviation over seeds where there are several, and how many tasks are ever reached."""
+    by_seed: dict[str, dict[str, list[bool]]] = {}
+    for cell in cells:
+        of_seed = by_seed.setdefault(str(cell.factors["seed"]), {})
+        of_seed.setdefault(str(cell.factors["task"]), []).append(bool(cell.measures["success"]))
+    if not by_seed:
+        return NONE
+    rates = [100 * fmean(fmean(won) for won in of_seed.values()) for of_seed in by_seed.values()]
+    mean, deviation = mean_and_deviation(rates)
+    over = f" ± {deviation:.1f} over {len(rates)} seeds" if len(rates) > 1 else ""
+    measured = [task for task in tasks if any(task in of_seed for of_seed in by_seed.values())]
+    reached = sum(any(any(of_seed.get(task, ())) for of_seed in by_seed.values()) for task in measured)
+    return SheetCell((f"{mean:.1f}{over}", f"{reached} of {len(measured)} tasks above 0"))
+
+
+def _seconds(cells: Sequence[Cell]) -> str:
+    spent = [float(value) for c in cells if (value := c.measures.get("planning_seconds")) is not None]
+    return f"{median(spent):.1f} s" if spent else ""
+
+
+def _average(cells: Sequence[Cell], measure: str) -> float | None:
+    told = [float(value) for cell in cells if (value := cell.measures.get(measure)) is not None]
+    return fmean(told) if told else None
+
+
+def _tokens(cells: Sequence[Cell]) -> str:
+    prompt, answer = _average(cells, "prompt_tokens"), _average(cells, "completion_tokens")
+    return "not counted" if prompt is None or answer is None else f"{prompt:.0f} + {answer:.0f} tokens"
+
+
+def _fallbacks(cells: Sequence[Cell]) -> int:
+    return sum(bool(cell.notes.get("fallback")) for cell in cells)

@@ -1,0 +1,267 @@
+"""Planners side by side in the robot suite: what is run, under which keys, who teaches whom, and what it costs.
+
+Most episodes are made up here, since what is tested is the design; the last test moves a robot.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2.commands import bench_robot
+from gvla2.commands.bench import as_overrides, run_bench
+from gvla2.commands.bench_design import designs
+from gvla2.commands.bench_episodes import Outcome, spent_on
+from gvla2.commands.primary import PRIMARY
+from gvla2.errors import ConfigurationError, Gvla2Error
+from gvla2.evaluation.robot.experience import Experience
+from gvla2.hydra_bridge import register
+from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.plugins import load_plugins
+from gvla2.record.contents import EpisodeRecord
+from gvla2.testing.language import LocalModel, said
+
+BOTH = "planners=[skill,code_policies]"
+
+
+@pytest.fixture(scope="module")
+def registry():
+    return load_plugins()
+
+
+def config_of(registry, folder: Path, *overrides: str):
+    register(registry, PRIMARY)
+    given = [
+        "suite=robot",
+        f"results.url=sqlite:///{folder / 'results.sqlite'}",
+        "quiet=true",
+        "workers=1",
+        "videos=0",
+    ]
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        return OmegaConf.to_object(compose("bench", overrides=[*given, *overrides]))
+
+
+def rows_of(folder: Path, profile: str = "eased") -> list[dict]:
+    rows = json.loads((folder / "result.json").read_text())["rows"]
+    return [row for row in rows if row["profile"] == profile]
+
+
+def experience(task: str, planner: str, seed: int) -> Experience:
+    lesson = Lesson("procedural_hint", f"{planner} did {task} well.")
+    asked = MemoryTask(f"do {task}", {"objects": 1.0}, "pick", ("red cube box",))
+    verdict = Verdict.from_criteria({"completion": 1.0}, verifier="made up")
+    return Experience(task, seed, MemoryEpisode(asked, (lesson,), source=f"{task}-{seed}"), verdict)
+
+
+@pytest.fixture
+def units(monkeypatch):
+    """What was run, in order; episodes succeed on even layouts."""
+    ran = []
+
+    def pretend(unit, registry):
+        ran.append(unit)
+        name = unit.config.planner.name
+        asks = name != "skill"
+        return [
+            Outcome(
+                layout,
+                {"eased": layout % 2 == 0, "strict": False},
+                1.0,
+                "" if layout % 2 == 0 else "grasp",
+                "",
+                {
+                    "planning_seconds": 4.0 if asks else 0.1,
+                    "calls": 2 * asks,
+                    "cached": 0,
+                    "prompt_tokens": 300 * asks,
+                    "completion_tokens": 12 * asks,
+                },
+                {"verdict": "uncertain", "fallback": ""},
+                (experience(unit.task, name, layout),) if unit.arm == "exploration" else (),
+            )
+            for layout in unit.layouts
+        ]
+
+    monkeypatch.setattr(bench_robot, "run_unit", pretend)
+    return ran
+
+
+def test_every_planner_meets_the_same_layouts_and_one_table_shows_them(registry, tmp_path, units):
+    config = config_of(registry, tmp_path, BOTH, "tasks=[lamp_on,put_block]", "layouts=[200,201,203]")
+    assert run_bench(config, registry, tmp_path / "out") == 1
+    ran = {(unit.config.planner.name, unit.task, unit.arm): unit.layouts for unit in units}
+    assert ran == {
+        (planner, task, "off"): (200, 201, 203)
+        for planner in ("skill", "code_policies")
+        for task in ("lamp_on", "put_block")
+    }, "memory is off unless arms are named"
+    rows = rows_of(tmp_path / "out")
+    assert [row["layout"] for row in rows] == [200, 201, 203] * 4
+    asked = [row for row in rows if row["planner"] == "code_policies"]
+    assert {(row["calls"], row["prompt_tokens"], row["completion_tokens"]) for row in asked} == {(2, 300, 12)}
+    assert {row["model"] for row in asked} == {"endpoint"}
+    assert {row["model"] for row in rows if row not in asked} == {""}
+    report = (tmp_path / "out" / "report.md").read_text()
+    assert "|  | skill | code_policies |" in report
+    assert "300 + 12 tokens" in report
+    assert "33.3" in report
+    for name in ("index.html", "report.tex"):
+        assert "300 + 12" in (tmp_path / "out" / name).read_text()
+
+
+def test_what_one_planner_did_alone_is_not_done_again_beside_others(registry, tmp_path, units):
+    place = ["tasks=[lamp_on]", "layouts=[200]"]
+    run_bench(
+        config_of(registry, tmp_path, "planner=skill", "arms=['off']", *place), registry, tmp_path / "alone"
+    )
+    run_bench(config_of(registry, tmp_path, BOTH, *place), registry, tmp_path / "both")
+    assert [unit.config.planner.name for unit in units] == ["skill", "code_policies"]
+    optioned = config_of(registry, tmp_path, BOTH, "+planner_options.code_policies.samples=3", *place)
+    run_bench(optioned, registry, tmp_path / "three")
+    assert [unit.config.planner.samples for unit in units[2:]] == [3], "other options are other rows"
+    assert {row["planner"] for row in rows_of(tmp_path / "three")} == {"skill", "code_policies (samples=3)"}
+
+
+def test_named_layouts_are_no_episodes_of_a_seed(registry, tmp_path):
+    named = config_of(registry, tmp_path, "arms=['off']", "tasks=[lamp_on]", "layouts=[10000,10000]")
+    counted = config_of(registry, tmp_path, "arms=['off']", "tasks=[lamp_on]", "seeds=[0]", "episodes=1")
+    (one,), (other,) = designs(named, registry)[0].plan, designs(counted, registry)[0].plan
+    assert one.layout == other.layout == 10_000
+    assert one.factors["seed"] != other.factors["seed"], "their means are not of the same seeds"
+
+
+def test_each_planner_teaches_itself_unless_a_teacher_is_named(registry, tmp_path, units):
+    given = [BOTH, "arms=['off','on']", "tasks=[lamp_on]", "layouts=[200]", "exploration_seeds=[0,1]"]
+    run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "own")
+    explored = [unit for unit in units if unit.arm == "exploration"]
+    assert [(unit.config.planner.name, unit.layouts) for unit in explored] == [
+        ("skill", (0, 1)),
+        ("code_policies", (0, 1)),
+    ]
+    for name in ("skill", "code_policies"):
+        (learnt,) = [u for u in units if u.arm == "on" and u.config.planner.name == name]
+        assert {e.episode.lessons[0].content for e in learnt.experiences} == {f"{name} did lamp_on well."}
+        assert Path(learnt.bank).is_file()
+    done = len(units)
+    run_bench(config_of(registry, tmp_path, *given, "teacher=skill"), registry, tmp_path / "taught")
+    again = [(unit.config.planner.name, unit.arm) for unit in units[done:]]
+    assert again == [("code_policies", "on")], "the teacher has explored, and taught itself, before"
+    assert {e.episode.lessons[0].content for e in units[-1].experiences} == {"skill did lamp_on well."}
+    (row,) = [r for r in rows_of(tmp_path / "taught") if r["arm"] == "on" and r["planner"] == "code_policies"]
+    assert row["teacher"] == "skill"
+    assert "code_policies, memory on (taught by skill)" in (tmp_path / "taught" / "report.md").read_text()
+
+
+def test_a_shuffled_arm_never_gets_its_own_lessons(registry, tmp_path, units, monkeypatch):
+    real = bench_robot.run_unit
+
+    def only_the_lamp_teaches(unit, registry):
+        found = real(unit, registry)
+        return found if unit.task == "lamp_on" else [replace(one, experience=()) for one in found]
+
+    monkeypatch.setattr(bench_robot, "run_unit", only_the_lamp_teaches)
+    given = ["tasks=[lamp_on,put_block]", "arms=['shuffled']", "layouts=[200]", "exploration_seeds=[0]"]
+    run_bench(config_of(registry, tmp_path, *given), registry, tmp_path / "out")
+    asked = {unit.task: unit.asked for unit in units if unit.arm == "shuffled"}
+    assert asked["put_block"].query == "do lamp_on"
+    assert asked["lamp_on"] is None, "nothing was learnt elsewhere"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["planners=[skil]"], "No planner named 'skil'. Did you mean 'skill'"),
+        (["teacher=skil"], "No planner named 'skil'"),
+        ([BOTH, "+planner_options.voxposer.tries=2"], "'voxposer' is none of the planners"),
+        ([BOTH, "+planner_options.code_policies.sample=2"], "no such option. Did you mean 'samples'"),
+        ([BOTH, "+planner_options.code_policies.samples=few"], "configured wrongly"),
+        ([BOTH, "+planner_options.code_policies=3"], "give options: planner_options.code_policies.OPTION"),
+        ([BOTH, "arms=['on']", "layouts=[3,200]"], r"layouts \[3\] are among the exploration_seeds"),
+        (["planners=[agent3d]", "+planner_options.agent3d.waypoints=x"], "waypoints is 'x'"),
+    ],
+)
+def test_what_cannot_be_compared_is_said_before_anything_runs(registry, tmp_path, units, overrides, message):
+    config = config_of(registry, tmp_path, "tasks=[lamp_on]", *overrides)
+    with pytest.raises(Gvla2Error, match=message):
+        run_bench(config, registry, tmp_path / "out")
+    assert not units
+
+
+def test_a_negative_layout_is_refused(registry, tmp_path):
+    from gvla2.commands.bench_config import BenchConfig
+
+    with pytest.raises(ConfigurationError, match="layouts"):
+        BenchConfig(layouts=[-1])
+
+
+def test_a_planner_is_not_its_own_fallback(registry, tmp_path):
+    config = config_of(registry, tmp_path, BOTH, "fallback=skill", "tasks=[lamp_on]", "layouts=[200]")
+    told = [design.plan[0].factors["planner"] for design in designs(config, registry)]
+    assert told == ["skill", "code_policies, then skill"]
+
+
+def test_a_leading_word_is_the_suite():
+    assert as_overrides(["robot", "tasks=[lamp_on]"]) == ["suite=robot", "tasks=[lamp_on]"]
+    assert as_overrides(["--help"]) == ["--help"]
+    assert as_overrides(["suite=memory"]) == ["suite=memory"]
+    assert as_overrides([]) == []
+
+
+def test_options_by_name_need_no_plus(capsys):
+    from gvla2.commands.bench import main
+
+    given = [
+        "planner_options.code_policies.samples=3",
+        "arm_options.on.admission=false",
+        "+arm_options.on.top_k=2",
+    ]
+    assert main(["robot", BOTH, *given, "--cfg", "job"]) == 0
+    told = OmegaConf.create(capsys.readouterr().out)
+    assert (told.suite, told.planner_options) == ("robot", {"code_policies": {"samples": 3}})
+    assert told.arm_options == {"on": {"admission": False, "top_k": 2}}
+
+
+def test_what_an_episode_cost_is_counted_over_attempts_and_parts():
+    plain = EpisodeRecord("e", "lift it", "pick_and_lift", 0, {})
+    part = replace(plain, timings={"plan": 1.0, "check": 0.5})
+    tally = {"calls": 2, "cached": 1, "prompt_tokens": 90, "completion_tokens": 10}
+    record = replace(
+        plain,
+        timings={"plan": 2.0, "execute": 9.0},
+        parts=(part,),
+        attempts=(replace(part, parts=(part,)),),
+        language={"plan": tally, "verify": {"calls": 1, "prompt_tokens": 5, "completion_tokens": 5}},
+    )
+    assert spent_on(record) == {
+        "planning_seconds": 6.5, "calls": 3, "cached": 1, "prompt_tokens": 95, "completion_tokens": 15,
+    }  # fmt: skip
+    assert spent_on(plain)["planning_seconds"] is None, "it never came to planning"
+    unmetered = replace(plain, language={"plan": {**tally, "unmetered": 1}})
+    assert spent_on(unmetered)["prompt_tokens"] is None, "not counted is not zero"
+
+
+def test_a_model_writes_a_program_and_the_robot_carries_it_out(registry, tmp_path):
+    pytest.importorskip("sapien", exc_type=ImportError)
+    with LocalModel(lambda request: said("press(lamp)\n")) as model:
+        config = config_of(
+            registry, tmp_path, BOTH, "tasks=[lamp_on]", "layouts=[200]", "robot.image_size=160", "fallback=skill",
+            f"language.base_url={model.url}", "language.retries=0",
+        )  # fmt: skip
+        assert run_bench(config, registry, tmp_path / "out") == 1
+        asked = len(model.requests)
+    skill, policies = rows_of(tmp_path / "out")
+    assert (skill["planner"], skill["calls"], skill["prompt_tokens"]) == ("skill", 0, 0)
+    assert policies["calls"] == asked >= 1
+    assert (policies["prompt_tokens"], policies["completion_tokens"]) == (100 * asked, 10 * asked)
+    assert policies["planning_seconds"] > 0
+    absent = replace(config, layouts=[202], planners=["code_policies"])
+    assert run_bench(absent, registry, tmp_path / "absent") == 0
+    (row,) = rows_of(tmp_path / "absent")
+    assert row["fallback"] == "skill"
+    assert (row["success"], row["status"]) == (None, "not measured: unavailable"), (
+        "what skill did is not counted"
+    )
