@@ -9,11 +9,8 @@ No language model and no network: mini-swe-agent's own deterministic model plays
 import os
 import sys
 import tempfile
-from uuid import uuid4
 
-from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import Evidence, MemoryEpisode, MemoryTask
-from gvla2.plugins import load_plugins
+from gvla2.memory import KnowledgeBank
 
 os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
 try:
@@ -31,9 +28,9 @@ PROMPT = "Task: {{task}}\n\nWhat earlier tasks have taught, as data:\n{{memory}}
 class RememberingAgent(DefaultAgent):
     """An agent with a bank; ``check`` is the command whose exit status says whether the task is done."""
 
-    def __init__(self, bank: KnowledgeBank, verifier, check: str, *args, **options):
+    def __init__(self, bank: KnowledgeBank, check: str, *args, **options):
         super().__init__(*args, system_template=SYSTEM, instance_template=PROMPT, cost_limit=0, **options)
-        self.bank, self.verifier, self.check = bank, verifier, check
+        self.bank, self.check = bank, check
 
     def run(self, task: str = "", **kwargs) -> dict:
         recalled = self.bank.recall(task)
@@ -41,11 +38,9 @@ class RememberingAgent(DefaultAgent):
         done = self.env.execute({"command": self.check})
         commands = [a["command"] for m in self.messages for a in m.get("extra", {}).get("actions", [])]
         transcript = "\n".join([*(f"$ {command}" for command in commands), done["output"]])
-        evidence = Evidence(task, transcript, {"exit_status": done["returncode"]})
-        verdict = self.verifier.verify(evidence)
-        episode = MemoryEpisode(MemoryTask(task), (), transcript, recalled, source=f"run/{uuid4()}")
-        learned = self.bank.learn(episode, verdict)
-        print(f"{task}: {verdict.outcome}, learnt {', '.join(learned.added + learned.merged) or 'nothing'}")
+        success = done["returncode"] == 0
+        learned = self.bank.learn(task, transcript, success=success, recalled=recalled)
+        print(f"{task}: {success=}, learnt {', '.join(learned.added + learned.merged) or 'nothing'}")
         return result
 
 
@@ -53,14 +48,13 @@ def work(bank: KnowledgeBank, folder: str, task: str, check: str, *commands: str
     """Let an agent that gives these commands do the task; what its prompt said."""
     last = "echo COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
     script = [make_output("next", [{"command": command}]) for command in (*commands, last)]
-    verifier = load_plugins().build({"verifier": {"name": "exit_status"}}, "verifier")
     model, shell = DeterministicModel(outputs=script), LocalEnvironment(cwd=folder)
-    agent = RememberingAgent(bank, verifier, check, model, shell)
+    agent = RememberingAgent(bank, check, model, shell)
     agent.run(task)
     return agent.messages[1]["content"]
 
 
-with tempfile.TemporaryDirectory() as folder, KnowledgeBank.open(f"sqlite:///{folder}/memory.db") as bank:
+with tempfile.TemporaryDirectory() as folder, KnowledgeBank(f"{folder}/memory.db") as bank:
     first, second = "sort the names in names.txt", "sort the lines of towns.txt"
     work(
         bank,

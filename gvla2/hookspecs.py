@@ -18,7 +18,7 @@ from gvla2.markers import hookspec
 if TYPE_CHECKING:
     from gvla2.component import Component
     from gvla2.language.endpoint import LanguageModel
-    from gvla2.memory.contracts import Embedder, Inducer, Memory, Retriever, Verifier
+    from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
     from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor, Renderer
     from gvla2.robot.backend import RobotBackend
@@ -96,6 +96,12 @@ def gvla2_embedders() -> Iterable[Component[Embedder]]:
 @hookspec
 def gvla2_inducers() -> Iterable[Component[Inducer]]:
     """Return inducers: an episode and its verdict to candidate lessons (Hydra group ``inducer``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_judges() -> Iterable[Component[Judge]]:
+    """Return judges: which of the lessons that are suspected of it contradict each other (Hydra group ``judge``)."""
     raise AssertionError("specification only")
 
 

@@ -64,6 +64,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("retriever", "gvla2_retrievers", "gvla2.memory.contracts:Retriever"),
             Kind("embedder", "gvla2_embedders", "gvla2.memory.contracts:Embedder"),
             Kind("inducer", "gvla2_inducers", "gvla2.memory.contracts:Inducer"),
+            Kind("judge", "gvla2_judges", "gvla2.memory.contracts:Judge"),
             Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
             Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
             Kind("language", "gvla2_language_models", "gvla2.language.endpoint:LanguageModel"),

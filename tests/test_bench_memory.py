@@ -52,7 +52,7 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
 def test_rows_formats_and_resuming(
     tmp_path: Path, catalog: Registry, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    config = config_for(tmp_path, "quarantine", "contradictions", "retrieval", "quality")
+    config = config_for(tmp_path, "governance", "start", "retrieval", "quality")
     config.quiet = False
     share = run_bench(config, catalog, tmp_path / "first")
     rows = rows_of(tmp_path / "first")
@@ -60,11 +60,11 @@ def test_rows_formats_and_resuming(
     by_name = {(row["test"], row["on"], row["n"]): row for row in rows}
     assert len(by_name) == len(rows)
     assert [row["n"] for row in rows if row["test"] == "retrieval_p95"] == [50, 100, 200]
-    assert by_name["quarantine_served", "", 50]["passed"] is True
-    assert by_name["quarantine_served", "", 50]["unit"] == "%"
-    assert by_name["quarantine_served", "", 50]["peer"] == "JSONL, linear"
+    assert by_name["start", "", 200]["passed"] is True
+    assert by_name["start", "", 200]["unit"] == "s"
+    assert by_name["start", "", 200]["peer"] == "JSONL, linear"
     unmeasured = [row for row in rows if row["status"] != "ok"]
-    assert {row["test"] for row in unmeasured} == {"evidence", "evidence_neighbours"}
+    assert {row["test"] for row in unmeasured} == {"evidence"}
     assert all(row["value"] is None and row["passed"] is None for row in unmeasured)
     assert all(row["status"].startswith("not measured: no locomo10.json") for row in unmeasured)
     assert share == pytest.approx(1 - len(unmeasured) / len(rows))
@@ -85,16 +85,14 @@ def test_rows_formats_and_resuming(
     again = [row for row in rows_of(tmp_path / "second") if row["status"] == "ok"]
     assert again == measured, "the same numbers to the last digit: nothing was measured again"
     config.results.fresh = True
-    config.memory.tests = ["contradictions_found"]
+    config.memory.tests = ["start"]
     run_bench(config, catalog, tmp_path / "third")
     assert {row["run"] for row in rows_of(tmp_path / "third")} == {3}
 
     report = ReportConfig(suite="memory", results=config.results, formats=["markdown"])
     assert make_report(report, tmp_path / "report") == len(rows)
     text = (tmp_path / "report" / "report.md").read_text()
-    places = [
-        text.index(title) for title in ("Recall, end to end", "Damaged bank", "Contradictions", "Evidence")
-    ]
+    places = [text.index(title) for title in ("Recall, end to end", "Start of a bank", "Evidence")]
     assert places == sorted(places), "in the order of the suite"
 
 
@@ -154,7 +152,7 @@ def test_a_test_that_fails_is_a_row_and_the_others_go_on(
 
 def test_the_folder_for_databases_is_made_and_stays(tmp_path: Path, catalog: Registry) -> None:
     home = tmp_path / "of" / "databases"
-    run_bench(config_for(tmp_path, "quarantine", folder=str(home)), catalog, tmp_path / "out")
+    run_bench(config_for(tmp_path, "start", folder=str(home)), catalog, tmp_path / "out")
     assert list(home.iterdir()) == []
 
 
@@ -189,12 +187,12 @@ def test_nonsense_in_the_configuration(changes: dict[str, Any]) -> None:
 
 def test_the_configuration_composes(catalog: Registry) -> None:
     register(catalog, PRIMARY)
-    chosen = ["+experiment=memory_figures", "memory.tests=[flood]", "memory.scale=0.1", "memory.peer=x"]
+    chosen = ["+experiment=memory_figures", "memory.tests=[start]", "memory.scale=0.1", "memory.peer=x"]
     with initialize_config_module("gvla2.conf", version_base="1.3"):
         config = OmegaConf.to_object(compose("bench", overrides=[chosen[0].lstrip("+"), *chosen[1:]]))
     assert isinstance(config, BenchConfig)
     assert config.suite == "memory"
-    assert config.memory == MemoryBenchConfig(["flood"], 0.1, "x")
+    assert config.memory == MemoryBenchConfig(["start"], 0.1, "x")
 
 
 def test_progress_counts_time_not_tests() -> None:

@@ -12,8 +12,8 @@ from gvla2.diagnosis import approach_of, diagnose
 from gvla2.lessons import handled_lengths, memory_episode, memory_task, transcript
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext, Verdict
-from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.contracts import Abstention, Advice, Candidate, Plan
 from gvla2.planning.effects import Effect, apply_effects
 from gvla2.planning.findings import CheckReport, Finding
@@ -247,10 +247,10 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
 
 
 def open_bank(tmp_path: Path) -> KnowledgeBank:
-    return KnowledgeBank.open(
+    return KnowledgeBank(
         f"sqlite:///{tmp_path / 'memory.db'}",
         retriever=HybridRetriever(HybridConfig()),
-        embedder=HashEmbedder(),
+        embedder=StaticEmbedder(),
     )
 
 

@@ -22,7 +22,7 @@ from gvla2.commands.memory_words import UsageError, understood
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 
-DEFAULTS = {"retriever": "hybrid", "embedder": "hash", "verifier": "exit_status"}
+DEFAULTS = {"retriever": "hybrid", "embedder": "static", "verifier": "exit_status"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
 BAD = Verdict.from_criteria({"done": 0.0}, ["it slipped"], "test")
 
@@ -38,7 +38,7 @@ def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def path(tmp_path: Path) -> Path:
     """A bank with a hint, and a constraint from a failure."""
     file = tmp_path / "m.db"
-    with KnowledgeBank.open(f"sqlite:///{file}") as bank:
+    with KnowledgeBank(f"sqlite:///{file}") as bank:
         for number, (words, verdict) in enumerate(
             (
                 (Lesson("procedural_hint", "Lift the cup by its \x1b[31mrim[/bold] slowly."), GOOD),
@@ -46,7 +46,8 @@ def path(tmp_path: Path) -> Path:
             )
         ):
             task = MemoryTask("lift the cup" if verdict is GOOD else "open the bottle")
-            bank.learn(MemoryEpisode(task, (words,), "a transcript", source=f"run/{number}"), verdict)
+            for run in (number, number + 2):  # what hides something is believed when it has been right twice
+                bank.learn(MemoryEpisode(task, (words,), "a transcript", source=f"run/{run}"), verdict)
     return file
 
 
@@ -167,7 +168,7 @@ def test_export_and_import_go_round(run: Run, tmp_path: Path):
     assert run("export", "out")[0] == 0
     assert "overwrite=true" in run("export", "out")[2]
     assert run("export", "out", "overwrite=true", "states=[active]")[0] == 0
-    made = data(run, "import", "out", "bank=second")
+    made = data(run, "import", "out", "bank=second", "trusted=true")
     assert len(made["added"]) == 2
     assert len(data(run, "list", "bank=second")) == 2
     assert data(run, "import", "out", "bank=second")["known"] == 2
@@ -304,11 +305,11 @@ def test_a_corrupt_file_and_a_locked_one_are_explained(tmp_path: Path, run: Run,
 
 
 def test_a_reader_that_leaves_is_no_traceback(path: Path):
-    with KnowledgeBank.open(f"sqlite:///{path}") as bank:
+    with KnowledgeBank(f"sqlite:///{path}") as bank:
         words = ("lift", "turn", "push", "cut", "fold", "wipe", "stack", "pour")
         for i in range(64):
             told = f"{words[i % 8]} thing number {i} {words[(i // 8) % 8]}wards"
-            bank.admit(Lesson("tool_usage", told), GOOD, task=told, source=f"s/{i}")
+            bank.admit(Lesson("tool_usage", told), GOOD, task=told, source=f"s/{i}", trusted=True)
     done = subprocess.run(
         f"{sys.executable} -m gvla2.cli memory list --json limit=0 url=sqlite:///{path} | head -c 10",
         shell=True, executable="/bin/bash", capture_output=True, text=True, check=False,
@@ -360,7 +361,7 @@ def test_plain_data_and_printable_text():
         ("gvla2 memory ", ["list", "as-of", "--help"], ["bank="]),
         ("gvla2 memory ex", ["export"], ["list"]),
         ("gvla2 memory list ba", ["bank="], ["list"]),
-        ("gvla2 memory search cup bank=x embedder=", ["embedder=hash"], []),
+        ("gvla2 memory search cup bank=x embedder=", ["embedder=static"], []),
     ],
 )
 def test_completion(line: str, expected: list[str], unexpected: list[str], monkeypatch, capsys):

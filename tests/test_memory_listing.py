@@ -73,9 +73,12 @@ def test_blocks_name_the_second_sentence_and_the_other_side():
 @pytest.mark.skipif(os.name != "posix", reason="pseudo terminals are POSIX's")
 @pytest.mark.parametrize("verb", ["list", "search bottle"])
 def test_a_terminal_of_sixty_columns(tmp_path: Path, verb: str):
-    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as bank:
+    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
         (id,) = bank.admit(
-            Lesson("tool_usage", SAYS), Verdict.from_criteria({"done": 1.0}), task="open the bottle"
+            Lesson("tool_usage", SAYS),
+            Verdict.from_criteria({"done": 1.0}),
+            task="open the bottle",
+            trusted=True,
         ).added
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 60, 0, 0))

@@ -73,8 +73,13 @@ def test_banks_called_like_numbers(capsys: pytest.CaptureFixture[str], tmp_path:
 def test_a_name_that_cannot_be(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: list[str], name: str
 ):
-    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift")
+    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     (tmp_path / "m.jsonl").write_text(json.dumps(ROBOT) + "\n")
     status, told = error(capsys, *verb, f"bank={name}", f"url=sqlite:///{tmp_path / 'm.db'}")
     assert status == 2
@@ -109,12 +114,12 @@ def test_words_after_the_dashes_ask_for_nothing():
 def test_a_kept_head_is_looked_for(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     url = f"url=sqlite:///{tmp_path / 'm.db'}"
     good = Verdict.from_criteria({"done": 1.0})
-    with KnowledgeBank.open(url.removeprefix("url=")) as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), good, task="lift")
+    with KnowledgeBank(url.removeprefix("url=")) as bank:
+        bank.admit(Lesson("tool_usage", "Hold the rim."), good, task="lift", trusted=True)
     head = json.loads(said(capsys, "stats", "--json", url)[1])["head"]
     assert head in said(capsys, "stats", url)[1]
-    with KnowledgeBank.open(url.removeprefix("url=")) as bank:
-        bank.admit(Lesson("tool_usage", "Turn the lid."), good, task="open")
+    with KnowledgeBank(url.removeprefix("url=")) as bank:
+        bank.admit(Lesson("tool_usage", "Turn the lid."), good, task="open", trusted=True)
     assert said(capsys, "verify", f"head={head}", url)[0] == 0
     for other in (head[:-1] + ("0" if head[-1] != "0" else "1"), "99" + head):
         status, out, _ = said(capsys, "verify", f"head={other}", url, "--json")
@@ -142,8 +147,13 @@ def test_import_reads_a_pipe(tmp_path: Path, path: str):
 
 
 def test_an_export_never_takes_the_databases_place(capsys: pytest.CaptureFixture[str], tmp_path: Path):
-    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift")
+    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     before = (tmp_path / "m.db").read_bytes()
     url = f"url=sqlite:///{tmp_path / 'm.db'}"
     for path in ("m.db", "../" + tmp_path.name + "/m.db", "m.db-wal"):
@@ -165,15 +175,25 @@ def test_an_export_never_takes_the_databases_place(capsys: pytest.CaptureFixture
 def test_a_name_that_no_file_system_takes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, argv: list[str]
 ):
-    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift")
+    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     assert error(capsys, *argv)[0] == 1
 
 
 def test_looking_compiles_nothing(tmp_path: Path):
     """Numba and torch take longer to import than a look takes."""
-    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), Verdict.from_criteria({"done": 1.0}), task="lift")
+    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
+        bank.admit(
+            Lesson("tool_usage", "Hold the rim."),
+            Verdict.from_criteria({"done": 1.0}),
+            task="lift",
+            trusted=True,
+        )
     code = (
         "import sys; from gvla2 import cli; status = cli.main(sys.argv[1:]); "
         "sys.exit(status or ' '.join({'numba', 'torch', 'sapien'} & set(sys.modules)) or 0)"
@@ -185,14 +205,17 @@ def test_looking_compiles_nothing(tmp_path: Path):
 
 def test_repair_makes_a_foreign_vector_anew(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     url = f"sqlite:///{tmp_path / 'm.db'}"
-    with KnowledgeBank.open(url) as bank:
+    with KnowledgeBank(url) as bank:
         for said_ in ("Hold the rim of the cup.", "Turn the lid to the left until it stops."):
-            bank.admit(Lesson("tool_usage", said_), Verdict.from_criteria({"done": 1.0}), task=said_)
+            bank.admit(
+                Lesson("tool_usage", said_), Verdict.from_criteria({"done": 1.0}), task=said_, trusted=True
+            )
     with sqlite3.connect(tmp_path / "m.db") as raw:
         one = raw.execute("SELECT vector FROM memory_vector ORDER BY id LIMIT 1").fetchone()
         raw.execute("UPDATE memory_vector SET vector = ?", one)
     raw.close()
-    assert said(capsys, "verify", f"url={url}")[0] == 1
-    status, out, _ = said(capsys, "repair", f"url={url}", "--json")
+    chosen = (f"url={url}", "embedder=static")
+    assert said(capsys, "verify", *chosen)[0] == 1
+    status, out, _ = said(capsys, "repair", *chosen, "--json")
     assert (status, len(json.loads(out)["repaired"])) == (0, 1)
-    assert said(capsys, "verify", f"url={url}")[0] == 0
+    assert said(capsys, "verify", *chosen)[0] == 0

@@ -131,6 +131,7 @@ class BenchConfig:
     retriever: ComponentConfig = field(default_factory=ComponentConfig)
     embedder: ComponentConfig = field(default_factory=ComponentConfig)
     inducer: ComponentConfig = field(default_factory=ComponentConfig)
+    judge: ComponentConfig = field(default_factory=ComponentConfig)
     language: ComponentConfig = field(default_factory=ComponentConfig)
     surface_samples: int = 100_000
     workers: int = 0

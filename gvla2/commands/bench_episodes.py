@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
-MEMORY = ("memory", "retriever", "embedder", "inducer")
+MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY, "language")
 RARELY = 0.05
 """Pictures a second of an episode that nobody watches."""

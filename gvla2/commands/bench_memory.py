@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 DATA = "generated"
 MEASURING_CODE = (
-    "gvla2.memory", "gvla2.evaluation.memory", "gvla2.evaluation.memory_data", "gvla2.evaluation.memory_retrieval",
+    "gvla2.memory", "gvla2.evaluation.memory", "gvla2.evaluation.memory_retrieval",
 )  # fmt: skip
 """Code whose change makes stored rows out of date."""
 
@@ -171,21 +172,15 @@ def _setting(
     )
 
 
-def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder | None]]:
-    """The methods whose retrieval is compared, as far as they are installed."""
-    from gvla2.evaluation.memory.quality import METHODS
-    from gvla2.memory.retrieval.hashing import HashEmbedder
+def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:
+    """The embedders whose retrieval is compared, by name."""
+    from gvla2.evaluation.memory.quality import EMBEDDERS
 
-    words, hashed, meaning = METHODS
-    found: dict[str, Callable[[], Embedder | None]] = {words: lambda: None, hashed: HashEmbedder}
-    if "minilm" in registry.components("embedder"):
+    def made(name: str) -> Embedder:
+        embedder: Embedder = registry.build_all({"embedder": {"name": name}}, ("embedder",))["embedder"]
+        return embedder
 
-        def minilm() -> Embedder:
-            made: Embedder = registry.build_all({"embedder": {"name": "minilm"}}, ("embedder",))["embedder"]
-            return made
-
-        found[meaning] = minilm
-    return found
+    return {name: partial(made, name) for name in EMBEDDERS}
 
 
 def _released(peer: str | None) -> ReleasedPeer | None:

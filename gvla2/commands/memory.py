@@ -58,7 +58,7 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
                        options=(("head=SEQ:HASH", "a head that `stats` gave once must still be in the chain"),)),
         "import": Verb("PATH", "read a memory of the released layouts; - is standard input",
                        "memory_changing:import_", 1, 1,
-                       (_LAYOUT, ("provisional=true", "hold all back until verified here"))),
+                       (_LAYOUT, ("trusted=true", "a backup of one's own: keep its states"))),
         "export": Verb("PATH", "write the bank in one of them", "memory_changing:export", 1, 1,
                        (_LAYOUT, ("states=[active]", "only these"), ("overwrite=true", "replace an earlier export"))),
         "forget": Verb("ID...", "remove records for good, bytes and all", "memory_changing:forget", 1, None,

@@ -17,8 +17,7 @@ from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record
-from gvla2.memory.storage.bank_names import wrong_bank_name
-from gvla2.memory.storage.location import settled
+from gvla2.memory.storage.addresses import settled, wrong_bank_name
 from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:
@@ -102,7 +101,7 @@ def opened_bank(request: Request) -> Iterator[KnowledgeBank]:
     with opened(request):  # its errors come before those of components
         pass
     built = request.registry.build_all(request.config, ("retriever", "embedder"))
-    with KnowledgeBank.open(
+    with KnowledgeBank(
         request.url, bank=request.bank, busy_seconds=request.config.busy_seconds, **built
     ) as bank:
         yield bank

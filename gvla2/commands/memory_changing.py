@@ -33,15 +33,18 @@ def import_(request: Request) -> Answer:
             config.bank,
             path,
             layout=config.layout,
-            provisional=config.provisional,
+            trusted=config.trusted,
             actor="gvla2 memory",
         )
     told = [
         f"New in the bank '{config.bank}': {counted(len(done.added), 'record')} of the layout '{done.layout}'; "
         f"known already: {done.known}."
     ]
-    if done.quarantined:
-        told.append(f"Held back as provisional, because they read like instructions: {done.quarantined}.")
+    if done.held_back:
+        told.append(
+            f"Provisional until verified episodes of two sources bear them out: {done.held_back} "
+            "(trusted=true is for a backup of one's own)."
+        )
     told += [printable(str(remark)) for remark in done.remarks[:MOST_REMARKS]]
     if len(done.remarks) > MOST_REMARKS:
         told.append(f"{counted(len(done.remarks) - MOST_REMARKS, 'more remark')}; --json has all.")
@@ -63,7 +66,7 @@ def export(request: Request) -> Answer:
             overwrite=config.overwrite,
         )
     files = ", ".join(printable(str(file)) for file in done.files)
-    told = [f"{counted(done.records, 'record')} in {counted(done.lines, 'line')}: {files}."]
+    told = [f"{counted(done.records, 'record')}: {files}."]
     if done.left_out:
         told.append(f"Left out: {counted(done.left_out, 'record')} of other states; states=[...] chooses.")
     return Answer(done, told)

@@ -33,7 +33,7 @@ _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 CHOICES = (
     "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
-    "memory", "retriever", "embedder", "inducer", "planner", "fallback", "verifier",
+    "memory", "retriever", "embedder", "inducer", "judge", "planner", "fallback", "verifier",
 )  # fmt: skip
 """The Hydra groups of a run, whose choices are part of its result; so is the language model where one is asked."""
 

@@ -1,9 +1,9 @@
-"""How well text relevance finds evidence: recall@10 on questions whose evidence turns people have marked.
+"""How well a bank finds evidence: recall@10 on questions whose evidence turns people have marked.
 
 The file is ``locomo10.json`` of LoCoMo (Maharana et al. 2024, CC BY-NC 4.0; never downloaded here): a list of
 ``{"conversation": {"session_1": [{"dia_id", "speaker", "text"}]}, "qa": [{"question", "evidence": [dia_id]}]}``.
-Each conversation is a bank of its own whose records are its turns. What is measured is relevance alone, as the
-retriever has it: BM25 over its maximum and cosine, half each.
+Each conversation is a bank of its own, to which its turns are admitted as lessons; each question is recalled, with ten
+places instead of three and without abstaining.
 """
 
 from __future__ import annotations
@@ -11,18 +11,20 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError
-from gvla2.memory.contracts import Embedder
-from gvla2.memory.indexing.postings import Postings
-from gvla2.memory.meaning.words import topic_words
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.contracts import Embedder, Lesson, Verdict
+from gvla2.memory.retrieval.hybrid import HybridRetriever
+from gvla2.memory.retrieval.options import HybridOptions
 
 FILE = "locomo10.json"
 TOP = 10
@@ -39,47 +41,11 @@ class Conversation:
     questions: tuple[tuple[str, frozenset[str]], ...]
 
 
-@dataclass(frozen=True)
-class EvidenceRecall:
-    """Mean share of a question's evidence turns among the first ``TOP``; None where nothing was measured.
-
-    ``note`` says why then.
-    """
-
-    method: str
-    neighbours: bool
-    recall: float | None
-    questions: int
-    note: str = ""
-
-    def __str__(self) -> str:
-        turns = "with neighbouring turns" if self.neighbours else "turns alone"
-        if self.recall is None:
-            return f"{self.method}, {turns}: not measured ({self.note})"
-        return f"{self.method}, {turns}: recall@{TOP} {self.recall:.3f} over {self.questions} questions"
-
-
 def find_file() -> Path | None:
     """``$GVLA2_DATA/locomo10.json`` or ``$GVLA2_DATA/locomo/locomo10.json``, None where there is neither."""
     root = os.environ.get("GVLA2_DATA")
     places = [Path(root) / FILE, Path(root) / "locomo" / FILE] if root else []
     return next((place for place in places if place.is_file()), None)
-
-
-def measure(embedders: Mapping[str, Embedder | None], path: Path | None = None) -> tuple[EvidenceRecall, ...]:
-    """Recall of each method, with and without the turns before and after in each record's text.
-
-    ``embedders`` names the methods ("BM25": None is BM25 alone). Without ``path`` the file is looked for by
-    :func:`find_file`; where it is absent, every entry says "not measured". Raises
-    :class:`~gvla2.errors.ConfigurationError` for a file of another layout.
-    """
-    path = path or find_file()
-    kinds = [(name, embedder, near) for near in (False, True) for name, embedder in embedders.items()]
-    if path is None or not path.is_file():
-        note = f"no {FILE} in the folder that GVLA2_DATA names" if path is None else f"no file '{path}'"
-        return tuple(EvidenceRecall(name, near, None, 0, note) for name, _, near in kinds)
-    conversations = read(path)
-    return tuple(_recall(name, embedder, near, conversations) for name, embedder, near in kinds)
 
 
 def read(path: Path) -> tuple[Conversation, ...]:
@@ -111,36 +77,34 @@ def _conversation(entry: Mapping[str, Any]) -> Conversation:
     return Conversation(ids, tuple(f"{turn['speaker']}: {turn['text']}" for turn in turns), tuple(questions))
 
 
-def _recall(
-    name: str, embedder: Embedder | None, neighbours: bool, conversations: Sequence[Conversation]
-) -> EvidenceRecall:
-    shares = []
-    for conversation in conversations:
-        texts = _with_neighbours(conversation.texts) if neighbours else conversation.texts
-        postings = Postings()
-        postings.add(0, [topic_words(text) for text in texts], [1] * len(texts))
-        questions = [question for question, _ in conversation.questions]
-        cosines = np.zeros((len(questions), len(texts)), np.float32)
-        if embedder is not None and questions:
-            cosines = embedder.embed(questions) @ embedder.embed(texts).T
-        for (question, evidence), cosine in zip(conversation.questions, cosines, strict=True):
-            score = _relevance(postings, question, cosine, embedder is not None)
-            first = [
-                i for i in np.argsort(-score, kind="stable")[:TOP] if score[i] > 0
-            ]  # 0: not found at all
-            shares.append(len({conversation.ids[i] for i in first} & evidence) / len(evidence))
-    recall = float(np.mean(shares)) if shares else None
-    return EvidenceRecall(name, neighbours, recall, len(shares), "" if shares else "no question has evidence")
+def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
+    """The share of each question's evidence among the first ``TOP`` turns that a bank recalls."""
+    verdict = Verdict.from_criteria({"said": 1.0}, verifier="measuring")
+    everything = HybridOptions(top_k=TOP, top_k_constraints=0, min_evidence=-1.0, min_score=-9.0)
+    turns: dict[str, set[str]] = {}
+    for id, text in zip(conversation.ids, conversation.texts, strict=True):
+        turns.setdefault(text, set()).add(id)
+    with (
+        TemporaryDirectory() as folder,
+        KnowledgeBank(
+            f"{folder}/memory.db",
+            embedder=embedder,
+            retriever=HybridRetriever(everything),
+            options=BankOptions(per_source=len(turns)),
+        ) as bank,
+    ):
+        bank.admit_many(((Lesson("procedural_hint", text), verdict, "", "") for text in turns), trusted=True)
+        said = {record.id: turns.get(record.content, set()) for record in bank.records()}
+        shares = []
+        for question, evidence in conversation.questions:
+            told = [said[item.id] for item in bank.recall(question).items]
+            shares.append(len(set().union(*told) & evidence) / len(evidence))
+    return shares
 
 
-def _relevance(
-    postings: Postings, question: str, cosine: NDArray[np.float32], vectors: bool
-) -> NDArray[np.float64]:
-    lexical, _ = postings.search(topic_words(question), [1], len(cosine))
-    lexical /= max(float(lexical.max(initial=0.0)), 1e-9)
-    return 0.5 * lexical + 0.5 * np.maximum(cosine, 0.0) if vectors else lexical
-
-
-def _with_neighbours(texts: Sequence[str]) -> list[str]:
-    """Each turn with the one before and the one after: an answer alone seldom says what it is about."""
-    return [" ".join(texts[max(i - 1, 0) : i + 2]) for i in range(len(texts))]
+def mean_recall(
+    conversations: Sequence[Conversation], shares: Callable[[Conversation], Sequence[float]]
+) -> tuple[float | None, int]:
+    """The mean over all questions of all conversations, None for none, and how many there are."""
+    found = [share for conversation in conversations for share in shares(conversation)]
+    return (float(np.mean(found)) if found else None), len(found)

@@ -1,28 +1,29 @@
 """The governed KnowledgeBank: verified experience in, a few reliable records out.
 
-    bank = KnowledgeBank.open("sqlite:///memory.db")
-    bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdict, task="lift the cup")
-    print(bank.recall("lift the red cup").text)
-
 What it promises is in :mod:`gvla2.memory.contracts`; what it decides, and how, in :mod:`gvla2.memory.curation`
-(admission, consolidation, governance, replay), by what texts mean (:mod:`gvla2.memory.meaning`) and whether they give
-orders (:mod:`gvla2.memory.screening`). What is on disk is the truth (:mod:`gvla2.memory.storage`); what is in RAM
-follows it (:mod:`gvla2.memory.indexing`) and is ranked (:mod:`gvla2.memory.retrieval`).
+(trust, admission, consolidation, governance, replay), by what texts mean (:mod:`gvla2.memory.meaning`). What is on
+disk is the truth (:mod:`gvla2.memory.storage`); what is in RAM follows it (:mod:`gvla2.memory.indexing`) and is ranked
+(:mod:`gvla2.memory.retrieval`).
 """
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
+from uuid import uuid4
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
+    Consolidator,
     Embedder,
     Inducer,
+    Judge,
     Learned,
     Lesson,
     LifecycleState,
@@ -33,93 +34,85 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.curation.governing import Governed
-from gvla2.memory.curation.induction import RulesInducer
-from gvla2.memory.curation.replay import Replayed
-from gvla2.memory.indexing.index import SERVED, Index
-from gvla2.memory.indexing.snapshot import refuse_foreign
-from gvla2.memory.operations import Operations
+from gvla2.memory.indexing.index import Index
+from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
-from gvla2.memory.storage.location import snapshot_path
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.memory.storage.addresses import settled
+from gvla2.memory.storage.audit import foreign_vectors
 from gvla2.memory.storage.store import Event, Link, Problem, Store
-from gvla2.memory.storage.vector_audit import foreign_vectors
 
-__all__ = ["BankOptions", "Governed", "Hit", "KnowledgeBank", "Replayed"]
+if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
+    from gvla2.memory.curation.governance import Governed
+    from gvla2.memory.curation.judging import Judged
+    from gvla2.memory.curation.replay import Replayed
+    from gvla2.memory.operations import Operations
+
+__all__ = ["BankOptions", "Hit", "KnowledgeBank"]
 CHUNK = 256
 """Lessons that one transaction of :meth:`KnowledgeBank.admit_many` takes."""
+JUDGED = 16
+"""Suspicions that are decided after each episode."""
+WRITTEN = 2
+"""Lessons that a writer looks at after each episode."""
+FROZEN = "The bank is frozen: nothing was learnt."
 
 
 class KnowledgeBank:
-    """A named bank in a store, for any number of processes and threads; ``clock`` gives seconds since the epoch.
+    """A named bank, for any number of processes and threads.
+
+    ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already and is
+    closed with the bank; "" is the user's own memory. It is created where there is none. By default it ranks by
+    words, vectors, quality and geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes
+    again, ``judge`` who decides whether texts that are suspected of it contradict each other, ``writer`` who merges
+    lessons in words of his own (rules sum up without him); ``clock`` gives seconds since the epoch. Waits for other
+    processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
-    it as a memory turns that into a degraded answer.
+    it as a memory turns that into a degraded answer. Options that cannot be raise
+    :class:`~gvla2.errors.ConfigurationError`.
     """
 
     def __init__(
         self,
-        store: Store,
-        retriever: Retriever | None = None,
-        embedder: Embedder | None = None,
-        options: BankOptions | None = None,
+        address: str | Path | Store = "",
         *,
         bank: str = "default",
+        retriever: Retriever | None = None,
+        embedder: Embedder | None = None,
         inducer: Inducer | None = None,
         verifier: Verifier | None = None,
+        judge: Judge | None = None,
+        writer: Consolidator | None = None,
+        options: BankOptions | None = None,
+        busy_seconds: float = 5.0,
         clock: Callable[[], float] = time.time,
-        snapshot: Path | str | None = None,
     ) -> None:
         self.bank = bank
         self.options = options or BankOptions()
         self.options.check()
-        self._store, self._clock, self._verifier = store, clock, verifier
-        self._embedder = embedder or HashEmbedder()
+        self._clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
+        self._embedder = embedder or StaticEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
-        self._index = Index(store, bank, self._embedder, snapshot=snapshot)
-        self._operations = Operations(
-            store, self._index, self._embedder, inducer or RulesInducer(), self.options, clock
-        )
+        if not isinstance(address, Store):
+            address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
+        self._store = address
+        self._index = Index(self._store, bank, self._embedder)
+        self._inducer = inducer
         self._lock = threading.RLock()
 
-    @classmethod
-    def open(
-        cls,
-        url: str,
-        *,
-        bank: str = "default",
-        retriever: Retriever | None = None,
-        embedder: Embedder | None = None,
-        inducer: Inducer | None = None,
-        verifier: Verifier | None = None,
-        options: BankOptions | None = None,
-        busy_seconds: float = 5.0,
-        clock: Callable[[], float] = time.time,
-        snapshot: bool | Path | str = True,
-    ) -> KnowledgeBank:
-        """The bank in the database at ``sqlite:///path`` or ``postgresql://…``, created where there is none.
+    @cached_property
+    def _operations(self) -> Operations:
+        from gvla2.memory.curation.induction import RulesInducer
+        from gvla2.memory.operations import Operations
 
-        By default it ranks by words, vectors, quality and geometry, embeds by character n-grams, and induces lessons
-        by rules. ``verifier`` is who judges stored episodes again. Waits for other processes at most
-        ``busy_seconds`` at a time. Raises :class:`~gvla2.errors.ConfigurationError` for options that cannot be.
-
-        A large bank starts fast from a snapshot of its index, which :meth:`close` writes: a file beside the
-        database's, or in the user's cache folder where there is none. It is derived data, readable by its owner
-        alone and deleted by :meth:`forget`. ``snapshot`` names another file; False does without.
-        """
-        if not isinstance(snapshot, bool):
-            refuse_foreign(Path(snapshot))
-        store = Store.open(url, busy_seconds=busy_seconds)
-        place = snapshot_path(store.name, bank) if snapshot is True else snapshot or None
-        return cls(
-            store, retriever, embedder, options, bank=bank, inducer=inducer, verifier=verifier, clock=clock,
-            snapshot=place,
-        )  # fmt: skip
+        inducer = self._inducer or RulesInducer()
+        return Operations(self._store, self._index, self._embedder, inducer, self.options, self._clock)
 
     # The main job -------------------------------------------------------------------------------------------------
 
@@ -130,68 +123,142 @@ class KnowledgeBank:
             candidates = self._index.candidates(self._shown(), now=self._clock())
             return recall(_task(task), candidates, self._retriever, self._embedder, self.options, self.bank)
 
-    def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
+    @overload
+    def learn(self, episode: MemoryEpisode, verdict: Verdict, /) -> Learned: ...
+
+    @overload
+    def learn(
+        self,
+        task: MemoryTask | str,
+        transcript: str = "",
+        /,
+        *,
+        success: bool | None = None,
+        recalled: MemoryContext | None = None,
+        lessons: Sequence[Lesson | str] = (),
+        source: str = "",
+    ) -> Learned: ...
+
+    def learn(
+        self,
+        episode: MemoryEpisode | MemoryTask | str,
+        verdict: Verdict | str = "",
+        /,
+        *,
+        success: bool | None = None,
+        recalled: MemoryContext | None = None,
+        lessons: Sequence[Lesson | str] = (),
+        source: str = "",
+    ) -> Learned:
         """Store what the episode teaches and credit what was recalled for it, in one transaction.
 
-        Then, where a verifier was given and replay is on, one doubtful episode of earlier is verified again.
+        Either a whole episode with its verdict, or a task and its transcript: ``success`` is then how it ended (None
+        for unknown, which teaches nothing that is believed yet), ``recalled`` what :meth:`recall` gave for it, and
+        ``source`` the id of the run. Then, where a verifier was given and replay is on, one doubtful episode of
+        earlier is verified again.
         """
+        if not isinstance(episode, MemoryEpisode):
+            told = tuple(Lesson("procedural_hint", one) if isinstance(one, str) else one for one in lessons)
+            source, context = source or f"run/{uuid4()}", recalled or MemoryContext()
+            episode = MemoryEpisode(_task(episode), told, str(verdict), context, source)
+            verdict = _said(success)
+        if not isinstance(verdict, Verdict):
+            raise TypeError("An episode is learnt with its Verdict: bank.learn(episode, verdict).")
         if self.options.frozen:
-            return Learned(discarded=len(episode.lessons), notes=("The bank is frozen: nothing was learnt.",))
+            return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
             learned = self._operations.learn(episode, verdict)
+            if self._judge is not None and self.options.governance and self.options.replay_per_episode:
+                self._operations.judge(self._judge, limit=JUDGED)
+            if self._writer is not None and self.options.governance:
+                self._operations.consolidate(self._writer, limit=WRITTEN)
             if self._verifier is not None and self.options.replay and self.options.replay_per_episode:
-                self._operations.replay(
-                    self._verifier, limit=self.options.replay_per_episode, but=episode.source
-                )
+                limit = self.options.replay_per_episode
+                self._operations.replay(self._verifier, limit=limit, but=episode.source)
             return learned
 
     # By hand ------------------------------------------------------------------------------------------------------
 
     def admit(
         self,
-        lessons: Lesson | Sequence[Lesson],
-        verdict: Verdict,
+        lessons: Lesson | str | Sequence[Lesson | str],
+        verdict: Verdict | None = None,
         *,
         task: MemoryTask | str = "",
         source: str = "",
+        trusted: bool = False,
     ) -> Learned:
-        """Bring in lessons without an episode; durable when it returns."""
-        if isinstance(lessons, Lesson):
-            lessons = (lessons,)
-        return self.admit_many([(lesson, verdict, task, source) for lesson in lessons])
+        """Bring in lessons without an episode; durable when it returns.
 
-    def admit_many(self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]]) -> Learned:
-        """Bring in many lessons, each with its verdict, task and source ("" for none).
+        What comes from others stays provisional until verified episodes of two independent sources bear it out.
+        ``trusted`` vouches for it as for an episode of one's own, and is its verdict where none is given.
+        """
+        listed = [lessons] if isinstance(lessons, Lesson | str) else list(lessons)
+        said = verdict or (_said(True) if trusted else _said(None))
+        told = [Lesson("procedural_hint", one) if isinstance(one, str) else one for one in listed]
+        return self.admit_many([(lesson, said, task, source) for lesson in told], trusted=trusted)
+
+    def admit_many(
+        self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
+    ) -> Learned:
+        """Bring in many lessons, each with its verdict, task and source ("" for none); see :meth:`admit`.
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
         if self.options.frozen:
-            count = sum(1 for _ in items)
-            return Learned(discarded=count, notes=("The bank is frozen: nothing was learnt.",))
-        parts: list[Learned] = []
-        chunk: list[tuple[Lesson, Verdict, MemoryTask, str]] = []
+            return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
+        rest = [(lesson, verdict, _task(task), source, trusted) for lesson, verdict, task, source in items]
         with self._lock:
-            for lesson, verdict, task, source in items:
-                chunk.append((lesson, verdict, _task(task), source))
-                if len(chunk) == CHUNK:
-                    parts.append(self._operations.admit(chunk))
-                    chunk = []
-            if chunk:
-                parts.append(self._operations.admit(chunk))
-        return _joined(parts)
+            chunks = range(0, len(rest), CHUNK)
+            parts = [self._operations.admit(rest[start : start + CHUNK]) for start in chunks]
+        return Learned(
+            added=tuple(id for part in parts for id in part.added),
+            merged=tuple(id for part in parts for id in part.merged),
+            provisional=tuple(id for part in parts for id in part.provisional),
+            discarded=sum(part.discarded for part in parts),
+            notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
+        )
 
     def govern(self) -> Governed:
-        """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted."""
+        """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
+
+        Where a judge was given, it decides all suspicions first, and a writer looks at all that he has not seen.
+        """
+        from gvla2.memory.curation.governance import Governed
+
         if not self.options.governance or self.options.frozen:
             return Governed()
         with self._lock:
-            return self._operations.govern()
+            judged = self.judge() if self._judge is not None else None
+            written = self._operations.consolidate(self._writer) if self._writer is not None else None
+            done = self._operations.govern()
+            done.replaced += judged.archived if judged else []
+            done.replaced += written.replaced if written else []
+            done.summaries += written.merged if written else []
+            return done
+
+    def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
+        """Let ``judge``, or the bank's own, decide which suspicions are contradictions; ``limit`` pairs at most.
+
+        The less trusted, or else the less borne out, of two that contradict each other is archived.
+        """
+        from gvla2.memory.curation.judging import Judged
+
+        chosen = judge or self._judge
+        if chosen is None:
+            return Judged(notes=["Nobody was given to judge anything."])
+        if not self.options.governance or self.options.frozen:
+            return Judged(notes=["Governance is switched off."])
+        with self._lock:
+            return self._operations.judge(chosen, limit=limit)
 
     def replay(self, verifier: Verifier | None = None, *, limit: int | None = None) -> Replayed:
         """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
 
         At most ``limit`` episodes, the least sure first. A verifier that is unavailable changes nothing.
         """
+        from gvla2.memory.curation.replay import Replayed
+
         judge = verifier or self._verifier
         if judge is None:
             return Replayed(notes=["Nobody was given to verify anything again."])
@@ -203,11 +270,11 @@ class KnowledgeBank:
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
         with self._lock:
-            self._index.discard_snapshot()
-            with self._store.writing(self.bank, actor="forget", now=self._clock()) as transaction:
-                found = transaction.forget(id, why=why)
-            self._index.refresh()
-            return found
+            try:
+                with self._store.writing(self.bank, actor="forget", now=self._clock()) as transaction:
+                    return transaction.forget(id, why=why)
+            finally:
+                self._index.refresh()
 
     # Looking ------------------------------------------------------------------------------------------------------
 
@@ -219,10 +286,9 @@ class KnowledgeBank:
         """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
         with self._lock:
             self._index.refresh()
-            shown = (*SERVED, "provisional") if self.options.show_provisional else SERVED
-            states = (*SERVED, "provisional") if provisional else shown
-            served, found = (self._index.candidates(s, now=self._clock()) for s in (shown, states))
-            return search(_task(text), self._index, served, found, self._retriever, self._embedder, k)
+            states = (*SERVED, "provisional") if provisional else self._shown()
+            served, found = (self._index.candidates(s, now=self._clock()) for s in (self._shown(), states))
+            return search(_task(text), served, found, self._retriever, self._embedder, k)
 
     def history(self, id: str) -> list[Event]:
         """All decisions about a record, oldest first."""
@@ -232,12 +298,8 @@ class KnowledgeBank:
         """The records as they were at ``time``, seconds since the epoch."""
         return self._store.as_of(self.bank, time)
 
-    def conflicts(self) -> list[Link]:
-        """Which records contradict each other."""
-        return [link for link in self._store.links(self.bank) if link.kind == "conflict"]
-
     def links(self, id: str | None = None) -> list[Link]:
-        """All links, or those of one record."""
+        """All links, or those of one record; of the kind ``conflict`` are those that contradict each other."""
         return self._store.links(self.bank, id)
 
     def verify(self, *, head: str = "") -> list[Problem]:
@@ -246,10 +308,10 @@ class KnowledgeBank:
         ``head`` is "SEQ:HASH" of :meth:`stats`, kept elsewhere: with it, an end that was cut off is found, too.
         """
         problems = self._store.verify(self.bank, head=head)
+        named = {problem.id for problem in problems if problem.where in ("record", "vector")}
         with self._store.reading() as view:
-            named = {(problem.where, problem.id) for problem in problems}
             found = foreign_vectors(view, self.bank, self._embedder)
-        return problems + [problem for problem in found if (problem.where, problem.id) not in named]
+        return problems + [problem for problem in found if problem.id not in named]
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""
@@ -259,13 +321,11 @@ class KnowledgeBank:
         """Give space back; with ``archived_before``, forget archived records not updated since, and count them."""
         if archived_before is None:
             return self._store.compact()
-        self._index.discard_snapshot()
         return self._store.compact(self.bank, archived_before=archived_before, now=self._clock())
 
     def close(self) -> None:
-        """Keep the index for the next start where that is worth it, and release the store; safe to call twice."""
+        """Release the store; safe to call twice."""
         with self._lock:
-            self._index.keep_snapshot()
             self._store.close()
 
     def __enter__(self) -> KnowledgeBank:
@@ -284,11 +344,8 @@ def _task(task: MemoryTask | str) -> MemoryTask:
     return MemoryTask(task) if isinstance(task, str) else task
 
 
-def _joined(parts: Sequence[Learned]) -> Learned:
-    return Learned(
-        added=tuple(id for part in parts for id in part.added),
-        merged=tuple(id for part in parts for id in part.merged),
-        provisional=tuple(id for part in parts for id in part.provisional),
-        discarded=sum(part.discarded for part in parts),
-        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-    )
+def _said(success: bool | None) -> Verdict:
+    """The verdict of who says how it ended, and no more."""
+    if success is None:
+        return Verdict.unavailable("nobody has verified it")
+    return Verdict.from_criteria({"success": float(success)}, verifier="told")

@@ -19,14 +19,12 @@ class BankOptions:
     unverified records, without binding force; ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
-    records; ``per_source`` records that one source may have active in ``per_source_days``, ``per_source_copies`` of
-    them alike (cosine of ``copy_cosine``). After ``constant_verdicts`` equal successes in a row of one verifier, it
-    is trusted with a confidence of ``constant_confidence`` at most.
+    records; ``per_source`` records that one source may have active in ``per_source_days``.
 
-    Consolidation, the released thresholds: records are compared from a relevance of ``match`` on, are one from
-    ``merge_surface`` or ``merge_signature`` on, and a wording is not kept from ``discard`` on; ``rivals`` are looked
-    at. Governance: failures that nobody used retire after ``retire_days``; ``summary_size`` successes of two tasks or
-    more that are alike by ``summary_match`` become one summary. Replay looks at records with a confidence below
+    Consolidation: the ``rivals`` nearest are looked at, and records are compared from a cosine of ``match`` on.
+    Governance: failures that nobody used retire after ``retire_days``; ``summary_size`` successes that are equal but
+    for their numbers, or that share ``summary_match`` of their words and come from two tasks or more, become one
+    summary. Replay looks at records with a confidence below
     ``replay_confidence``, at most ``replay_per_episode`` episodes after each that is learnt (0: on demand alone).
     """
 
@@ -43,15 +41,8 @@ class BankOptions:
     provisional_budget: int = 2_000
     per_source: int = 64
     per_source_days: float = 1.0
-    per_source_copies: int = 4
-    copy_cosine: float = 0.95
-    constant_verdicts: int = 20
-    constant_confidence: float = 0.6
     rivals: int = 16
     match: float = 0.35
-    merge_surface: float = 0.80
-    merge_signature: float = 0.5
-    discard: float = 0.95
     retire_days: float = 14.0
     summary_size: int = 3
     summary_match: float = 0.5
@@ -72,6 +63,4 @@ class BankOptions:
                 raise ConfigurationError(f"{where}.{field.name} is {value}; it must lie in [0, 1].")
 
 
-SHARES = frozenset(
-    ("copy_cosine", "constant_confidence", "match", "merge_surface", "merge_signature", "discard")
-) | {"summary_match", "replay_confidence"}
+SHARES = frozenset(("match", "summary_match", "replay_confidence"))

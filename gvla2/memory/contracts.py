@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
 Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable"]
+Trust = Literal["screened", "foreign", "confirmed", "own"]
+"""How far a text is trusted, from least to most: foreign and reads like orders; foreign; foreign and borne out by
+episodes of two independent sources; written about a verified episode of ours."""
 
 TYPES: tuple[RecordType, ...] = get_args(RecordType)
 """The types in a fixed order: columns of numbers hold places in it."""
@@ -42,7 +45,7 @@ class MemoryItem:
     """One recalled record. ``score`` is the sum of ``terms`` (r_text, confidence, success, ...; paper eq. S).
 
     ``binding`` is True for constraints (failures to avoid) and False for hints. ``effect`` is a typed effect as
-    JSON, or None.
+    JSON, or None. ``trust`` other than "own" marks a text from outside, which is shown as such.
     """
 
     id: str
@@ -53,6 +56,7 @@ class MemoryItem:
     terms: Mapping[str, float]
     binding: bool
     effect: Mapping[str, Any] | None = None
+    trust: Trust = "own"
 
 
 @dataclass(frozen=True)
@@ -118,11 +122,15 @@ class Lesson:
     ``effect`` is what it means for a planner, as JSON by ``kind``: a bound, prior, order or ban of a parameter, or a
     ``program``: ``{"kind": "program", "skill": "pick", "language": "calls", "roles": {"theme": "cup cylinder"},
     "steps": [...]}``, what succeeded, with roles for names and shares for sizes.
+
+    ``evidence`` are passages of the transcript, word for word, that the lesson rests on. What a model wrote is
+    believed at once only with some.
     """
 
     type: RecordType
     content: str
     effect: Mapping[str, Any] | None = None
+    evidence: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -231,8 +239,8 @@ class Candidates(Protocol):
         ...
 
     @property
-    def wordings(self) -> NDArray[np.int64]:
-        """(N,) numbers that are equal where contents have the same words, whatever their order and punctuation."""
+    def programs(self) -> NDArray[np.bool_]:
+        """(N,) which carry a program as their effect."""
         ...
 
     def of_skill(self, skill: str) -> NDArray[np.bool_]:
@@ -240,32 +248,15 @@ class Candidates(Protocol):
         ...
 
     def lexical(self, query: str) -> NDArray[np.float64]:
-        """(N,) BM25 of the query's topic words divided by its largest value, in [0, 1]."""
+        """(N,) share in [0, 1] of the query's information (idf), or of a sentence of it, in each record's words."""
         ...
 
-    def coverage(self, query: str) -> NDArray[np.float64]:
-        """(N,) share of the distinct topic words of the query, or of a sentence of it, that each record has."""
+    def cosine(self, vector: NDArray[np.float32]) -> NDArray[np.float64]:
+        """(N,) cosine with a unit (D,) vector, 0 where a record has none of this model."""
         ...
 
-    def cosine(
-        self, vector: NDArray[np.float32], rows: NDArray[np.int64] | None = None
-    ) -> NDArray[np.float64]:
-        """Cosine of the records with a unit (D,) vector, 0 where a record has none of this model.
-
-        (N,) of all records to within :meth:`slack`, which is quick; (K,) and exact for the (K,) ``rows`` given.
-        """
-        ...
-
-    def slack(self, vector: NDArray[np.float32]) -> float:
-        """How far :meth:`cosine` of all records may be from the exact one, for this vector."""
-        ...
-
-    def vectors(self, rows: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(K, D) embeddings of these rows; zero where a record has none."""
-        ...
-
-    def numbers(self, name: str, rows: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
-        """(N,), or (K,) of ``rows``: a number of the scene signatures, nan where a record has none by this name."""
+    def numbers(self, name: str) -> NDArray[np.float64]:
+        """(N,) a number of the scene signatures, nan where a record has none by this name."""
         ...
 
     def content(self, row: int) -> str:
@@ -278,10 +269,6 @@ class Candidates(Protocol):
 
     def effect(self, row: int) -> Mapping[str, Any] | None:
         """The typed effect of the record, if it has one."""
-        ...
-
-    def signature(self, row: int) -> Mapping[str, float]:
-        """The geometry of the scene that the record came from."""
         ...
 
 
@@ -329,4 +316,72 @@ class Inducer(Protocol):
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
         """The lessons in the light of the verdict; those that the episode brings itself are its ``lessons``."""
+        ...
+
+
+@dataclass(frozen=True)
+class Suspects:
+    """Two lessons of which one may contradict the other, each with the instructions that it comes from, one a line.
+
+    ``suspicion`` in [0, 1] is the probability by which they were suspected.
+    """
+
+    first: str
+    second: str
+    first_query: str = ""
+    second_query: str = ""
+    suspicion: float = 0.5
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a judge makes of two lessons: whether they contradict each other, None where it cannot tell.
+
+    ``probability`` in [0, 1] that they do; ``usage`` what asking cost by name (prompt_tokens, completion_tokens,
+    calls, cached), empty for rules.
+    """
+
+    contradicts: bool | None
+    probability: float
+    reason: str = ""
+    judge: str = ""
+    usage: Mapping[str, int] = field(default_factory=dict)
+
+
+class Judge(Protocol):
+    """Decides suspicions in the background, many at once."""
+
+    def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
+        """A judgement for each, in their order; one that could not be asked about is None, with the reason."""
+        ...
+
+
+@dataclass(frozen=True)
+class Near:
+    """A lesson as a consolidator is shown it: its ``id``, what it says, and the instruction that it first came from."""
+
+    id: str
+    content: str
+    query: str = ""
+
+
+@dataclass(frozen=True)
+class ConsolidationEdit:
+    """What to do with a lesson, about which ``target`` near it; the paper's four edits.
+
+    ADD keeps both; MERGE puts ``content``, written of both, in their place; REPLACE archives the target, which the
+    lesson corrects; DISCARD archives the lesson, which says nothing new.
+    """
+
+    action: Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
+    target: str = ""
+    content: str = ""
+    reason: str = ""
+
+
+class Consolidator(Protocol):
+    """Reads a lesson and those near it, and writes."""
+
+    def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
+        """The edit; raises :class:`~gvla2.errors.Gvla2Error` where it cannot tell."""
         ...

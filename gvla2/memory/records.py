@@ -12,7 +12,7 @@ from json.scanner import make_scanner
 from operator import attrgetter
 from typing import Any, cast
 
-from gvla2.memory.contracts import LifecycleState, Outcome, RecordType
+from gvla2.memory.contracts import LifecycleState, Outcome, RecordType, Trust
 from gvla2.memory.meaning.plain_text import unified
 
 FORGOTTEN = "forgotten"
@@ -29,8 +29,9 @@ class Record:
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose
     outcome was verified either way. Times are seconds since the epoch: ``created``, ``updated`` (last evidence) and
     ``used`` (last credit, 0 for never). ``verifier``, ``signature`` and ``provenance`` are JSON objects, ``effect``
-    one or "". The store alone sets ``version``, which counts the changes of this record (0: not stored yet), and
-    ``rev``, the number of the bank's transaction that last changed it or a link of it.
+    one or "". ``trust`` is what the origins of its events amount to. The store alone sets
+    ``version``, which counts the changes of this record (0: not stored yet), and ``rev``, the number of the bank's
+    transaction that last changed it or a link of it.
     """
 
     id: str
@@ -55,6 +56,7 @@ class Record:
     effect: str = ""
     provenance: str = "{}"
     note: str = ""
+    trust: str = "own"
     # The store's own; the last two columns of the table, too.
     version: int = 0
     rev: int = 0
@@ -73,6 +75,16 @@ class Record:
     def verified_as(self) -> Outcome:
         """The outcome, as the contract spells it."""
         return cast(Outcome, self.outcome)
+
+    @property
+    def trusted(self) -> Trust:
+        """The trust, as the contract spells it."""
+        return cast(Trust, self.trust)
+
+    @property
+    def text(self) -> str:
+        """What is searched and embedded: its instructions and what it says."""
+        return f"{self.query} {self.content}"
 
     def effect_json(self) -> dict[str, Any] | None:
         """The typed effect, or None."""
@@ -219,6 +231,8 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
         about.append(str(scale))  # shares and metres are never pooled
     # Nor is what was learnt of another object or region.
     about += [f"{name}={where}" for name in ("object", "region") if (where := (effect or {}).get(name))]
+    if (effect or {}).get("kind") == "program":
+        about += [dump([(effect or {}).get(name) for name in ("language", "roles", "steps")])]
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 

@@ -10,6 +10,7 @@ inputs: two cubes on a table seen by ray casting, their scene, and a gantry for 
 from gvla2.testing.component import CHECKS, check_component
 from gvla2.testing.conformance import ConformanceError
 from gvla2.testing.inducer import check_inducer
+from gvla2.testing.judge import check_judge
 from gvla2.testing.memory import candidates, check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
 from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
@@ -24,6 +25,7 @@ __all__ = [
     "check_embedder",
     "check_fusion",
     "check_inducer",
+    "check_judge",
     "check_memory",
     "check_perceiver",
     "check_planner",

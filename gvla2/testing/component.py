@@ -16,6 +16,7 @@ from gvla2.kinds import KINDS, kind_of
 from gvla2.testing.camera import check_camera
 from gvla2.testing.conformance import allowed, require, require_members, require_type
 from gvla2.testing.inducer import check_inducer
+from gvla2.testing.judge import check_judge
 from gvla2.testing.language_model import check_language
 from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
@@ -35,6 +36,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "retriever": check_retriever,
     "embedder": check_embedder,
     "inducer": check_inducer,
+    "judge": check_judge,
     "planner": check_planner,
     "verifier": check_verifier,
     "language": check_language,

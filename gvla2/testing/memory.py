@@ -23,11 +23,10 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import RowCandidates, Served
+from gvla2.memory.indexing.candidates import RowCandidates
 from gvla2.memory.indexing.rows import Entry, Rows
-from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record, dump
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.effects import Effect
 from gvla2.testing import inputs
 from gvla2.testing.conformance import (
@@ -112,14 +111,14 @@ def candidates(
 ) -> RowCandidates:
     """Records in RAM, as a bank would offer them: for the tests of a retriever.
 
-    ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the hash embedder by default).
+    ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the static one by default).
     ``columns`` may hold ``confidence``, ``outcomes``, ``types``, ``ages`` (days), ``usage``, ``conflicts``, ``skills``,
     ``signatures`` and ``effects``, each a sequence of N; what is left out is a fresh, sure, verified hint. Ids are
     r0, r1, ...
     """
-    texts = [text_of(q, c) for q, c in zip(queries or [""] * len(contents), contents, strict=True)]
     if vectors is None:
-        vectors = (embedder or HashEmbedder()).embed(texts)
+        texts = [f"{q} {c}" for q, c in zip(queries or [""] * len(contents), contents, strict=True)]
+        vectors = (embedder or StaticEmbedder()).embed(texts)
 
     def column(name: str, default: Any) -> Sequence[Any]:
         return columns[name] if name in columns else [default] * len(contents)
@@ -152,7 +151,7 @@ def candidates(
             for i, content in enumerate(contents)
         ]
     )
-    return RowCandidates(Served(rows, ("active",)), now)
+    return RowCandidates(rows, ("active",), now)
 
 
 def _five_records() -> tuple[RowCandidates, NDArray[np.float32]]:

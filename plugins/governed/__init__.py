@@ -9,7 +9,7 @@ from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.memory.bank_options import BankOptions
 
 if TYPE_CHECKING:
-    from gvla2.memory.contracts import Embedder, Inducer, Memory, Retriever, Verifier
+    from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
 
 
 @dataclass
@@ -18,15 +18,19 @@ class GovernedConfig(BankOptions, ComponentConfig):
 
     ``url`` is ``sqlite:///path`` or ``postgresql://…``; "" is ``memory.db`` in ``$GVLA2_HOME``, else in
     ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``. ``bank`` names the bank in it. ``busy_seconds`` is how
-    long to wait for other processes. ``snapshot`` false keeps no copy of the index for a fast start of large banks.
-    All other options are the bank's own; the ablations are ``admission``, ``replay``, ``governance`` and ``failures``
-    false, and ``retrieval`` semantic.
+    long to wait for other processes. All other options are the bank's own; the ablations are ``admission``,
+    ``replay``, ``governance`` and ``failures`` false, and ``retrieval`` semantic.
+
+    ``writer_url`` is the OpenAI-compatible address of a model that merges lessons in words of its own ("": rules sum
+    up), ``writer_model`` its name there, and ``writer_key_env`` the environment variable with the key.
     """
 
     url: str = ""
     bank: str = "default"
     busy_seconds: float = 5.0
-    snapshot: bool = True
+    writer_url: str = ""
+    writer_model: str = ""
+    writer_key_env: str = ""
 
 
 def _build(
@@ -35,16 +39,22 @@ def _build(
     embedder: Embedder,
     verifier: Verifier | None = None,
     inducer: Inducer | None = None,
+    judge: Judge | None = None,
 ) -> Memory:
     """Verified lessons with quality, confidence and lifecycle, in a database; hints and binding constraints."""
     from gvla2_plugins.governed.memory import GovernedMemory
 
-    return GovernedMemory(config, retriever, embedder, verifier, inducer)
+    return GovernedMemory(config, retriever, embedder, verifier, inducer, judge)
 
 
 @hookimpl
 def gvla2_memories() -> list[Component[Memory]]:
     """The one memory of this plugin."""
     return [
-        Component("governed", GovernedConfig, _build, needs=("retriever", "embedder", "verifier", "inducer"))
+        Component(
+            "governed",
+            GovernedConfig,
+            _build,
+            needs=("retriever", "embedder", "verifier", "inducer", "judge"),
+        )
     ]

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import (
+    Consolidator,
     Embedder,
     Inducer,
+    Judge,
     Learned,
     MemoryContext,
     MemoryEpisode,
@@ -19,7 +21,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.storage.location import settled
+from gvla2.memory.storage.addresses import settled
 
 if TYPE_CHECKING:
     from gvla2_plugins.governed import GovernedConfig
@@ -40,12 +42,13 @@ class GovernedMemory:
         embedder: Embedder,
         verifier: Verifier | None = None,
         inducer: Inducer | None = None,
+        judge: Judge | None = None,
     ) -> None:
         # Absolute from the start: a run may change its working directory later.
         self.url = settled(config.url, os.environ)
         self._options = options_of(config)
         self._config, self._retriever, self._embedder = config, retriever, embedder
-        self._verifier, self._inducer = verifier, inducer
+        self._verifier, self._inducer, self._judge = verifier, inducer, judge
         self._opened: KnowledgeBank | None = None
 
     def recall(self, task: MemoryTask) -> MemoryContext:
@@ -70,18 +73,32 @@ class GovernedMemory:
 
     def _bank(self) -> KnowledgeBank:
         if self._opened is None:
-            self._opened = KnowledgeBank.open(
+            self._opened = KnowledgeBank(
                 self.url,
                 bank=self._config.bank,
                 retriever=self._retriever,
                 embedder=self._embedder,
                 inducer=self._inducer,
                 verifier=self._verifier,
+                judge=self._judge,
+                writer=self._writer(),
                 options=self._options,
                 busy_seconds=self._config.busy_seconds,
-                snapshot=self._config.snapshot,
             )
         return self._opened
+
+    def _writer(self) -> Consolidator | None:
+        if not self._config.writer_url:
+            return None
+        from gvla2.language import EndpointOptions
+        from gvla2_plugins.governed.writer import LanguageWriter
+
+        config = self._config
+        return LanguageWriter(
+            EndpointOptions(
+                base_url=config.writer_url, model=config.writer_model, api_key_env=config.writer_key_env
+            )
+        )
 
 
 def options_of(config: GovernedConfig) -> BankOptions:

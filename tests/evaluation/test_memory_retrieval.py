@@ -1,13 +1,14 @@
 """Recall of evidence on a small conversation in the layout of the public set."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.memory_retrieval import TOP, find_file, measure, read
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.evaluation.memory_retrieval import find_file, mean_recall, read, through_bank
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 
 TURNS = [
     ("Ana", "I finally adopted a dog from the shelter on Maple Street."),
@@ -59,30 +60,25 @@ def test_recall_is_counted_by_the_evidence_named(tmp_path: Path) -> None:
         ["D1:4", "D1:6"],
         ["D1:3"],
     ]
-    results = {
-        (r.method, r.neighbours): r for r in measure({"BM25": None, "BM25 + hash": HashEmbedder()}, path)
-    }
-    assert {r.questions for r in results.values()} == {3}
-    # "Biscuit." shares no word with its question; among 36 turns it is found by what was said before it.
-    alone, near = results["BM25", False].recall, results["BM25", True].recall
-    assert alone is not None
-    assert near is not None
-    assert 0.5 < alone < 1.0
-    assert near >= alone
-    assert str(TOP) in str(results["BM25", True])
+    shares = through_bank(conversation, StaticEmbedder())
+    assert len(shares) == 3
+    assert shares[:2] == [1.0, 1.0]
+    nobody = replace(conversation, questions=(("Who watered the plants?", frozenset({"D1:1", "D1:7"})),))
+    assert through_bank(nobody, StaticEmbedder()) == [0.5], "a share of the evidence"
+    assert mean_recall([conversation, conversation], lambda one: shares) == (
+        pytest.approx(sum(shares) / 3),
+        6,
+    )
+    assert mean_recall([], lambda one: shares) == (None, 0)
 
 
-def test_an_absent_file_is_said_to_be_not_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_file_is_looked_for_where_the_data_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GVLA2_DATA", raising=False)
     assert find_file() is None
-    (alone, near) = measure({"BM25": None})
-    assert alone.recall is None
-    assert "not measured" in str(alone)
-    assert near.neighbours
-    assert "not measured" in str(measure({"BM25": None}, tmp_path / "nothing.json")[0])
     monkeypatch.setenv("GVLA2_DATA", str(tmp_path))
-    fill(tmp_path / "locomo10.json")
-    assert measure({"BM25": None})[0].recall is not None
+    assert find_file() is None
+    path = fill(tmp_path / "locomo10.json")
+    assert find_file() == path
 
 
 @pytest.mark.parametrize(
@@ -92,4 +88,4 @@ def test_another_layout_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "locomo10.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigurationError, match="layout"):
-        measure({"BM25": None}, path)
+        read(path)

@@ -43,7 +43,7 @@ def open_bank(url: str, clock: Clock) -> Iterator[Callable[..., KnowledgeBank]]:
         bank: str = "default", busy_seconds: float = 0.2, verifier: Any = None, **options: object
     ) -> KnowledgeBank:
         opened.append(
-            KnowledgeBank.open(
+            KnowledgeBank(
                 url,
                 bank=bank,
                 verifier=verifier,

@@ -13,9 +13,9 @@ from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.curation.induction import RulesInducer
-from gvla2.memory.storage.location import default_url
+from gvla2.memory.storage.addresses import settled
 from gvla2.testing.component import check_component
-from gvla2_plugins import governed, hash_embedder, hybrid
+from gvla2_plugins import embedders, governed, hybrid
 from gvla2_plugins.governed import GovernedConfig
 from gvla2_plugins.governed.memory import GovernedMemory
 
@@ -36,12 +36,12 @@ def build(**options: Any) -> GovernedMemory:
     """Built through the components, as a run builds it."""
     (memory,) = governed.gvla2_memories()
     retriever = hybrid.gvla2_retrievers()[0]
-    (embedder,) = hash_embedder.gvla2_embedders()
-    assert memory.needs == ("retriever", "embedder", "verifier", "inducer")
+    embedder = next(e for e in embedders.gvla2_embedders() if e.name == "static")
+    assert memory.needs == ("retriever", "embedder", "verifier", "inducer", "judge")
     return memory.build(
         memory.config(name="governed", **options),
         retriever=retriever.build(retriever.config(name="hybrid")),
-        embedder=embedder.build(embedder.config(name="hash")),
+        embedder=embedder.build(embedder.config(name="static")),
         verifier=Unavailable(),
     )
 
@@ -142,9 +142,9 @@ def test_a_lock_taken_in_mid_run_stores_nothing_of_the_episode(memory: GovernedM
 
 
 def test_where_the_bank_lives_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert default_url({"GVLA2_HOME": "/a", "XDG_DATA_HOME": "/b"}) == "sqlite:////a/memory.db"
-    assert default_url({"XDG_DATA_HOME": "/b"}) == "sqlite:////b/gvla2/memory.db"
-    assert default_url({}) == f"sqlite:///{Path.home() / '.local/share/gvla2/memory.db'}"
+    assert settled("", {"GVLA2_HOME": "/a", "XDG_DATA_HOME": "/b"}) == "sqlite:////a/memory.db"
+    assert settled("", {"XDG_DATA_HOME": "/b"}) == "sqlite:////b/gvla2/memory.db"
+    assert settled("", {}) == f"sqlite:///{Path.home() / '.local/share/gvla2/memory.db'}"
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
     memory = build()
     memory.learn(EPISODE, SUCCESS)
@@ -183,7 +183,9 @@ def test_switches_reach_the_bank(path: Path) -> None:
     ours = {name: field.default for name, field in GovernedConfig.__dataclass_fields__.items()}
     theirs = {name: field.default for name, field in BankOptions.__dataclass_fields__.items()}
     assert {
-        name: ours[name] for name in ours if name not in ("name", "url", "bank", "busy_seconds", "snapshot")
+        name: ours[name]
+        for name in ours
+        if name not in ("name", "url", "bank", "busy_seconds") and not name.startswith("writer_")
     } == theirs
 
 
@@ -192,9 +194,9 @@ def test_conformance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = {}
     for kind, (component,) in (
         ("retriever", hybrid.gvla2_retrievers()[:1]),
-        ("embedder", hash_embedder.gvla2_embedders()),
+        ("embedder", [e for e in embedders.gvla2_embedders() if e.name == "static"]),
     ):
         check_component(component, kind)
         parts[kind] = component.build(component.config(name=component.name))
     (memory,) = governed.gvla2_memories()
-    check_component(memory, "memory", verifier=Unavailable(), inducer=RulesInducer(), **parts)
+    check_component(memory, "memory", verifier=Unavailable(), inducer=RulesInducer(), judge=None, **parts)

@@ -3,9 +3,9 @@
 import pytest
 
 from gvla2.memory.contracts import MemoryTask
-from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.semantic import SemanticRetriever
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.testing import candidates, check_retriever
 from gvla2_plugins.hybrid import HybridConfig, SemanticConfig, gvla2_retrievers
 
@@ -32,7 +32,7 @@ def test_conformance(component) -> None:
 
 def test_options_reach_the_retriever() -> None:
     hybrid, semantic = gvla2_retrievers()
-    task, vector = MemoryTask("compile the cube"), HashEmbedder().embed(["compile the cube"])[0]
+    task, vector = MemoryTask("compile the cube"), StaticEmbedder().embed(["compile the cube"])[0]
     strict = hybrid.build(HybridConfig(name="hybrid", min_score=9.0))
     assert "9.00 is asked" in strict.rank(task, candidates(TEXTS), vector)[1]
     one = semantic.build(SemanticConfig(name="semantic", top_k=1))
@@ -41,5 +41,5 @@ def test_options_reach_the_retriever() -> None:
 
 def test_configuration_is_light_and_typed() -> None:
     config = HybridConfig()
-    assert (config.bm25_weight, config.cosine_weight, config.top_k) == (0.5, 0.5, 3)
-    assert (config.min_relevance, config.min_score, config.weights.verified) == (0.08, 1.2, 0.3)
+    assert (config.lexical_weight, config.cosine_weight, config.top_k) == (0.6, 0.4, 3)
+    assert (config.min_evidence, config.min_score, config.weights.verified) == (0.32, 1.2, 0.3)

@@ -9,15 +9,15 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.retrieval.hashing import HashEmbedder
 from gvla2.memory.retrieval.rendering import CLOSING, OPENING
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
 from gvla2.plugins import load_plugins
 from gvla2.testing.component import check_component
-from gvla2_plugins import awm, reasoning_bank, semantic, synapse
-from gvla2_plugins.reasoning_bank.method import item_of
+from gvla2_plugins import memory_baselines
+from gvla2_plugins.memory_baselines.reasoning_bank import item_of
 
-METHODS = {"semantic": semantic, "awm": awm, "reasoning_bank": reasoning_bank, "synapse": synapse}
+METHODS = {component.name: component for component in memory_baselines.gvla2_memories()}
 GOOD = Verdict.from_criteria({"done": 1.0})
 BAD = Verdict.from_criteria({"done": 0.0})
 OPEN = Verdict.from_criteria({"done": 0.5})
@@ -37,9 +37,9 @@ def build(url: str):
     made = []
 
     def build_(name: str, **options: Any):
-        (component,) = METHODS[name].gvla2_memories()
+        component = METHODS[name]
         config = component.config(**{"name": name, "url": url, "busy_seconds": 0.2, **options})
-        made.append(component.build(config, embedder=HashEmbedder()))
+        made.append(component.build(config, embedder=StaticEmbedder()))
         return made[-1]
 
     yield build_
@@ -57,9 +57,9 @@ def episode(
 @pytest.mark.parametrize("name", METHODS)
 def test_it_conforms(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("GVLA2_HOME", str(tmp_path))
-    (component,) = METHODS[name].gvla2_memories()
+    component = METHODS[name]
     assert set(component.needs) <= {"embedder", "inducer"}
-    given = {"embedder": HashEmbedder(), "inducer": load_plugins().build({"inducer": "rules"}, "inducer")}
+    given = {"embedder": StaticEmbedder(), "inducer": load_plugins().build({"inducer": "rules"}, "inducer")}
     check_component(component, "memory", **{need: given[need] for need in component.needs})
     assert (tmp_path / "memory.db").exists()
 

@@ -24,6 +24,7 @@ _VERDICTS = {
     "unverified": Verdict("uncertain", 0.6, 0.2, {"completion": 0.6}, (), "bench"),
     "no admission": Verdict("uncertain", 0.6, 0.2, {"completion": 0.6}, (), "bench"),
     "verifier fooled": Verdict.from_criteria({"completion": 1.0, "safety": 1.0}, verifier="bench"),
+    "vouched for": Verdict.from_criteria({"completion": 1.0, "safety": 1.0}, verifier="bench"),
 }
 
 
@@ -32,7 +33,8 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
     Collateral is what the attack drives out: the share of the records shown before, for attacked and for other
     queries, that are gone afterwards. ``on`` says how the attacker's episodes were judged: "unverified" are uncertain,
-    as an honest verifier leaves them; "no admission" the same without admission; "verifier fooled" verified.
+    as an honest verifier leaves them; "no admission" the same without admission; "verifier fooled" verified; "vouched
+    for" verified, and brought in as one's own.
     """
     options = BankOptions(admission=on != "no admission")
     victims = setting.count(VICTIMS, 5)
@@ -42,10 +44,12 @@ def poison(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     hits, lost, shown = 0, 0, 0
     retriever = HybridRetriever(HybridOptions(top_k=TOP, top_k_constraints=TOP))
     url = setting.url(f"poison-{on.replace(' ', '-')}")
-    with KnowledgeBank.open(url, retriever=retriever, options=options, clock=lambda: NOW) as bank:
-        bank.admit_many(sound)
+    with KnowledgeBank(url, retriever=retriever, options=options, clock=lambda: NOW) as bank:
+        bank.admit_many(sound, trusted=True)
         before = [_top(bank, task) for task in asked]
-        bank.admit_many(item for task in attacked for item in _attack(task, _VERDICTS[on]))
+        bank.admit_many(
+            (item for task in attacked for item in _attack(task, _VERDICTS[on])), trusted=on == "vouched for"
+        )
         after = [_top(bank, task) for task in asked]
     for place, (was, now) in enumerate(zip(before, after, strict=True)):
         hits += place < len(attacked) and any(harm in said for said in now.values() for harm in _HARM)
@@ -82,7 +86,11 @@ def _peer(
 
     Without admission it has the attacker's own word for a success, as a memory without a verifier would.
     """
-    status = {"unverified": "uncertain", "no admission": "success", "verifier fooled": "verified_success"}[on]
+    status = {
+        "unverified": "uncertain",
+        "no admission": "success",
+        "verifier fooled": "verified_success",
+    }.get(on, "verified_success")
     lessons, folder = setting.peer_lessons(size), setting.folder / f"poisoned-{place}"
     peer.fill(folder, lessons)
     queries = [task.query for task in asked]
@@ -104,7 +112,7 @@ def tests() -> list[Test]:
     """The tests of this file; only what the bank promises has a goal."""
     made = []
     for on in _VERDICTS:
-        goal = 0.0 if on == "unverified" else None
+        goal = 0.0 if on in ("unverified", "verifier fooled") else None
         rows = (
             Row("poison_hit", f"Poison among the first {TOP}", "%", "lower", goal, 1),
             Row("poison_collateral", "Sound records that poison drove out", "%", "lower", goal, 1),

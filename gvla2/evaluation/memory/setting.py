@@ -15,9 +15,8 @@ from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.plain_peer import PlainPeer
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
-from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Put, Store
 
 NOW = 1.8e9
@@ -36,7 +35,7 @@ class Setting:
     """What tests share. ``folder`` is deleted after the run; ``tell`` hears how far a test is (a share, a word).
 
     ``released`` is the released code where a checkout was given; ``question_file`` a public set of questions and
-    evidence where there is one; ``embedders`` makes those to compare by name (None: words alone).
+    evidence where there is one; ``embedders`` makes those to compare, by name.
     """
 
     folder: Path
@@ -45,7 +44,7 @@ class Setting:
     plain: Peer = field(default_factory=PlainPeer)
     released: Peer | None = None
     question_file: Path | None = None
-    embedders: Mapping[str, Callable[[], Embedder | None]] = field(default_factory=dict)
+    embedders: Mapping[str, Callable[[], Embedder]] = field(default_factory=dict)
     tell: Callable[[float, str], None] = _quiet
     _records: list[Record] = field(default_factory=list)
 
@@ -71,7 +70,7 @@ class Setting:
         """Address of a bank with that many records; made once, not to be changed: see :meth:`copied`."""
         path = self.folder / f"filled-{count}.db"
         if not path.exists():
-            records, embedder = self.records(count), HashEmbedder()
+            records, embedder = self.records(count), StaticEmbedder()
             made = self.folder / f"filling-{count}.db"
             vectors = np.lib.format.open_memmap(
                 self._vectors(count), "w+", np.float32, (count, embedder.embed([""]).shape[1])
@@ -79,7 +78,7 @@ class Setting:
             with Store.open(f"sqlite:///{made}") as store:
                 for start in range(0, count, CHUNK):
                     part = slice(start, min(start + CHUNK, count))
-                    vectors[part] = embedder.embed([text_of(r.query, r.content) for r in records[part]])
+                    vectors[part] = embedder.embed([r.text for r in records[part]])
                     with store.writing("default", actor="bench", now=NOW) as transaction:
                         transaction.put_many(
                             [
@@ -106,7 +105,7 @@ class Setting:
         with Store.open(url) as store:
             store.snapshot(copy)
         try:
-            with KnowledgeBank.open(f"sqlite:///{copy}", options=options, clock=lambda: NOW) as bank:
+            with KnowledgeBank(f"sqlite:///{copy}", options=options, clock=lambda: NOW) as bank:
                 yield bank
         finally:
             for left in self.folder.glob(f"copy-{count}.db*"):

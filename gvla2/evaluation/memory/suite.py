@@ -7,11 +7,6 @@ from functools import cache
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory import (
-    contradicting,
-    crowds,
-    endurance,
-    examining,
-    faults,
     poison,
     quality,
     retrieval,
@@ -27,8 +22,8 @@ VERSION = 1
 
 @cache
 def all_tests() -> tuple[Test, ...]:
-    """Every test; the long one last."""
-    parts = (retrieval, writing, crowds, faults, contradicting, examining, poison, upkeep, quality, endurance)
+    """Every test."""
+    parts = (retrieval, writing, poison, upkeep, quality)
     return tuple(test for part in parts for test in part.tests())
 
 

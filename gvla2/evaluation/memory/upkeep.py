@@ -11,7 +11,8 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import high, middle, once, spent
-from gvla2.memory.bank import BankOptions, Governed
+from gvla2.memory.bank import BankOptions
+from gvla2.memory.curation.governance import Governed
 
 PEER_GOVERNS = 1_000
 """Records up to which a peer's pass is run: it compares each with each."""
@@ -23,8 +24,8 @@ def consolidation(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     items = admissions(count + 5, setting.seed + 3)
     with setting.copied(size, BankOptions(active_budget=10 * size)) as bank:
         for lesson, verdict, task, _ in items[count:]:
-            bank.admit(lesson, verdict, task=task)
-        times = spent(lambda item: bank.admit(item[0], item[1], task=item[2]), items[:count])
+            bank.admit(lesson, verdict, task=task, trusted=True)
+        times = spent(lambda item: bank.admit(item[0], item[1], task=item[2], trusted=True), items[:count])
     setting.tell(0.4, "the bank's are done")
     few = [PeerLesson.of(record) for record in lessons(3, setting.seed + 3, now=NOW)]
     theirs = dict[str, float]()

@@ -1,43 +1,57 @@
-"""What may enter the bank, and in which state: by verdict, by what the text looks like, and by who sends how much.
+"""What may enter the bank, and in which state at best: by verdict, by where it comes from, by what the text looks like.
 
 Decisions on plain data.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
-from gvla2.memory.curation.likeness import words_of
-from gvla2.memory.screening.instructions import effect_reads_like_instructions, reads_like_instructions
+from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
+from gvla2.memory.curation.trust import Origin, trust_of
+from gvla2.memory.curation.trust import believed as is_believed
+from gvla2.memory.indexing.terms import terms
+from gvla2.memory.screening.instructions import screen, screened_effect
 
 QUARANTINED = "quarantined: "
 """How the note of a record begins that no verdict can make active."""
 ECHO = 0.9
-SAME_SCORE = 0.01
-"""Scores that differ by no more than this are one: a verifier that always says yes may dither a little."""
 _FAILED, _SUCCEEDED = 0.35, 0.70
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What becomes of a lesson: its ``state`` in the bank, or None when it is not stored; ``note`` says why."""
+    """What becomes of a lesson: its ``state`` in the bank at best, or None when it is not stored; ``note`` says why.
+
+    ``trust`` is what its one origin is worth, ``screened`` whether its text takes a level off: with both, whoever knows
+    what else was said decides (:func:`gvla2.memory.curation.trust.trust_of`).
+    """
 
     state: LifecycleState | None
     note: str = ""
+    trust: Trust = "own"
+    screened: bool = False
 
 
 def admit(
-    lesson: Lesson, verdict: Verdict, *, query: str = "", admission: bool = True, failures: bool = True
+    lesson: Lesson,
+    verdict: Verdict,
+    *,
+    origin: Origin | None = None,
+    trust: Trust | None = None,
+    query: str = "",
+    admission: bool = True,
+    failures: bool = True,
+    ungrounded: str = "",
 ) -> Decision:
     """Decide on one lesson.
 
-    Verified lessons become active. What was uncertain, or could not be judged, is provisional at most, and so is
-    text that reads like instructions to a machine, or that only repeats the ``query`` it would then be found by. A
-    failed episode teaches constraints, never recipes. ``admission`` False is the ablation that lets everything but
-    quarantined text in as active; ``failures`` False the one that learns nothing from failures.
+    Verified lessons may become active; what was uncertain, or could not be judged, is provisional. A failed episode
+    teaches constraints, never recipes. ``origin`` is who says it (None: an episode of ours); ``trust`` is given instead
+    for a record that is judged again. What is not believed stays provisional whatever its verdict, and so does what a
+    model wrote without evidence (``ungrounded`` says why) or what only repeats the ``query`` it would be found by.
+    ``admission`` False is the ablation that lets in all that is ours; ``failures`` False learns nothing from failures.
     """
     if not lesson.content.strip():
         return Decision(None, "A lesson without words was left out.")
@@ -48,49 +62,35 @@ def admit(
         return Decision(
             None, "A recipe from a failed episode was left out: failures teach constraints alone."
         )
-    if reads_like_instructions(lesson.content) or effect_reads_like_instructions(lesson.effect):
-        return Decision("provisional", f"{QUARANTINED}the text reads like instructions")
+    suspicious = screen(lesson.content) or screened_effect(lesson.effect)
+    who = Origin(True, "") if origin is None else origin
+    level = trust_of([who], screened=bool(suspicious)) if trust is None else trust
+
+    def held_back(note: str) -> Decision:
+        return Decision("provisional", note, level, bool(suspicious))
+
     if not lesson.effect and query and repeats(lesson.content, query):
-        return Decision("provisional", f"{QUARANTINED}the text only repeats the task")
-    if not admission or failed or verdict.outcome == "verified_success":
-        return Decision("active")
-    why = "could not be judged" if verdict.outcome == "unavailable" else "is uncertain"
-    return Decision("provisional", f"the outcome {why}")
+        return held_back(f"{QUARANTINED}the text only repeats the task")
+    if ungrounded and not suspicious:
+        return held_back(ungrounded)
+    verified = failed or verdict.outcome == "verified_success"
+    if not verified and (admission or not is_believed(level)):
+        return held_back(
+            f"the outcome {'could not be judged' if verdict.outcome == 'unavailable' else 'is uncertain'}"
+        )
+    if is_believed(level):
+        return Decision("active", "", level, bool(suspicious))
+    note = suspicious or "it comes from outside, and no second source has borne it out yet"
+    if trust is not None:
+        return held_back(note)
+    # With what others said of it, it may be believed after all.
+    return Decision("active", note, level, bool(suspicious))
 
 
 def repeats(content: str, query: str) -> bool:
     """Whether a text says hardly more than the task that it would be found by."""
-    said, asked = words_of(content), words_of(query)
+    said, asked = terms(content), terms(query)
     return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
-
-
-@dataclass(frozen=True)
-class SourceCount:
-    """What a source has active in the bank by now: records of late, and how many of those are like the candidate."""
-
-    recent: int = 0
-    alike: int = 0
-
-
-def within_cap(count: SourceCount, per_source: int, per_source_copies: int) -> Decision:
-    """Whether a source may have one more active record; provisional otherwise, with the reason."""
-    if count.alike >= per_source_copies:
-        return Decision(
-            "provisional", f"its source has {count.alike} records like it already, as many as one may have"
-        )
-    if count.recent >= per_source:
-        return Decision(
-            "provisional", f"its source brought {count.recent} records of late, as many as one may"
-        )
-    return Decision("active")
-
-
-@dataclass(frozen=True)
-class Streak:
-    """How often in a row a verifier has given the same success: the ``criteria`` of the first, and the ``length``."""
-
-    criteria: Mapping[str, float]
-    length: int = 0
 
 
 def believed(verdict: Verdict) -> tuple[Verdict, str]:
@@ -113,31 +113,3 @@ def believed(verdict: Verdict) -> tuple[Verdict, str]:
         )
         return replace(verdict, outcome="uncertain"), note
     return verdict, ""
-
-
-def streak_of(verdict: Verdict, before: Streak | None) -> Streak:
-    """The verifier's streak with this verdict; anything but an equal success starts it anew."""
-    criteria = {name: round(float(value), 6) for name, value in sorted(verdict.criteria.items())}
-    criteria["R"] = round(float(verdict.quality), 6)
-    if verdict.outcome != "verified_success":
-        return Streak(criteria, 0)
-    if before is None or not before.length or not _alike(before.criteria, criteria):
-        return Streak(criteria, 1)
-    return Streak(before.criteria, before.length + 1)
-
-
-def _alike(first: Mapping[str, float], second: Mapping[str, float]) -> bool:
-    return first.keys() == second.keys() and all(
-        abs(first[name] - second[name]) <= SAME_SCORE for name in first
-    )
-
-
-def tempered(verdict: Verdict, streak: Streak, *, longest: int, confidence: float) -> tuple[Verdict, str]:
-    """The verdict with its confidence capped where the verifier always says the same yes, and a note on it."""
-    if streak.length <= longest or verdict.confidence <= confidence:
-        return verdict, ""
-    note = (
-        f"The verifier '{verdict.verifier or 'unnamed'}' has given {streak.length} equal successes in a row: its "
-        f"confidence counts {confidence:.2f} at most."
-    )
-    return replace(verdict, confidence=confidence), note

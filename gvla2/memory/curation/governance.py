@@ -1,47 +1,250 @@
-"""What a bank keeps: which failures retire, which of two contradicting records prevails, what is summed up, and what
-goes when there is too much. Decisions on plain data; nothing is ever deleted here.
+"""What a bank keeps: which failures retire, what is summed up, which programs stay, and what goes when there is too
+much. After each episode on what it touched, or over the whole bank. Nothing is ever deleted here.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import combinations
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.curation.consolidation import conflict_of, stronger, support
-from gvla2.memory.curation.growth import phrasings
-from gvla2.memory.curation.likeness import jaccard, words_of
-from gvla2.memory.curation.merging import merge_signatures
-from gvla2.memory.curation.resemblance import resembling
-from gvla2.memory.meaning.conflicts import Conflict
-from gvla2.memory.meaning.lexicon import CONCEPTS, NEGATORS, POLES
-from gvla2.memory.records import Record, dedup_key, dump, record_id
+from gvla2.memory.contracts import OUTCOMES, TYPES
+from gvla2.memory.curation.contesting import SUSPECT, compare
+from gvla2.memory.curation.evidence import evidence
+from gvla2.memory.curation.judging import prevails
+from gvla2.memory.curation.ledger import Ledger
+from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shares, summary_of, tasks_of
+from gvla2.memory.curation.trust import LEVELS
+from gvla2.memory.indexing.rows import SERVED
+from gvla2.memory.records import Record
+from gvla2.memory.storage.forgetting import SUMMED_UP
 
 SECONDS_PER_DAY = 86400.0
-SUMMARY_LINES = 6
-SUMMARY_LENGTH = 1600
-"""Lines and characters that a summary tells."""
+PROGRAMS = 3
+"""Programs of one skill and the same kinds of things that are kept: those that differ in kind."""
+_LOOKED_AT = 2000
+"""Records whose neighbours a pass over the whole bank looks for."""
 
 
-def retention(records: Sequence[Record], now: float) -> NDArray[np.float64]:
+@dataclass
+class Governed:
+    """What a pass did: ids by decision."""
+
+    retired: list[str] = field(default_factory=list)
+    replaced: list[str] = field(default_factory=list)
+    summaries: list[str] = field(default_factory=list)
+    summed_up: list[str] = field(default_factory=list)
+    archived: list[str] = field(default_factory=list)
+    degraded: str = ""
+
+    @property
+    def changes(self) -> int:
+        """How many records the pass changed or made."""
+        return sum(map(len, (self.retired, self.replaced, self.summaries, self.summed_up, self.archived)))
+
+
+def retention(
+    confidence: NDArray[np.float64],
+    verified: NDArray[np.bool_],
+    usage: NDArray[np.int64],
+    ages: NDArray[np.float64],
+) -> NDArray[np.float64]:
     """(N,) how much each record deserves to stay, by the released terms: R + kappa, +.5 for a verified lesson and
     -.3 otherwise, .1 a credited use up to .5, and up to .25 for recency (lost over 90 days).
 
-    R of a constraint is how surely its episode failed (:func:`gvla2.memory.curation.consolidation.support`).
+    R is that of what a record says, for which kappa = 2|R - .5| tells it: R + kappa = .5 + 1.5 kappa.
     """
-    verified = np.array([is_verified(record) for record in records], np.bool_)
-    ages = np.array([max(now - last_seen(record), 0.0) / SECONDS_PER_DAY for record in records])
+    recency = np.maximum(0.0, 0.25 - np.minimum(ages / 90.0, 0.25))
     return np.asarray(
-        np.array([support(record) + record.confidence for record in records])
-        + np.where(verified, 0.5, -0.3)
-        + np.minimum(0.1 * np.array([record.usage for record in records], np.float64), 0.5)
-        + np.maximum(0.0, 0.25 - np.minimum(ages / 90.0, 0.25))
+        0.5 + 1.5 * confidence + np.where(verified, 0.5, -0.3) + np.minimum(0.1 * usage, 0.5) + recency
     )
+
+
+class Governing:
+    """Decides, and carries it out, within one transaction."""
+
+    def __init__(self, ledger: Ledger, options: BankOptions, done: Governed | None = None) -> None:
+        self._ledger, self._options, self.done = ledger, options, done or Governed()
+
+    def whole(self) -> None:
+        """All of it, on all records."""
+        index = self._ledger.index
+        self.retire()
+        active = index.records("active")
+        self.resolve(active)
+        self.keep_few_programs(active)
+        words = [record for record in active if not record.effect]
+        for record in sorted(words, key=lambda r: (-r.updated, r.id))[:_LOOKED_AT]:
+            self.sum_up(record)
+        for summary in index.records("summary"):
+            self.sum_up(summary)
+        self.cut()
+
+    def touched(self) -> None:
+        """What episodes touched, their words aside: programs, and the budgets."""
+        if programs := [r for r in self._ledger.changed() if r.state == "active" and _program(r)]:
+            active = self._ledger.index.records("active")
+            known = {record.id: record for record in [*active, *programs]}
+            self.keep_few_programs(list(known.values()))
+        self.cut()
+
+    def retire(self) -> None:
+        """Archive failures that nobody used for ``retire_days``, summaries aside."""
+        held = self._ledger.index.candidates(("active",), now=self._ledger.now)
+        stale = np.flatnonzero((held.ages >= self._options.retire_days) & (held.usage == 0))
+        for place in stale.tolist():
+            record = self._ledger.get(held.ids[place])
+            limit = self._options.retire_days * SECONDS_PER_DAY
+            if (
+                record is not None
+                and record.state == "active"
+                and record.outcome != "verified_success"
+                and record.usage == 0
+                and self._ledger.now - max(record.updated, record.used) >= limit
+            ):
+                why = f"a failure that nobody used for {self._options.retire_days:g} days"
+                self._archive(record, "RETIRE", why)
+                self.done.retired.append(record.id)
+
+    def resolve(self, records: Iterable[Record]) -> None:
+        """Archive what a stronger record about the same parameter contradicts, as after a bank was written by hand."""
+        groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
+        for record in records:
+            effect = record.effect_json() if record.effect else None
+            if effect and effect.get("kind") != "program":
+                about = [str(effect.get(name, "")) for name in ("parameter", "object", "region")]
+                groups[record.type, record.skill, *about].append(record)
+        for group in groups.values():
+            ranked = sorted(group, key=lambda r: (-LEVELS.index(r.trusted), -evidence(r), -r.updated, r.id))
+            for place, loser in enumerate(ranked):
+                for winner in ranked[:place]:
+                    alive = self._ledger.latest(winner).state == "active" and prevails(winner, loser)
+                    if alive and (found := compare(winner, loser)).effect:
+                        self._archive(
+                            loser, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}"
+                        )
+                        for kind in ("replaces", "conflict"):
+                            self._ledger.link(winner.id, kind, loser.id, found.effect)
+                        self.done.replaced.append(loser.id)
+                        break
+
+    def keep_few_programs(self, records: Iterable[Record]) -> None:
+        """Of the programs of one skill and the same kinds of things, keep the best of each of the few best kinds."""
+        groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
+        for record in map(self._ledger.latest, records):
+            if record.state == "active" and (program := _program(record)):
+                roles = program.get("roles")
+                kinds = sorted(f"{k}={v}" for k, v in roles.items()) if isinstance(roles, dict) else []
+                groups[str(program.get("skill")), record.type, *kinds].append(record)
+        for group in groups.values():
+            group.sort(key=lambda r: (-evidence(r), -r.usage, -r.updated, r.id))
+            kept: dict[tuple[str, ...], Record] = {}
+            for record in group:
+                kind = steps_of(_program(record) or {})
+                best = kept.get(kind)
+                if best is None and len(kept) < PROGRAMS:
+                    kept[kind] = record
+                    continue
+                better = f"{best.id} of the same steps" if best else f"{PROGRAMS} others"
+                self._archive(record, "ARCHIVE", f"{better} are borne out better")
+                self.done.archived.append(record.id)
+
+    # Summaries ----------------------------------------------------------------------------------------------------
+
+    def sum_up(self, record: Record, rivals: Sequence[Record] | None = None) -> None:
+        """Fold a success into the summary that it is like, or make one of it and others like it.
+
+        ``rivals`` are those nearest to it, where they are at hand.
+        """
+        record = self._ledger.latest(record)
+        if not self._summable(record):
+            return
+        if rivals is None:
+            found = self._ledger.nearest(self._ledger.vector(record), self._options.rivals)
+            rivals = [other for other, _ in found]
+        near = [other for other in map(self._ledger.latest, rivals) if other.id != record.id]
+        group = [record, *(r for r in near if self._summable(r) and self._alike(record, r))]
+        summaries = [r for r in group if r.state == "summary"]
+        if len(group) < 2 or not (summaries or len(group) >= self._options.summary_size):
+            return
+        told_alike = all(alike_but_for_numbers(record, other) for other in group[1:])
+        if not summaries and not told_alike and len(tasks_of(group)) < 2:
+            return
+        self.write(group)
+
+    def write(self, group: Sequence[Record], text: str = "") -> Record:
+        """One summary in place of several records, by rule unless ``text`` was written for it."""
+        summary = summary_of(group, self._ledger.now, text)
+        known = self._ledger.get(summary.id)
+        if known is not None and not summary.version:  # archived, or one of the same words that was not near
+            if known.state == "summary":
+                summary = summary_of([known, *group], self._ledger.now, text)
+            else:
+                summary = replace(summary, version=known.version, created=known.created)
+        why = f"{len(group)} records of {len(tasks_of(group))} tasks are alike"
+        self._ledger.put(summary, "SUMMARY", why, near=self._ledger.vector(group[0]))
+        if summary.id not in self.done.summaries:
+            self.done.summaries.append(summary.id)
+        for member in group:
+            if member.id != summary.id:
+                self._archive(member, "SUMMED_UP", why, f"{SUMMED_UP}{summary.id}")
+                self._ledger.link(summary.id, "summary_of", member.id, why)
+                self.done.summed_up.append(member.id)
+        return summary
+
+    def _summable(self, record: Record) -> bool:
+        short = record.state == "summary" or len(record.content) <= LONGEST
+        return short and record.outcome == "verified_success" and record.state in SERVED and not record.effect
+
+    def _alike(self, record: Record, other: Record) -> bool:
+        """Whether two successes may stand in one summary; not where the one may contradict the other."""
+        if (record.type, record.skill) != (other.type, other.skill):
+            return False
+        if alike_but_for_numbers(record, other):
+            return True
+        if shares(record, other)[0] < self._options.summary_match:
+            return False
+        found = compare(record, other)
+        return not found.effect and (found.suspicion or 0.0) < SUSPECT
+
+    # Budgets ------------------------------------------------------------------------------------------------------
+
+    def cut(self) -> None:
+        """Archive what the budgets have no room for, those first that are least worth keeping."""
+        for states, budget in (
+            (SERVED, self._options.active_budget),
+            (("provisional",), self._options.provisional_budget),
+        ):
+            held = self._ledger.index.candidates(states, now=self._ledger.now)
+            changed = {record.id: record for record in self._ledger.changed()}
+            latest = [record for record in changed.values() if record.state in states]
+            if len(held.ids) + len(latest) <= budget:
+                continue
+            places = [place for place, id in enumerate(held.ids) if id not in changed]
+            excess = len(places) + len(latest) - budget
+            if excess <= 0:
+                continue
+            ids = [*(held.ids[place] for place in places), *(record.id for record in latest)]
+            ages = [max(self._ledger.now - max(r.updated, r.used), 0.0) / SECONDS_PER_DAY for r in latest]
+            scores = retention(
+                np.r_[held.confidence[places], [r.confidence for r in latest]],
+                np.r_[_verified(held.outcomes[places], held.types[places]), [is_verified(r) for r in latest]],
+                np.r_[held.usage[places], [r.usage for r in latest]],
+                np.r_[held.ages[places], ages],
+            )
+            for place in sorted(range(len(ids)), key=lambda i: (scores[i], ids[i]))[:excess]:
+                record = self._ledger.get(ids[place])
+                if record is not None:
+                    self._archive(record, "ARCHIVE", f"beyond the budget of {budget} records")
+                    self.done.archived.append(record.id)
+
+    def _archive(self, record: Record, action: str, why: str, note: str = "") -> None:
+        self._ledger.put(replace(record, state="archive", note=note or why), action, why)
 
 
 def is_verified(record: Record) -> bool:
@@ -50,237 +253,22 @@ def is_verified(record: Record) -> bool:
     return record.outcome == "verified_success" or failed
 
 
-def last_seen(record: Record) -> float:
-    """When there was last something new about a record, seconds since the epoch."""
-    return max(record.updated, record.used)
+def _verified(outcomes: NDArray[np.int8], types: NDArray[np.int8]) -> NDArray[np.bool_]:
+    failed = (outcomes == OUTCOMES.index("verified_fail")) & (types == TYPES.index("failure_avoidance"))
+    return np.asarray((outcomes == OUTCOMES.index("verified_success")) | failed)
 
 
-def retired(records: Iterable[Record], now: float, options: BankOptions) -> list[Record]:
-    """Failures that nobody used for ``retire_days``, summaries aside."""
-    limit = options.retire_days * SECONDS_PER_DAY
-    return [
-        record
-        for record in records
-        if record.outcome != "verified_success"
-        and record.usage == 0
-        and record.state == "active"
-        and now - last_seen(record) >= limit
-    ]
+def steps_of(program: dict[str, Any]) -> tuple[str, ...]:
+    """What kind of program it is: the acts of its steps, whatever their numbers."""
+    steps = program.get("steps")
+    acts = []
+    for step in steps if isinstance(steps, list) else ():
+        # A call is a line, "place({theme}, {goal}, in)"; a waypoint a list that begins with what it is relative to.
+        first = step[0] if isinstance(step, list) and step else step
+        acts.append(str(first).partition("(")[0].strip())
+    return (str(program.get("language")), *acts)
 
 
-def overflow(records: Sequence[Record], now: float, budget: int) -> list[Record]:
-    """The records beyond the budget, those of the least retention first, equal ones by age and id."""
-    excess = len(records) - max(budget, 0)
-    if excess <= 0:
-        return []
-    scores = retention(records, now)
-    order = sorted(range(len(records)), key=lambda i: (scores[i], records[i].updated, records[i].id))
-    return [records[i] for i in order[:excess]]
-
-
-@dataclass(frozen=True)
-class Resolved:
-    """Two records that contradict each other, and which of them stays."""
-
-    winner: Record
-    loser: Record
-    conflict: Conflict
-
-
-def words_by_id(records: Iterable[Record]) -> dict[str, frozenset[str]]:
-    """The topic words of contents, for a pass over so many records that nothing else keeps them."""
-    return {record.id: words_of(record.content) for record in records}
-
-
-def contradictions(
-    records: Sequence[Record], words: Mapping[str, frozenset[str]] | None = None
-) -> list[Resolved]:
-    """Contradictions within one type among many records, each loser once; ``words`` as of :func:`words_by_id`.
-
-    Records are compared where they are about the same parameter, or have the same words but for numbers, opposites
-    and negations; what differs in more than that was compared when it was admitted.
-    """
-    found, lost = [], set()
-    for group in _comparable(records, words_by_id(records) if words is None else words):
-        ranked = sorted(group, key=lambda record: record.id)
-        for i, first in enumerate(ranked):
-            for second in ranked[i + 1 :]:
-                if (
-                    first.id in lost
-                    or second.id in lost
-                    or (first.content == second.content and not first.effect)
-                ):
-                    continue
-                conflict = conflict_of(first, second)
-                if conflict is not None:
-                    winner, loser = (first, second) if stronger(first, second) else (second, first)
-                    lost.add(loser.id)
-                    found.append(Resolved(winner, loser, conflict))
-    return found
-
-
-def _comparable(records: Sequence[Record], words: Mapping[str, frozenset[str]]) -> list[list[Record]]:
-    groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
-    telling: dict[str, bool] = {}
-    for record in records:
-        effect = record.effect_json() if record.effect else None
-        if effect:
-            key: tuple[str, ...] = (
-                "",
-                record.skill,
-                str(effect.get("parameter")),
-                str(effect.get("object", "")),
-            )
-        else:
-            said = words[record.id]
-            for word in said:
-                if word not in telling:  # the difference of the two sets would look at all words ever met
-                    telling[word] = _tells(word)
-            key = (record.type, record.skill, *sorted([word for word in said if telling[word]]))
-        groups[key].append(record)
-    # A crowd that differs in nothing but numbers is cut: it would take time in its square.
-    return [sorted(group, key=lambda r: r.id)[:64] for group in groups.values() if len(group) > 1]
-
-
-def _tells(word: str) -> bool:
-    """Whether a word says what a lesson is about, rather than how much, which way, or not."""
-    if word in NEGATORS or any(c.isdigit() for c in word):
-        return False
-    return CONCEPTS.get(word, "") not in POLES
-
-
-def clusters(
-    records: Sequence[Record], options: BankOptions, words: Mapping[str, frozenset[str]] | None = None
-) -> list[list[Record]]:
-    """Groups of at least ``summary_size`` verified successes of two tasks or more that are alike; each record once.
-
-    Only lessons in words are summed up: typed effects are pooled by merging, and a summary could carry only one.
-    """
-    usable = sorted(
-        (r for r in records if r.outcome == "verified_success" and not r.effect and r.state == "active"),
-        key=lambda r: r.id,
-    )
-    rank = {r.id: i for i, r in enumerate(sorted(usable, key=lambda r: (-support(r), -r.count, r.id)))}
-    words = words_by_id(usable) if words is None else words
-    near, counts = resembling(
-        [words[record.id] for record in usable],
-        [(record.type, record.skill) for record in usable],
-        options.summary_match,
-    )
-    enough = np.flatnonzero(counts + 1 >= options.summary_size).tolist()
-    taken: set[str] = set()
-    harmony = Harmony()
-    found = []
-    for place in sorted(enough, key=lambda i: rank[usable[i].id]):
-        if usable[place].id in taken:
-            continue
-        others = [usable[i] for i in near[place, : counts[place]].tolist() if usable[i].id not in taken]
-        group = sorted([usable[place], *others], key=lambda r: rank[r.id])[: 2 * SUMMARY_LINES]
-        if summable(group, options, harmony):
-            found.append(group)
-            taken |= {r.id for r in group}
-    return found
-
-
-def alike(first: Record, second: Record, options: BankOptions) -> bool:
-    """Whether two successes may stand in one summary."""
-    if (first.type, first.skill) != (second.type, second.skill):
-        return False
-    return jaccard(words_of(first.content), words_of(second.content)) >= options.summary_match
-
-
-class Harmony:
-    """Whether groups are free of contradictions. Groups of one pass overlap: what was found out of a pair is kept."""
-
-    def __init__(self) -> None:
-        self._against: dict[tuple[str, str], bool] = {}
-        self._met: set[str] = set()
-
-    def holds(self, group: Sequence[Record]) -> bool:
-        """Whether no two records of the group contradict each other."""
-        pairs = [(a, b) if a.id < b.id else (b, a) for a, b in combinations(group, 2)]
-        if any(self._against.get((a.id, b.id)) for a, b in pairs):
-            return False
-        # To read a text takes longer than to compare two: those that were read before come first.
-        for a, b in sorted(
-            pairs, key=lambda pair: (pair[0].id not in self._met) + (pair[1].id not in self._met)
-        ):
-            if (a.id, b.id) not in self._against:
-                self._met |= {a.id, b.id}
-                self._against[a.id, b.id] = conflict_of(a, b) is not None
-                if self._against[a.id, b.id]:
-                    return False
-        return True
-
-
-def summable(group: Sequence[Record], options: BankOptions, harmony: Harmony | None = None) -> bool:
-    """Whether a group is large enough and what a summary can tell of it comes from two tasks or more, without a
-    contradiction in it; ``harmony`` is kept over a pass.
-    """
-    if len(group) < options.summary_size:
-        return False
-    _, held = _told(group)
-    if len(held) < 2 or len(tasks_of(held)) < 2:
-        return False
-    return (harmony or Harmony()).holds(group)
-
-
-def tasks_of(group: Sequence[Record]) -> list[str]:
-    """The distinct instructions that a group comes from."""
-    return sorted({line for record in group for line in record.query.casefold().split("\n") if line})
-
-
-def _told(group: Sequence[Record]) -> tuple[list[str], list[Record]]:
-    """The lines of a group's summary, and the members whose words they hold in full: as many as there is room for."""
-    lines: list[str] = []
-    held: list[Record] = []
-    for record in group:
-        line = " ".join(record.content.split())
-        room = len(lines) < SUMMARY_LINES and sum(map(len, lines)) + len(line) <= SUMMARY_LENGTH
-        if line in lines or room or not held:
-            lines += [] if line in lines else [line]
-            held.append(record)
-    return lines, held
-
-
-def summary_of(group: Sequence[Record], now: float) -> tuple[Record, list[Record]]:
-    """The summary of a group, best first, and the members whose words it holds in full."""
-    lines, held = _told(group)
-    best = group[0]
-    tasks = len(tasks_of(held))
-    content = f"Worked in {tasks} tasks: " + " / ".join(lines)
-    key = dedup_key(best.record_type, content, best.skill, None)
-    signature: dict[str, float] = {}
-    query, count, quality = "", 0, 0.0
-    sources: list[str] = []
-    for record in held:
-        query = phrasings(query, record.query) if query else record.query
-        signature = (
-            merge_signatures(signature, count, record.signature_json()) if count else record.signature_json()
-        )
-        quality += record.quality * record.count
-        count += record.count
-        sources += [source for source in record.sources() if source not in sources]
-    quality /= count
-    record = replace(
-        best,
-        id="summary-" + record_id(best.record_type, best.bank, key).partition("-")[2],
-        state="summary",
-        query=query,
-        content=content,
-        dedup_key=key,
-        quality=quality,
-        confidence=min(max(r.confidence for r in held), 2 * abs(quality - 0.5)),
-        count=count,
-        usage=sum(r.usage for r in held),
-        recalled=sum(r.recalled for r in held),
-        used=max(r.used for r in held),
-        signature=dump(signature),
-        provenance=dump({"made_by": {"governance": "summary"}, "sources": sources[-32:]}),
-        note=f"sums up {len(held)} records",
-        created=now,
-        updated=max(r.updated for r in held),
-        version=0,
-        rev=0,
-    )
-    return record, held
+def _program(record: Record) -> dict[str, Any] | None:
+    effect = record.effect_json() if record.effect else None
+    return effect if effect and effect.get("kind") == "program" else None

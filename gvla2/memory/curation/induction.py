@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
+from gvla2.memory.verification.transcripts import acts_of
 
 MAX_STEPS = 8
 MAX_STEP = 160
@@ -13,6 +14,7 @@ _STEP = re.compile(
     r"^\s*(?:[-*•]|\d+[.)]|\$|>>>|#|step\s+\d+[:.]|schritt\s+\d+[:.]|action:|aktion:|tool:|cmd:|command:)\s*(.+)$",
     re.IGNORECASE,
 )
+_FURTHER = re.compile(r"(?<=[a-z\])])[.;!?](?:\s|$)")
 _TROUBLE = re.compile(
     r"error|exception|traceback|fail|abort|stopped|denied|not found|time[d]? ?out|refused|invalid|no such"
     r"|fehler|gescheitert|abgebrochen|erreur|échou|fallo|错误|失败",
@@ -37,28 +39,35 @@ class RulesInducer:
         if not lines or not subject:
             return ()
         if verdict.outcome == "verified_fail":
-            return self._from_failure(subject, lines)
-        steps = _steps(lines)
+            return self._from_failure(subject, episode.transcript)
+        steps = _steps(episode.transcript)
         if not steps:
             return ()
         content = f"{subject}: these steps led to the end: " + "; ".join(steps)
         return (_bounded("procedural_hint", content),)
 
     @staticmethod
-    def _from_failure(subject: str, lines: list[str]) -> tuple[Lesson, ...]:
-        trouble = [line.strip()[:MAX_STEP] for line in lines if _TROUBLE.search(line)]
-        last = _steps(lines)[-1:]
+    def _from_failure(subject: str, transcript: str) -> tuple[Lesson, ...]:
+        trouble = [line.strip() for line in transcript.splitlines() if _TROUBLE.search(line)]
+        last = _steps(transcript)[-1:]
         if trouble:
-            return (_bounded("failure_avoidance", f"{subject}: failed because of: {trouble[-1]}"),)
+            # What went wrong, and not what a tool says one should do about it.
+            told = _FURTHER.split(trouble[-1], maxsplit=1)[0][:MAX_STEP]
+            return (_bounded("failure_avoidance", f"{subject}: failed because of: {told}"),)
         if last:
             return (_bounded("failure_avoidance", f"{subject}: failed although it ended with: {last[0]}"),)
         return ()
 
 
-def _steps(lines: list[str]) -> list[str]:
-    """The lines that look like acts, without repeats, the last ones where there are too many."""
-    found = [match[1].strip()[:MAX_STEP] for line in lines if (match := _STEP.match(line))]
-    return list(dict.fromkeys(found))[-MAX_STEPS:]
+def _steps(transcript: str) -> list[str]:
+    """The acts, without repeats, the last ones where there are too many: those marked as such, else what looks like it.
+
+    Where acts are marked, a line that begins like one may be what a tool said.
+    """
+    found = acts_of(transcript) or [
+        match[1].strip() for line in transcript.splitlines() if (match := _STEP.match(line))
+    ]
+    return list(dict.fromkeys(step[:MAX_STEP] for step in found))[-MAX_STEPS:]
 
 
 def _bounded(kind: RecordType, content: str) -> Lesson:

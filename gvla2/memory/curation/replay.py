@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, Verdict
 from gvla2.memory.curation.admission import QUARANTINED, admit
-from gvla2.memory.curation.merging import merge_quality
+from gvla2.memory.curation.evidence import pooled_quality
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import StoredEpisode
 
@@ -78,11 +78,13 @@ def revise(
     if verdict.outcome == "unavailable" or record.state not in ("provisional", "active"):
         return None
     lesson = Lesson(record.record_type, record.content, record.effect_json())
-    decision = admit(lesson, verdict, query=episode.task.query, failures=options.failures)
+    decision = admit(
+        lesson, verdict, trust=record.trusted, query=episode.task.query, failures=options.failures
+    )
     if record.state == "provisional":
         return _reconsidered(record, verdict, decision.state == "active", now)
     contradicted = verdict.outcome != "uncertain" and verdict.outcome != record.outcome
-    quality, confidence = merge_quality(record.quality, record.count, verdict.quality)
+    quality, confidence = pooled_quality(record.quality, record.count, verdict.quality)
     pooled = replace(record, quality=quality, confidence=confidence, updated=now)
     if not contradicted:
         return Revision("CONFIRM", pooled, f"verified again: {verdict.outcome}")

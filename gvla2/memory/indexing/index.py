@@ -2,55 +2,40 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.indexing.candidates import RowCandidates, Served
-from gvla2.memory.indexing.rows import STATES, Entry, Rows
-from gvla2.memory.indexing.snapshot import discard, load, save
-from gvla2.memory.indexing.vectors import sound
-from gvla2.memory.meaning.words import text_of
+from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.indexing.rows import SERVED, STATES, Entry, Rows
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.kernels import largest
-from gvla2.memory.retrieval.ranking import best
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import Change
 
-SERVED = ("active", "summary")
-"""The states that planners are told of, unless somebody asks for others."""
-_KEPT = 16
-_TOGETHER = 4096
-_WORTH_SAVING = 1000
-"""Changes that are quickly read from the store."""
+__all__ = ["SERVED", "Index"]
+_MANY = 200
+"""Texts that some models embed for more than a second."""
+
+log = logging.getLogger(__name__)
 
 
 class Index:
     """The provisional, active and summary records of one bank; archived ones stay in the store alone.
 
     Row numbers of :meth:`rows`, :meth:`nearest` and :meth:`record` hold until the next :meth:`refresh` or
-    :meth:`apply`. ``snapshot`` names a file that makes the next start fast; it is derived data, ignored when it is
-    damaged or does not belong to this bank. Not safe among threads.
+    :meth:`apply`. Not safe among threads.
     """
 
-    def __init__(
-        self, store: Store, bank: str, embedder: Embedder, *, snapshot: Path | str | None = None
-    ) -> None:
+    def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
         self.bank = bank
-        self.rev = -1
+        self.rev = 0
         self._store, self._embedder = store, embedder
         self._dimension = int(embedder.embed([""]).shape[1])
-        self._snapshot = Path(snapshot) if snapshot is not None else None
         self._rows = Rows(self._dimension)
-        self._served: dict[tuple[tuple[str, ...], str], Served] = {}
-        self._unsaved = 0
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -63,8 +48,6 @@ class Index:
         rev = self._store.rev(self.bank)
         if rev == self.rev:
             return
-        if self.rev < 0:
-            self._start(rev)
         if rev < self.rev:  # another database took the place of the one known
             self._rows, self.rev = Rows(self._dimension), 0
         if rev > self.rev:
@@ -77,8 +60,6 @@ class Index:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
         dropped: list[str] = []
         kept: list[Change] = []
-        changes = list(changes)
-        self._unsaved += len(changes)
         for change in changes:
             record = change.record
             known = record.state in STATES and record.type in TYPES and record.outcome in OUTCOMES
@@ -86,75 +67,52 @@ class Index:
                 kept.append(change)
             else:
                 dropped.append(record.id)
-                if change.forgotten:
-                    self.discard_snapshot()
-        usable = self._usable(kept)
-        missing = [i for i in range(len(kept)) if not usable[i]]
-        made = self._embed([kept[i].record for i in missing])
-        fresh = dict(zip(missing, made, strict=True))
+        vectors = self._vectors(kept)
         try:
             self._rows.drop(dropped)
             self._rows.put(
                 [
-                    Entry(change.record, fresh.get(i, change.vector), change.conflicts)  # type: ignore[arg-type]
-                    for i, change in enumerate(kept)
+                    Entry(change.record, vector, change.conflicts)
+                    for change, vector in zip(kept, vectors, strict=True)
                 ]
             )
         except BaseException:
             self._rows, self.rev = Rows(self._dimension), 0  # half applied: read all of it again
             raise
-        finally:
-            self._served.clear()
 
-    def count(self, state: str, ids: Sequence[str] | None = None) -> int:
-        """How many of the records held, or of those with these ids, are in a state."""
-        place = STATES.index(state)
-        if ids is None:
-            return int(self._rows.postings.documents[place])
-        states = self._rows.column("state")
-        return int(np.count_nonzero(states[self.rows(ids)] == place)) if len(states) else 0
+    def candidates(self, states: Sequence[str] = SERVED, *, now: float | None = None) -> RowCandidates:
+        """The records of these states, as a retriever ranks them.
 
-    def candidates(
-        self, states: Sequence[str] = SERVED, skill: str = "", *, now: float | None = None
-    ) -> RowCandidates:
-        """The records of these states, of this skill or of none ("" for all), as a retriever ranks them.
-
-        ``now`` is what ages are counted to, in seconds since the epoch (the machine's clock by default). BM25's
-        statistics are those of the states, whatever the skill.
+        ``now`` is what ages are counted to, in seconds since the epoch (the machine's clock by default).
         """
-        return RowCandidates(self._of(states, skill), time.time() if now is None else now)
+        return RowCandidates(self._rows, states, time.time() if now is None else now)
 
     def nearest(
-        self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED, skill: str = ""
-    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
         """((K,) rows, (K,) cosines) of the at most ``k`` records with the largest cosine to a unit (D,) vector.
 
-        Exact: the same as by brute force in float32; equal ones by id. Rows are those of :meth:`record`. A zero
-        vector is near to nothing.
+        Equal ones by id. Rows are those of :meth:`record`. A zero vector is near to nothing.
         """
-        served = self._of(states, skill)
-        candidates = RowCandidates(served, 0.0)
-        rows, cosines = best(
-            partial(largest, candidates.cosine(vector)),
-            candidates.slack(vector),
-            lambda rows: candidates.cosine(vector, rows),
-            candidates.ids,
-            k if vector.any() else 0,
-        )
-        return served.physical(rows), cosines
+        served = np.flatnonzero(self._rows.in_states(states))
+        k = min(k, len(served)) if vector.any() else 0
+        if k <= 0:
+            return np.zeros(0, np.intp), np.zeros(0)
+        cosines = (self._rows.vectors @ vector)[served].astype(np.float64)
+        # All that are as near as the last of the k, so that the ids settle who is left out.
+        some = np.flatnonzero(cosines >= np.partition(cosines, len(cosines) - k)[len(cosines) - k])
+        records = self._rows.records
+        order = sorted(some.tolist(), key=lambda i: (-cosines[i], records[served[i]].id))[:k]
+        return served[order], cosines[order]
 
     def record(self, row: int) -> Record:
         """The record of a row of :meth:`nearest` or :meth:`rows`."""
-        return self._rows.record(int(row))
-
-    def records_at(self, rows: Sequence[int]) -> list[Record]:
-        """The records of some rows."""
-        return [self._rows.heap.get(row) for row in rows]
+        return self._rows.records[row]
 
     def records(self, state: str) -> list[Record]:
         """The records held in a state, by id."""
-        rows = np.flatnonzero(self._rows.column("state") == STATES.index(state))
-        return sorted((self._rows.heap.read(row) for row in rows.tolist()), key=lambda record: record.id)
+        rows = np.flatnonzero(self._rows.in_states((state,)))
+        return sorted((self._rows.records[row] for row in rows.tolist()), key=lambda record: record.id)
 
     def rows(self, ids: Sequence[str]) -> list[int]:
         """The rows of these ids; ids that the index does not hold are left out."""
@@ -162,87 +120,30 @@ class Index:
 
     def vector(self, row: int) -> NDArray[np.float32]:
         """(D,) the embedding of a row."""
-        return np.array(self._rows.vectors.exact[int(row)])
+        return np.array(self._rows.vectors[row])
 
-    def keep_snapshot(self) -> None:
-        """Write the snapshot anew where that will save the next start some time; quietly none where it cannot be."""
-        if self._snapshot is None or self._unsaved < max(_WORTH_SAVING, len(self) // 8):
-            return
-        with suppress(Gvla2Error, OSError):
-            self._snapshot.parent.mkdir(parents=True, exist_ok=True)
-            self.save()
+    def _vectors(self, changes: Sequence[Change]) -> list[NDArray[np.float32]]:
+        """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""
+        model = self._embedder.model
+        found = [
+            change.vector if change.model == model and _sound(change.vector, self._dimension) else None
+            for change in changes
+        ]
+        missing = [i for i, vector in enumerate(found) if vector is None]
+        if len(missing) > _MANY:
+            log.info(
+                "%d records of the bank '%s' have no vectors of %s: embedding them.",
+                len(missing), self.bank, model,
+            )  # fmt: skip
+        made = self._embedder.embed([changes[i].record.text for i in missing]) if missing else ()
+        for i, vector in zip(missing, made, strict=True):
+            found[i] = np.nan_to_num(np.asarray(vector, np.float32))
+        return [vector for vector in found if vector is not None]
 
-    def save(self, path: Path | str | None = None) -> bool:
-        """Write the snapshot for a fast start; whether it was: not for an empty bank, nor while others write.
 
-        Raises :class:`~gvla2.errors.OutputError` when the file cannot be written; an older one is then still whole.
-        """
-        target = Path(path) if path is not None else self._snapshot
-        if target is None:
-            return False
-        self.refresh()
-        with self._store.reading() as view:
-            head = view.head(self.bank)
-        if head is None or head[0] != self.rev:  # nothing to save, or somebody writes at this very moment
-            return False
-        about = {
-            "bank": self.bank,
-            "model": self._embedder.model,
-            "rev": self.rev,
-            "seq": head[1],
-            "hash": head[2],
-        }
-        save(target, self._rows, about)
-        self._served.clear()
-        self._unsaved = 0
-        # What was forgotten while this was written must not live on in it.
-        if any(change.forgotten for change in self._store.changes(self.bank, self.rev)):
-            target.unlink(missing_ok=True)
-            return False
-        return True
-
-    def discard_snapshot(self) -> None:
-        """Delete the snapshot: it may hold the text of a record that is to be forgotten."""
-        if self._snapshot is not None:
-            discard(self._snapshot)
-
-    def _start(self, rev: int) -> None:
-        """From the snapshot where it is sound and not ahead of the store, else from nothing."""
-        self.rev = 0
-        if self._snapshot is None or not rev:
-            return
-        found = load(self._snapshot, self.bank, self._embedder.model, self._dimension)
-        if found is None:
-            return
-        rows, about = found
-        # The same event at the same place of the chain: not a snapshot of another database, or of a later state.
-        events = self._store.events(self.bank, int(about["seq"]) - 1, 1)
-        if int(about["rev"]) <= rev and events and events[0].hash == about["hash"]:
-            self._rows, self.rev = rows, int(about["rev"])
-
-    def _of(self, states: Sequence[str], skill: str) -> Served:
-        key = (tuple(sorted(set(states))), skill)
-        served = self._served.get(key)
-        if served is None or served.rows is not self._rows or served.epoch != self._rows.epoch:
-            if len(self._served) >= _KEPT:
-                self._served.clear()
-            served = self._served[key] = Served(self._rows, states, skill)
-        return served
-
-    def _usable(self, changes: Sequence[Change]) -> list[bool]:
-        """Which have a sound vector of this embedder's model."""
-        model, shape = self._embedder.model, (self._dimension,)
-        usable = [c.model == model and c.vector is not None and c.vector.shape == shape for c in changes]
-        given = [i for i, there in enumerate(usable) if there]
-        for start in range(0, len(given), _TOGETHER):
-            some = given[start : start + _TOGETHER]
-            stacked = np.stack([np.asarray(changes[i].vector) for i in some])
-            for i, fine in zip(some, sound(stacked).tolist(), strict=True):
-                usable[i] = fine
-        return usable
-
-    def _embed(self, records: Sequence[Record]) -> NDArray[np.float32]:
-        if not records:
-            return np.zeros((0, self._dimension), np.float32)
-        made = self._embedder.embed([text_of(record.query, record.content) for record in records])
-        return np.nan_to_num(np.asarray(made, np.float32))
+def _sound(vector: NDArray[np.float32] | None, dimension: int) -> bool:
+    """Whether a stored vector may be used: finite, and of length 1 or 0."""
+    if vector is None or vector.shape != (dimension,):
+        return False
+    square = float(vector.astype(np.float64) @ vector)
+    return square == 0.0 or abs(square - 1.0) < 2e-2

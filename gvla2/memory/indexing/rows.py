@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import OUTCOMES, TYPES
-from gvla2.memory.indexing.growing import grown
-from gvla2.memory.indexing.heap import Heap
 from gvla2.memory.indexing.postings import Postings
-from gvla2.memory.indexing.vectors import Vectors
-from gvla2.memory.meaning.words import read_once, text_of, topic_words
+from gvla2.memory.indexing.terms import terms
 from gvla2.memory.records import Record
 
 STATES = ("provisional", "active", "summary")
 """The states held in RAM; a record of any other is dropped."""
+SERVED = ("active", "summary")
+"""The states that planners are told of, unless somebody asks for others."""
 MAX_NUMBERS = 256
 """How many names of signature numbers are compared; further ones are kept with their records and not ranked by."""
 COLUMNS: dict[str, type[np.generic]] = {
@@ -31,9 +30,10 @@ COLUMNS: dict[str, type[np.generic]] = {
     "updated": np.float64,
     "usage": np.int64,
     "conflicts": np.int64,
-    "wording": np.int64,
+    "program": np.bool_,
 }
 _DEAD = 1024
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -48,27 +48,23 @@ class Entry:
 class Rows:
     """Growable columns; a changed text gets a new row, dead rows go when they are too many.
 
-    Row numbers hold until the next change. ``epoch`` counts the changes.
+    Row numbers hold until the next change.
     """
 
     def __init__(self, dimension: int) -> None:
-        self.size = 0
-        self.dead = 0
-        self.epoch = 0
-        self.ids: list[str] = []
+        self.records: list[Record] = []  # dead ones, too
         self.row_of: dict[str, int] = {}
         self.skills: dict[str, int] = {"": 0}
         self.columns: dict[str, NDArray[Any]] = {name: np.zeros(0, kind) for name, kind in COLUMNS.items()}
         self.numbers: dict[str, NDArray[np.float64]] = {}
-        self.heap = Heap()
         self.postings = Postings()
-        self.vectors = Vectors(dimension)
+        self._vectors = np.zeros((0, dimension), np.float32)
 
     def __len__(self) -> int:
         return len(self.row_of)
 
     def put(self, entries: Sequence[Entry]) -> None:
-        """Add records, or bring them up to date; those of no served state are dropped. Each id comes once."""
+        """Add records, or bring them up to date; those of no held state are dropped. Each id comes once."""
         new: list[Entry] = []
         for entry in entries:
             row = self.row_of.get(entry.record.id)
@@ -76,83 +72,52 @@ class Rows:
                 self.drop([entry.record.id])
             elif row is None:
                 new.append(entry)
+            elif self.records[row].text != entry.record.text:
+                self.drop([entry.record.id])
+                new.append(entry)
             else:
-                old = self.heap.get(row)
-                if (old.query, old.content) != (entry.record.query, entry.record.content):
-                    self.drop([old.id])
-                    new.append(entry)
-                else:
-                    self._update(row, entry)
+                self._describe(row, entry)
         self._append(new)
-        self.epoch += 1
-        if self.dead > _DEAD + len(self) // 2:
-            self.compact()
+        if len(self.records) - len(self) > _DEAD + len(self) // 2:
+            self._compact()
 
     def drop(self, ids: Sequence[str]) -> None:
         """Forget these records; unknown ids are passed over."""
         for id in ids:
             row = self.row_of.pop(id, None)
             if row is not None:
-                self.postings.remove(self._words(self.heap.get(row)), int(self.columns["state"][row]))
                 self.columns["state"][row] = -1
-                self.dead += 1
-        self.epoch += 1
-
-    def compact(self) -> None:
-        """Rid all columns of dead rows; the others keep their order."""
-        kept = np.flatnonzero(self.columns["state"][: self.size] >= 0)
-        new_row = np.full(self.size, -1, np.int32)
-        new_row[kept] = np.arange(len(kept), dtype=np.int32)
-        self.postings.compact(new_row, len(kept))
-        self.vectors.compact(kept)
-        self.heap.compact(kept)
-        self.columns = {name: column[kept] for name, column in self.columns.items()}
-        numbers = {name: column[kept] for name, column in self.numbers.items()}
-        self.numbers = {name: column for name, column in numbers.items() if not np.isnan(column).all()}
-        self.ids = [self.ids[row] for row in kept.tolist()]
-        self.row_of = {id: row for row, id in enumerate(self.ids)}
-        self.size, self.dead = len(kept), 0
-        self.epoch += 1
-
-    def record(self, row: int) -> Record:
-        """The record of a row."""
-        return self.heap.get(row)
 
     def column(self, name: str) -> NDArray[Any]:
         """(N,) a column, dead rows included."""
-        return self.columns[name][: self.size]
+        return self.columns[name][: len(self.records)]
+
+    @property
+    def vectors(self) -> NDArray[np.float32]:
+        """(N, D) embeddings, dead rows included."""
+        return self._vectors[: len(self.records)]
+
+    def in_states(self, states: Sequence[str]) -> NDArray[np.bool_]:
+        """(N,) which rows are in one of these states."""
+        wanted = np.zeros(len(STATES) + 1, np.bool_)  # dead rows are -1, which is the last
+        wanted[[STATES.index(state) for state in states if state in STATES]] = True
+        return np.asarray(wanted[self.column("state")])
 
     def _append(self, new: Sequence[Entry]) -> None:
-        if not new:
-            return
-        read = [read_once(entry.record.query, entry.record.content) for entry in new]
-        first, last = self.size, self.size + len(new)
-        self.columns = {name: grown(column, last) for name, column in self.columns.items()}
-        self.numbers = {name: grown(column, last, math.nan) for name, column in self.numbers.items()}
-        self.postings.add(
-            first, [words for words, _ in read], [STATES.index(entry.record.state) for entry in new]
-        )
-        self.vectors.put(first, np.stack([entry.vector for entry in new]))
-        self.columns["wording"][first:last] = [number for _, number in read]
-        for row, entry in enumerate(new, first):
-            self.ids.append(entry.record.id)
+        last = len(self.records) + len(new)
+        self.columns = {name: _grown(column, last) for name, column in self.columns.items()}
+        self.numbers = {name: _grown(column, last, math.nan) for name, column in self.numbers.items()}
+        self._vectors = _grown(self._vectors, last)
+        for row, entry in enumerate(new, len(self.records)):
+            self.records.append(entry.record)
             self.row_of[entry.record.id] = row
-            self.heap.put(row, entry.record)
+            self.postings.add(row, terms(entry.record.text))
             self._describe(row, entry)
-        self.size = last
-
-    def _update(self, row: int, entry: Entry) -> None:
-        """The text stays, so only what describes it changes."""
-        before, after = int(self.columns["state"][row]), STATES.index(entry.record.state)
-        if before != after:
-            self.postings.move(self._words(entry.record), before, after)
-        if not np.array_equal(self.vectors.exact[row], entry.vector):
-            self.vectors.put(row, entry.vector[None])
-        self.heap.put(row, entry.record)
-        self._describe(row, entry)
 
     def _describe(self, row: int, entry: Entry) -> None:
         record, columns = entry.record, self.columns
+        self.records[row] = record
+        self._vectors[row] = entry.vector
         columns["state"][row] = STATES.index(record.state)
         columns["type"][row] = TYPES.index(record.record_type)
         columns["outcome"][row] = OUTCOMES.index(record.verified_as)
@@ -161,6 +126,10 @@ class Rows:
         columns["updated"][row] = record.updated
         columns["usage"][row] = record.usage
         columns["conflicts"][row] = entry.conflicts
+        # Most records have no effect: their texts are not parsed for one.
+        columns["program"][row] = (
+            "program" in record.effect and (record.effect_json() or {}).get("kind") == "program"
+        )
         for column in self.numbers.values():
             column[row] = math.nan
         for name, value in record.signature_json().items() if record.signature != "{}" else ():
@@ -169,6 +138,28 @@ class Rows:
             if name in self.numbers:
                 self.numbers[name][row] = value
 
-    @staticmethod
-    def _words(record: Record) -> list[str]:
-        return topic_words(text_of(record.query, record.content))
+    def _compact(self) -> None:
+        """Rid all columns of dead rows; the others keep their order."""
+        kept = np.flatnonzero(self.column("state") >= 0)
+        new_row = np.full(len(self.records), -1, np.int32)
+        new_row[kept] = np.arange(len(kept), dtype=np.int32)
+        self.postings.compact(new_row)
+        self._vectors = self._vectors[kept]
+        self.columns = {name: column[kept] for name, column in self.columns.items()}
+        numbers = {name: column[kept] for name, column in self.numbers.items()}
+        self.numbers = {name: column for name, column in numbers.items() if not np.isnan(column).all()}
+        self.records = [self.records[row] for row in kept.tolist()]
+        self.row_of = {record.id: row for row, record in enumerate(self.records)}
+
+
+def _grown(array: NDArray[T], rows: int, fill: float = 0) -> NDArray[T]:
+    """``array`` itself where it has at least ``rows`` rows, else a copy with room for half as many more.
+
+    New rows hold ``fill``.
+    """
+    if len(array) >= rows:
+        return array
+    room = max(rows, len(array) + len(array) // 2, 16)
+    larger = np.full((room, *array.shape[1:]), fill, array.dtype)
+    larger[: len(array)] = array
+    return larger

@@ -1,37 +1,31 @@
-"""A bank as a foreign memory: whole on disk, or not there."""
+"""A bank as a foreign memory: whole on disk, or not there. An earlier export may be replaced, and nothing else."""
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from gvla2.errors import OutputError
 from gvla2.memory.contracts import LifecycleState
-from gvla2.memory.interop import items_layout, states_layout
-from gvla2.memory.interop.entry import STATES, Entry
-from gvla2.memory.interop.lines import to_bytes
-from gvla2.memory.interop.reading import Layout, layout_named
-from gvla2.memory.interop.replacing import place_of
-from gvla2.memory.records import Record
+from gvla2.memory.interop.layouts import STATES, Layout, Told, layout_named
+from gvla2.memory.interop.lines import LineError, parse, raw_lines, to_bytes
 from gvla2.memory.storage.store import Store
 from gvla2.writing import write_whole
 
 SERVED: tuple[LifecycleState, ...] = ("active", "summary")
 """What a layout without lifecycle states gets: whoever reads it takes every line for good."""
+_LOGS = ("-wal", "-shm", "-journal")
 
 
 @dataclass(frozen=True)
 class Exported:
-    """The files written, their lines and records, and how many records of other states were left out."""
+    """The files written, their lines (one a record), and how many records of other states were left out."""
 
     layout: str
     files: tuple[Path, ...]
-    lines: int
     records: int
     left_out: int
 
@@ -41,113 +35,45 @@ def export_path(
     bank: str,
     path: Path,
     *,
-    layout: str = states_layout.NAME,
+    layout: str = "states",
     states: Sequence[LifecycleState] | None = None,
     overwrite: bool = False,
 ) -> Exported:
     """Write the records of a bank that are in ``states``: a folder for ``states``, a file for the other layouts.
 
-    By default that is all of them where the layout has lifecycle states, else :data:`SERVED`. A record that came
-    from a line of this layout is written as that line was, unknown fields included, save what has changed since.
-    Raises :class:`OutputError` when the path is taken (``overwrite`` allows to replace an earlier export, and nothing
-    else) or cannot be written; what was there is then still there.
+    By default that is all of them where the layout has lifecycle states, else :data:`SERVED`. Raises
+    :class:`OutputError` when the path is taken (``overwrite`` allows to replace an earlier export, and nothing else) or
+    cannot be written; what was there is then still there.
     """
     chosen = layout_named(layout)
-    served = tuple(states) if states is not None else STATES if chosen.name == states_layout.NAME else SERVED
-    path = place_of(path, chosen, store.name, overwrite=overwrite)
+    folder = chosen.name == "states"
+    served = tuple(states) if states is not None else STATES if folder else SERVED
+    target = _place(path, chosen, store.name, overwrite=overwrite)
     everything = store.records(bank)
     shown = [record for record in everything if record.state in served]
-    groups = _lines(store, bank, shown, everything, chosen)
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for group in groups:
-        rows.setdefault(group[0].state, []).append(chosen.write(group))
-    if chosen.name == states_layout.NAME:
-        files = _write_folder(path, {f"{state}.jsonl": to_bytes(rows.get(state, [])) for state in STATES})
-    else:
-        write_whole(path, to_bytes(chosen.write(group) for group in groups))
-        files = (path,)
-    return Exported(chosen.name, files, len(groups), len(shown), len(everything) - len(shown))
-
-
-def _lines(
-    store: Store, bank: str, shown: Iterable[Record], everything: Iterable[Record], layout: Layout
-) -> list[list[Entry]]:
-    """The records as entries, those of one line together, in the order that they were read in."""
-    keys = {record.id: _foreign_key(record, layout) or record.id for record in everything}
     targets: dict[tuple[str, str], list[str]] = {}
     for link in store.links(bank):
-        if link.target in keys:
-            targets.setdefault((link.source, link.kind), []).append(keys[link.target])
-    there = set(keys.values())
-    groups: dict[tuple[Any, ...], list[Entry]] = {}
-    for record in sorted(shown, key=lambda r: _order(r, layout)):
-        trace = _trace(record)
-        came = trace if trace.get("layout") == layout.name else {}
-        entry = _entry(record, keys[record.id], came, targets, there, layout)
-        together = layout.name == items_layout.NAME and came
-        at = (trace.get("file"), trace.get("line"), record.outcome) if together else (record.id,)
-        groups.setdefault(at, []).append(entry)
-    return list(groups.values())
-
-
-def _entry(
-    record: Record,
-    key: str,
-    trace: Mapping[str, Any],
-    targets: Mapping[tuple[str, str], list[str]],
-    there: set[str],
-    layout: Layout,
-) -> Entry:
-    before = states_layout.links_of(trace) if layout.name == states_layout.NAME else ((), ())
-    supersedes, conflicts = (
-        # Old ids in their old order, those that nothing here has among them; what is new comes last.
-        tuple(dict.fromkeys([*(t for t in old if t in now or t not in there), *now]))
-        for old, now in zip(
-            before, (targets.get((record.id, kind), []) for kind in ("replaces", "conflict")), strict=True
-        )
-    )
-    return Entry(
-        key=key,
-        task_id=next(iter(record.sources()), ""),
-        query=record.query,
-        content=record.content,
-        type=record.record_type,
-        state=record.lifecycle,
-        outcome=record.verified_as,
-        quality=record.quality,
-        confidence=record.confidence,
-        usage=record.usage,
-        created=record.created,
-        used=record.used or None,
-        supersedes=supersedes,
-        conflicts=conflicts,
-        verifier=record.verifier_json(),
-        trace=trace,
-    )
-
-
-def _trace(record: Record) -> dict[str, Any]:
-    trace = record.provenance_json().get("imported")
-    return trace if isinstance(trace, dict) else {}
-
-
-def _foreign_key(record: Record, layout: Layout) -> str:
-    trace = _trace(record)
-    return str(trace.get("key", "")) if trace.get("layout") == layout.name else ""
-
-
-def _order(record: Record, layout: Layout) -> tuple[Any, ...]:
-    """Imported lines first, in their order; then what was learnt here, oldest first."""
-    trace = _trace(record)
-    if trace.get("layout") != layout.name:
-        return (1, "", record.created, 0, 0, record.id)
-    at = trace.get("at") or [0, 0]
-    return (0, str(trace.get("file")), float(trace.get("line", 0)), int(at[0]), int(at[1]), record.id)
+        targets.setdefault((link.source, link.kind), []).append(link.target)
+    lines = {
+        state: [
+            chosen.write(
+                Told(r, *(tuple(targets.get((r.id, kind), ())) for kind in ("replaces", "conflict")))
+            )
+            for r in sorted(shown, key=lambda r: (r.created, r.id))
+            if r.state == state
+        ]
+        for state in STATES
+    }
+    if folder:
+        files = _write_folder(target, {f"{state}.jsonl": to_bytes(rows) for state, rows in lines.items()})
+    else:
+        write_whole(target, to_bytes(row for rows in lines.values() for row in rows))
+        files = (target,)
+    return Exported(chosen.name, files, len(shown), len(everything) - len(shown))
 
 
 def _write_folder(target: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
     """All files aside in one folder, then the folder in its place."""
-    target = target.absolute()
     try:
         aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", dir=target.parent))
     except OSError as error:
@@ -171,19 +97,85 @@ def _write_folder(target: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
         raise OutputError(f"Cannot write '{target}': {error.strerror or error}.") from error
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    _flush(target.parent)
     return tuple(target / name for name in files)
 
 
-def _flush(folder: Path) -> None:
-    """Make the new name durable, where the system lets a folder be flushed."""
+# What may be replaced -------------------------------------------------------------------------------------------------
+
+
+def _place(path: Path, layout: Layout, database: str, *, overwrite: bool) -> Path:
+    """Where to write what was to be written to ``path``: itself, or where it leads as a link.
+
+    ``database`` is the name of the store that is exported. Raises :class:`OutputError` for a path that is taken: by
+    a database or what belongs to one, a device, a pipe, files that are no export of this layout, or an export
+    without ``overwrite``.
+    """
+    folder = layout.name == "states"
     try:
-        handle = os.open(folder, os.O_RDONLY)
-    except OSError:
-        return
-    try:
-        os.fsync(handle)
-    except OSError:
-        pass
-    finally:
-        os.close(handle)
+        target = path.resolve()
+        _refuse_databases(path, target, database)
+        if not target.exists():
+            if path.exists():  # /dev/stdout leads to a pipe without a name
+                raise OutputError(f"{path} is no file that could be replaced. Choose another path.")
+            return target
+        if not (target.is_dir() if folder else target.is_file()):
+            what = "a folder" if folder else "a file"
+            raise OutputError(
+                f"The layout '{layout.name}' is {what}, and {path} is {_kind(target)}. Choose another path."
+            )
+        files = sorted(target.iterdir()) if folder else [target]
+        others = [
+            file.name for file in files if folder and file.name not in {f"{state}.jsonl" for state in STATES}
+        ]
+        if others:
+            raise OutputError(
+                f"The folder {path} has other files ({', '.join(others[:3])}). Choose another path."
+            )
+        for file in files:
+            _refuse_other_content(file, layout)
+    except (OSError, RuntimeError) as error:  # RuntimeError: a link that leads to itself
+        said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise OutputError(f"Cannot look at {path}: {said}. Choose another path.") from error
+    if files and not overwrite:
+        raise OutputError(f"{path} exists. Choose another path, or say overwrite=true to replace it.")
+    return target
+
+
+def _refuse_databases(path: Path, target: Path, database: str) -> None:
+    """A log that does not lie there now would be read as a database's own as soon as it does."""
+    owners = [target.with_name(target.name.removesuffix(s)) for s in _LOGS if target.name.endswith(s)]
+    owner = next((file for file in owners if file.is_file()), None)
+    own = Path(database)
+    if own.is_file():
+        if target == own.resolve() or (target.exists() and target.samefile(own)):
+            raise OutputError(f"{path} is the database that is to be exported. Choose another path.")
+        beside = (*(f"{own.name}{end}" for end in _LOGS), f".{own.name}.")
+        if target.parent == own.resolve().parent and target.name.startswith(beside):
+            owner = own
+    if owner is not None:
+        raise OutputError(f"{path} belongs to the database {owner}. Choose another path.")
+
+
+def _refuse_other_content(file: Path, layout: Layout) -> None:
+    """Every line of an earlier export reads as its layout; a database, a picture or somebody's notes do not."""
+    if file.is_symlink() or not file.is_file():
+        raise OutputError(f"{file} is {_kind(file)}, not a file that an export wrote. Choose another path.")
+    with file.open("rb") as stream:
+        for number, raw in raw_lines(stream):
+            try:
+                fits = layout.fits(parse(raw))
+            except LineError:
+                fits = False
+            if not fits:
+                raise OutputError(
+                    f"{file} is no export of the layout '{layout.name}' (line {number}), and is left as it is. "
+                    "Choose another path."
+                )
+
+
+def _kind(path: Path) -> str:
+    if path.is_symlink():
+        return "a link"
+    if path.is_dir():
+        return "a folder"
+    return "a file" if path.is_file() else "a device, a pipe or a socket"

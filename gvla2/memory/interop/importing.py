@@ -2,31 +2,33 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from gvla2.memory.contracts import LifecycleState
-from gvla2.memory.interop.entry import Entry
-from gvla2.memory.interop.lines import Remark
-from gvla2.memory.interop.reading import read_path
-from gvla2.memory.records import Record, clean, dedup_key, dump, record_id
-from gvla2.memory.screening.instructions import reads_like_instructions
-from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.transaction import Transaction
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.contracts import LifecycleState, Trust
+from gvla2.memory.curation.trust import LEVELS, Origin, believed, trust_of
+from gvla2.memory.interop.layouts import LAYOUTS, STATES, Entry, Layout, count, layout_named
+from gvla2.memory.interop.lines import Line, LineError, Remark, read_lines
+from gvla2.memory.records import Record, clean, dedup_key, dump, finite, record_id
+from gvla2.memory.screening.instructions import screen
+from gvla2.memory.storage.store import Store, Transaction
 
 
 @dataclass(frozen=True)
 class Imported:
     """What became of a path: ids of the records that are new, how many lessons the bank ``known`` already had,
-    how many of the new ones are ``quarantined``, and remarks on lines.
+    how many of the new ones are ``held_back`` as provisional, and remarks on lines.
     """
 
     layout: str
     added: tuple[str, ...]
     known: int
-    quarantined: int
+    held_back: int
     remarks: tuple[Remark, ...]
 
     @property
@@ -41,123 +43,172 @@ def import_path(
     path: Path,
     *,
     layout: str = "",
-    provisional: bool = False,
+    trusted: bool = False,
+    source: str = "import",
     actor: str = "import",
     now: float | None = None,
 ) -> Imported:
     """Read a file or folder into ``bank``; a path that was imported before adds nothing.
 
-    Records keep the lifecycle state that they had; ``provisional`` holds all that are not archived back until they
-    are verified here. Text that reads like instructions is held back always. The bank embeds what is new when it is
-    asked next; what a layout brings of embeddings is of unknown models and is only kept for export.
-    Raises :class:`MemoryStoreError` when the path or the store cannot be read; nothing is stored then.
+    What others have written is provisional until verified episodes of two independent sources bear it out, whatever
+    a file says of itself; all that is imported is one ``source``. ``trusted`` is for one's own backup: records keep
+    the lifecycle state and the trust that they had. The bank embeds what is new when it is asked next. Raises
+    :class:`MemoryStoreError` when the path or the store cannot be read; nothing is stored then.
     """
     found, entries, remarks = read_path(path, layout)
     at = time.time() if now is None else now
-    batch = _Batch(bank, at, provisional)
+    ids: dict[str, str] = {}
+    new: dict[str, Record] = {}
+    known = 0
     with store.writing(bank, actor=actor, now=at) as tx:
         for entry in entries:
-            batch.put(tx, entry)
-        batch.link(tx, entries)
-    return Imported(found.name, tuple(batch.added), batch.known, batch.quarantined, tuple(remarks))
-
-
-class _Batch:
-    """The lessons of one path on their way into a transaction."""
-
-    def __init__(self, bank: str, now: float, provisional: bool) -> None:
-        self.bank, self.now, self.provisional = bank, now, provisional
-        self.added: list[str] = []
-        self.known = self.quarantined = 0
-        self._ids: dict[str, str] = {}
-        self._new: set[str] = set()
-
-    def put(self, tx: Transaction, entry: Entry) -> None:
-        """Store a lesson unless the bank has it: the same words, or the same line of the same source."""
-        key = dedup_key(entry.type, entry.content, "", None)
-        known = tx.by_key(key)
-        if known is not None and (source := _source_of(known)) and source != _source(entry):
-            # Another line of that memory says the same words; each keeps its own line, governance may merge them.
-            key = dedup_key(entry.type, dump([key, *_source(entry)]), "", None)
-            known = tx.by_key(key)
-        if known is not None:
-            self.known += 1
-            self._ids.setdefault(entry.key, known.id)
-            return
-        record = self._record(entry, key)
-        why = f"{entry.trace['file']}, line {entry.trace['line']}"
-        tx.put(record, action="import", why=why)
-        self.added.append(record.id)
-        self._ids.setdefault(entry.key, record.id)
-        self._new.add(entry.key)
-
-    def link(self, tx: Transaction, entries: Sequence[Entry]) -> None:
-        """Links among the lessons that are new; ids that nothing here has stay in what is kept of the line."""
-        for entry in entries:
-            if entry.key not in self._new:
+            record = _record(entry, found, bank, at, Origin(trusted, source))
+            there = new.get(record.id) or tx.by_key(record.dedup_key)
+            ids.setdefault(entry.key, record.id if there is None else there.id)
+            if there is not None:
+                known += 1
                 continue
-            for kind, targets in (("replaces", entry.supersedes), ("conflict", entry.conflicts)):
-                for target in dict.fromkeys(targets):
-                    if target in self._ids and self._ids[target] != self._ids[entry.key]:
-                        tx.link(self._ids[entry.key], kind, self._ids[target], why="imported")
-
-    def _record(self, entry: Entry, key: str) -> Record:
-        state, note = entry.state, ""
-        if reads_like_instructions(f"{entry.query}\n{entry.content}"):
-            self.quarantined += 1
-            state, note = _held_back(state), "quarantined: the text reads like instructions"
-        elif self.provisional:
-            state, note = _held_back(state), "imported, not verified here"
-        created = self.now if entry.created is None else min(entry.created, self.now)
-        used = min(entry.used or 0.0, self.now)
-        return Record(
-            id=record_id(entry.type, self.bank, key),
-            bank=self.bank,
-            query=entry.query,
-            content=entry.content,
-            type=entry.type,
-            state=state,
-            outcome=entry.outcome,
-            confidence=entry.confidence,
-            quality=entry.quality,
-            dedup_key=key,
-            created=created,
-            updated=max(created, used),
-            used=used,
-            usage=entry.usage,
-            recalled=entry.usage,
-            verifier=clean(dump(dict(entry.verifier) or {}), 10**7),
-            provenance=dump(
-                {
-                    "made_by": {"import": str(entry.trace["layout"])},
-                    "sources": [clean(entry.task_id, 200)] if entry.task_id else [],
-                    "imported": {**_storable(entry), "key": clean(entry.key, 1000)},
-                }
-            ),
-            note=note,
-        )
+            judged = entry.outcome in ("verified_success", "verified_fail")
+            tx.put(record, action="import", origin=str(Origin(trusted, source)) if judged else "")
+            new[record.id] = record
+        _link(tx, entries, ids, new)
+    held = sum(record.state == "provisional" for record in new.values())
+    return Imported(found.name, tuple(new), known, held, tuple(remarks))
 
 
-def _held_back(state: LifecycleState) -> LifecycleState:
-    return state if state == "archive" else "provisional"
+def _record(entry: Entry, layout: Layout, bank: str, now: float, origin: Origin) -> Record:
+    effect = entry.ours.get("effect")
+    effect = effect if isinstance(effect, dict) else None
+    skill = clean(str(entry.ours.get("skill") or ""), 64)
+    signature = entry.ours.get("signature")
+    key = dedup_key(entry.type, entry.content, skill, effect)
+    screened = screen(f"{entry.query}\n{entry.content}")
+    trust: Trust = trust_of([origin], screened=bool(screened))
+    if origin.own and entry.ours.get("trust") in LEVELS:
+        trust = min(trust, str(entry.ours["trust"]), key=LEVELS.index)  # type: ignore[arg-type]
+    state: LifecycleState = entry.state
+    note = ""
+    if not believed(trust) and state != "archive":
+        state, note = "provisional", screened or "it was imported, and nobody here has borne it out yet"
+    created = now if entry.created is None else min(entry.created, now)
+    used = min(entry.used or 0.0, now)
+    return Record(
+        id=record_id(entry.type, bank, key),
+        bank=bank,
+        query=entry.query,
+        content=entry.content,
+        type=entry.type,
+        state=state,
+        outcome=entry.outcome,
+        confidence=entry.confidence,
+        quality=entry.quality,
+        dedup_key=key,
+        created=created,
+        updated=max(created, used),
+        used=used,
+        count=max(count(entry.ours.get("count")), 1),
+        usage=entry.usage,
+        recalled=max(entry.usage, count(entry.ours.get("recalled"))),
+        verifier=dump(dict(entry.verifier)),
+        signature=dump(finite({k: v for k, v in signature.items() if isinstance(v, int | float)}))
+        if isinstance(signature, dict)
+        else "{}",
+        skill=skill,
+        effect=dump(effect) if effect else "",
+        provenance=dump(
+            {
+                "made_by": {"import": layout.name},
+                "sources": [clean(entry.task_id, 200)] if entry.task_id else [],
+                "key": clean(entry.key, 1000),
+            }
+        ),
+        note=note,
+        trust=trust,
+    )
 
 
-def _storable(entry: Entry) -> dict[str, object]:
-    return {
-        name: clean(value, 10**8) if isinstance(value, str) else value for name, value in entry.trace.items()
-    }
+def _link(tx: Transaction, entries: Sequence[Entry], ids: dict[str, str], new: dict[str, Any]) -> None:
+    """Links among the lessons that are new."""
+    for entry in entries:
+        for kind, targets in (("replaces", entry.supersedes), ("conflict", entry.conflicts)):
+            for target in dict.fromkeys(targets):
+                if ids[entry.key] in new and ids.get(target, ids[entry.key]) != ids[entry.key]:
+                    tx.link(ids[entry.key], kind, ids[target], why="imported")
 
 
-def _source(entry: Entry) -> tuple[str, str]:
-    """What tells a line of a memory from the others, wherever the file lies now."""
-    return str(entry.trace["layout"]), clean(entry.key, 1000)
+# Reading --------------------------------------------------------------------------------------------------------------
 
 
-def _source_of(record: Record) -> tuple[str, str] | None:
+def read_path(path: Path, layout: str = "") -> tuple[Layout, list[Entry], list[Remark]]:
+    """All lessons of a file or folder, and remarks on its lines, broken ones included.
+
+    ``layout`` "" looks at the lines themselves. Raises :class:`MemoryStoreError` when there is nothing to read,
+    or it is of no known layout.
+    """
+    wanted = layout_named(layout) if layout else None
+    lines: list[Line] = []
+    remarks: list[Remark] = []
     try:
-        imported = record.provenance_json().get("imported")
-    except ValueError:
-        return None
-    if not isinstance(imported, dict):
-        return None
-    return str(imported.get("layout")), str(imported.get("key"))
+        files = _files(path)
+    except OSError as error:  # a folder that may not be looked into
+        raise MemoryStoreError(f"Cannot read {path}: {error.strerror or error}.") from error
+    for file in files:
+        found, broken = read_lines(file)
+        lines += found
+        remarks += broken
+    chosen = wanted or _layout_of(path, lines, bool(remarks))
+    entries = []
+    for line in lines:
+        try:
+            made = chosen.read(line)
+        except (LineError, ValueError, OverflowError, RecursionError) as error:
+            remarks.append(
+                Remark(line.file, line.number, str(error))
+            )  # one odd value must not stop the others
+            continue
+        entries += made
+        remarks += [Remark(line.file, line.number, note, broken=False) for e in made for note in e.notes]
+    return chosen, entries, remarks
+
+
+def _files(path: Path) -> list[Path]:
+    if not os.path.exists(path):  # noqa: PTH110  # Path.exists raises for names that no file system takes
+        raise MemoryStoreError(
+            f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
+        )
+    if not path.is_dir():  # a pipe is read like a file: `... | gvla2 memory import /dev/stdin`
+        return [path]
+    if found := _states(path):
+        return found
+    models = sorted(p.name for p in path.iterdir() if p.is_dir() and _states(p))
+    if len(models) == 1:
+        return _states(path / models[0])
+    if models:
+        raise MemoryStoreError(
+            f"{path} has memories of several models. Give one of them: {', '.join(models)}."
+        )
+    single = sorted(path.glob("*.jsonl"))
+    if len(single) == 1:
+        return single
+    which = f" It has: {', '.join(p.name for p in single)}; give one of them." if single else ""
+    raise MemoryStoreError(
+        f"{path} has no active.jsonl, provisional.jsonl, summary.jsonl or archive.jsonl.{which}"
+    )
+
+
+def _states(folder: Path) -> list[Path]:
+    return [path for state in STATES if (path := folder / f"{state}.jsonl").is_file()]
+
+
+def _layout_of(path: Path, lines: Sequence[Line], broken: bool) -> Layout:
+    """The layout of the first line that fits one; an empty memory fits the first."""
+    for line in lines:
+        for layout in LAYOUTS.values():
+            if layout.fits(line.fields):
+                return layout
+    if not lines and (path.is_dir() or not broken):
+        return LAYOUTS["states"]
+    raise MemoryStoreError(
+        f"{path} is of no known layout: no line has memory_id and content, memory_items, or memory_text and "
+        f"task_text. Layouts: {', '.join(LAYOUTS)}."
+    )

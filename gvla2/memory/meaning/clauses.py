@@ -1,305 +1,237 @@
-"""One clause of a lesson: who does what, how much, which way, or not at all, and what comes before or after it."""
+"""One statement of an English text: what it is about, which way, how much, and whether it forbids."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
-from gvla2.memory.meaning.concepts import WORD, concept_of, stem_of, words_in
-from gvla2.memory.meaning.function_words import FUNCTION_WORDS
-from gvla2.memory.meaning.lexicon import (
-    AFTER,
-    BEFORE,
+from gvla2.memory.indexing.stop_words import STOP_WORDS
+from gvla2.memory.meaning.english import (
     CONDITIONS,
     DETERMINERS,
-    IDENTIFIERS,
+    ENDING,
+    NEEDLESS,
     NEGATORS,
-    POLES,
-    STAYING,
-    TURNING,
+    PLACES,
+    PREPOSITIONS,
+    SOFT,
+    WORD,
 )
-from gvla2.memory.meaning.phrases import join_phrases
+from gvla2.memory.meaning.opposites import PHRASES, SIDES
 from gvla2.memory.meaning.quantities import Quantity, quantities
-from gvla2.memory.meaning.word_forms import Language, starts_of
-from gvla2.memory.meaning.word_roles import (
-    ends_a_time,
-    is_noun,
-    is_ordinal,
-    is_particle,
-    is_soft,
-    is_state,
-    is_temporal,
-    names_a_thing,
-    until_an_act,
-)
-from gvla2.memory.meaning.word_sets import word_set
+from gvla2.memory.meaning.stems import stem
 
-_INSTEAD = (
-    r"\b(?:instead of|rather than|anstatt|statt|au lieu d|plutôt qu|en (?:lugar|vez) de|em vez de|invece di|anziché"
-    r"|zamiast|вместо|in plaats van)|而不是"
-)
-INSTEAD = re.compile(_INSTEAD)
-BEFORE_INSTEAD = re.compile(rf"(?={_INSTEAD})")
-REPLACING = word_set(
-    "instead rather statt anstatt lieu plutôt lugar vez invece anziché zamiast вместо plaats"
-)
-"""What any text has that says what is replaced."""
-ORDERED = "#order"
-_FAR_BOUND = re.compile(r"(?P<low>至少|最少|不少于|不低于)|至多|最多|不超过|不高于")
-_UNTIL = frozenset(("until", "till", "bis", "hasta", "jusqu"))
-_UNLESS = frozenset(("unless", "außer", "sauf", "salvo", "除非"))
-_BEHIND = frozenset(("之前", "以前", "之后", "以后", "前", "后"))
-"""Chinese puts these behind what comes before or after."""
-_STAYING = STAYING | word_set("take takes taken put puts")
-_JOINTS = NEGATORS | _BEHIND | BEFORE | AFTER | _UNTIL | CONDITIONS | _UNLESS | {","}
-_APART = {"ein": 1, "an": 1, "aus": -1, "ab": -1}
-"""What German puts at the end for switching on and off."""
-_STATES = {"on": "enabled", "off": "disabled"}
-_ONLY = word_set("only erst seulement solo sólo")
-"""Before "after" these change nothing: "only after it is dry"."""
-_PREFIXES = ("un", "non", "mis", "dis", "de", "dé", "in", "im", "il", "ir", "ent", "不", "未", "非", "无")
-_WHERE = word_set(
-    "in into on onto at to from ins im in auf am an zum zur dans sur en à aux del al sobre 在 到"
-)
-_PRONOUNS = word_set("it them they es ihn ihm sie le la lo les los las l ça eso esto ello 它 它们 他")
-_OWNERS = DETERMINERS | word_set("its their his her your our my")
+Words = frozenset[str]
+Order = tuple[Words, Words]
+Side = tuple[str, int]
+Sides = tuple[Side, ...]
+"""Axes and signs in reading order."""
 
-MANNERS = word_set("speed force tilt timing sequence lateness locality")
-"""Axes of how something is done."""
+_AHEAD = re.compile(r"\b(?:before|prior to|ahead of|until|till)\b")
+_BEHIND = re.compile(r"\b(?:after|once|as soon as|following)\b")
+_EVERY = re.compile(r"\b(?:every|each|per)\s*$")
+_LEAVING = re.compile(r"\b(?:rather than|instead of|in place of|not|never|don't|do|avoid)\b")
+_COMMA = "xcommax"
+_PARTICLES = ("on", "off", "out", "alone")
+_NEAR = (4, 3)
+"""Words before and behind a figure that may say what it measures."""
 
-Order = tuple[frozenset[str], frozenset[str]]
-"""What comes before, and what after."""
+
+@dataclass(frozen=True)
+class Clause:
+    """``words`` are stems of what it is about, ``names`` those of single things ("nr12"), ``sides`` its opposing words
+    by axis, ``named`` those that tell which thing is meant ("the left drawer").
+
+    ``when`` are the words of what comes before or after it (sides as "axis+"), ``things`` those behind an article or a
+    preposition, ``roles`` the prepositions they stand behind, ``labels`` those near a figure, ``lacks`` what it does
+    without. ``forbidden``: the text says not to; ``open``: it need not be.
+    """
+
+    words: Words
+    names: Words
+    sides: Sides
+    named: Sides
+    figures: tuple[Quantity, ...]
+    when: Words
+    things: Words = frozenset()
+    roles: tuple[tuple[str, str], ...] = ()
+    labels: Words = frozenset()
+    lacks: Words = frozenset()
+    forbidden: bool = False
+    open: bool = False
+
+    @cached_property
+    def everything(self) -> Words:
+        """Words and sides together."""
+        return self.words | {side_word(axis, sign) for axis, sign in self.sides + self.named}
+
+    @cached_property
+    def topics(self) -> Words:
+        """What it speaks of, whichever way: words, axes, and what comes before or after it."""
+        return self.words | self.when | {axis for axis, _ in self.sides + self.named}
 
 
 @dataclass
-class Clause:
-    """One act: its ``words`` (concepts), ``context`` (circumstances), ``poles`` (axis -> sides), ``figures``.
-
-    ``forbidden`` when the text says not to; ``open`` when it need not be done, or when it only tells why; ``bounded``
-    when a prohibition left a bound ("never above 5"); ``pronoun`` when it speaks of what is named elsewhere ("lift it",
-    "..., not with pip"). ``phase`` are the acts that tell when this one is done.
-    ``places`` are the sides that tell where something is or goes ("into the left tray"), a part of the context.
-    ``soft`` are the words that say nothing about who does what: articles, prepositions, conditions.
-    """
+class _Sorted:
+    """The words of a clause, sorted as they are read."""
 
     words: set[str] = field(default_factory=set)
-    context: set[str] = field(default_factory=set)
-    poles: dict[str, list[int]] = field(default_factory=dict)
-    figures: list[Quantity] = field(default_factory=list)
-    labels: set[str] = field(default_factory=set)
-    forbidden: bool = False
-    open: bool = False
-    bounded: bool = False
-    pronoun: bool = False
-    language: Language = ""
-    phase: frozenset[str] = frozenset()
-    places: set[str] = field(default_factory=set)
-    soft: set[str] = field(default_factory=set)
-
-    @cached_property
-    def matter(self) -> frozenset[str]:
-        """Words and circumstances together; to be asked for when the clause is complete."""
-        return frozenset(self.words | self.context)
-
-    @cached_property
-    def starts(self) -> frozenset[str]:
-        """How the words of the complete clause begin, see :func:`gvla2.memory.meaning.word_forms.starts_of`."""
-        return starts_of(self.matter)
-
-    @cached_property
-    def prefixed(self) -> bool:
-        """Whether some word of the complete clause may be the reverse of another, as "unsealed" is."""
-        return any(word.startswith(_PREFIXES) for word in self.matter)
-
-    @cached_property
-    def sides(self) -> dict[str, frozenset[int]]:
-        """The clause's sides by axis, without the order of its parts; when the clause is complete."""
-        return {axis: frozenset(signs) for axis, signs in self.poles.items() if axis != ORDERED}
-
-    @cached_property
-    def acts(self) -> tuple[tuple[str, frozenset[str]], ...]:
-        """What the clause does or measures, as axes and concepts; how it is done is left out ("gently", "upright")."""
-        return tuple(
-            (axis, frozenset([named(axis, sign) for sign in signs]))
-            for axis, signs in self.sides.items()
-            if axis not in MANNERS
-        )
-
-    def does_more(self, other: Clause, undone: str = "") -> bool:
-        """Whether the clause does something that the other neither does, nor undoes (on the axis ``undone``, by another
-        word), nor names.
-        """
-        return any(
-            axis not in other.sides and axis != undone and not names <= other.context
-            for axis, names in self.acts
-        )
-
-    @cached_property
-    def items(self) -> frozenset[str]:
-        """Words, circumstances and sides as one set."""
-        return self.matter.union([named(axis, sign) for axis, signs in self.sides.items() for sign in signs])
+    sides: list[Side] = field(default_factory=list)
+    named: list[Side] = field(default_factory=list)
+    things: set[str] = field(default_factory=set)
+    lacks: set[str] = field(default_factory=set)
+    roles: list[tuple[str, str]] = field(default_factory=list)
+    negations: int = 0
 
 
-def named(axis: str, sign: int) -> str:
-    """The concept of a side of an axis."""
+def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
+    """The clause of a casefolded step, and what it says comes before what; what it leaves out (``left``) is no part of
+    it.
+    """
+    text = _LEAVING.sub(" ", step.replace(left, " ")) if left else step
+    order, main, when = _ordered(text)
+    figures: list[Quantity] = []
+    labels: set[str] = set()
+    kept, last = [], 0
+    for found in quantities(main):
+        near = [*WORD.findall(main[: found.start])[-_NEAR[0] :], *WORD.findall(main[found.end :])[: _NEAR[1]]]
+        labels |= content(" ".join(near))
+        kept.append(main[last : found.start])
+        every = found.quantity.dimension == "time" and _EVERY.search(kept[-1]) is not None
+        figures.append(found.quantity._replace(dimension="period") if every else found.quantity)
+        last = found.end
+    main = " ".join([*kept, main[last:]])
+    said = _sorted(main)
+    open_ = NEEDLESS.search(text) is not None
+    forbidden = said.negations % 2 == 1 and not open_
+    if forbidden and any(figure.one_sided for figure in figures):  # "never above 5" says "at most 5"
+        figures = [figure.inverted() if figure.one_sided else figure for figure in figures]
+        forbidden = False
+    if forbidden and _AHEAD.search(text):  # "not before it is dry" asks for it afterwards
+        order, forbidden = (order[1], order[0]) if order else None, False
+    if forbidden and "unless" in text:  # "not unless it is on" asks for it when it is on
+        forbidden = False
+    if forbidden and said.lacks:  # "don't solder without flux" asks for flux
+        said.words, said.lacks, forbidden = said.words | said.lacks, set(), False
+    names = frozenset(word for word in said.words if any(map(str.isdigit, word)))
+    return Clause(
+        words=frozenset(said.words),
+        names=names,
+        sides=tuple(said.sides),
+        named=tuple(said.named),
+        figures=tuple(figures),
+        when=when,
+        things=frozenset(said.things),
+        roles=tuple(said.roles),
+        labels=frozenset(labels & said.things),
+        lacks=frozenset(said.lacks | content(left)),
+        forbidden=forbidden,
+        open=open_,
+    ), order
+
+
+def content(text: str) -> Words:
+    """The telling words of a text: stems, and sides as "axis+"."""
+    found: set[str] = set()
+    rest, last = [], 0
+    for quantity in quantities(text):
+        rest.append(text[last : quantity.start])
+        last = quantity.end
+    for word in _joined(WORD.findall(" ".join([*rest, text[last:]]))):
+        if word not in NEGATORS and word not in CONDITIONS:
+            _take(word, found, None)
+    return frozenset(found)
+
+
+def side_word(axis: str, sign: int) -> str:
+    """A side as a word among others."""
     return f"{axis}{'+' if sign > 0 else '-'}"
 
 
-class _Sorted(NamedTuple):
-    main: set[str]
-    relation: str
-    side: set[str]
+def _sorted(main: str) -> _Sorted:
+    said = _Sorted()
+    lacking = noun = False
+    place = ""
+    words = [*_joined(WORD.findall(main.replace(",", f" {_COMMA} "))), ""]
+    for before, word, behind in zip(["", *words], words, words[1:], strict=False):
+        noun = word in DETERMINERS or word in PREPOSITIONS or (noun and word not in STOP_WORDS)
+        if noun and word not in STOP_WORDS:
+            _take(word, said.things, [])
+            said.roles.append((place, word))
+        place = word if word in PREPOSITIONS else place
+        if word == _COMMA:
+            lacking = False
+        elif word == "without":
+            lacking = True
+        elif word in NEGATORS or (word in ENDING and behind.endswith("ing")):
+            said.negations += 1
+        elif lacking:
+            _take(word, said.lacks, None)
+        elif before in DETERMINERS and behind and behind not in STOP_WORDS | {_COMMA}:
+            _take(word, said.words, said.named)
+        elif before in DETERMINERS:
+            _take(word, said.words, said.sides, only=PLACES)
+        elif word not in CONDITIONS:
+            _take(word, said.words, said.sides)
+    return said
 
 
-def clause_of(text: str, language: Language, replaces: bool = True) -> tuple[Clause, Order | None]:
-    """The clause that a casefolded text makes, and which of its parts comes before which.
-
-    ``replaces`` says whether the text may tell what is replaced ("instead of").
-    """
-    clause = Clause(forbidden=replaces and INSTEAD.search(text) is not None, language=language)
-    words = join_phrases(words_in(_without_figures(text, clause)))
-    if clause.forbidden:
-        words = [word for word in words if word not in REPLACING]
-    main, relation, rest = _sort(words, clause)
-    order = None
-    if relation:
-        ahead, behind = frozenset(main), frozenset(rest)
-        order = (ahead, behind) if relation == "before" else (behind, ahead)
-        clause.poles.setdefault(ORDERED, []).append(1 if relation == "before" else -1)
-        clause.phase = frozenset(rest)
-    if clause.forbidden and any(figure.one_sided for figure in clause.figures):
-        # "never above 5" says "at most 5".
-        clause.figures = [figure.inverted() if figure.one_sided else figure for figure in clause.figures]
-        clause.forbidden, clause.bounded = False, True
-    return clause, order
-
-
-def _without_figures(text: str, clause: Clause) -> str:
-    """The text with quantities taken out; a number that names a thing stays a word."""
-    kept, last = [], 0
-    for found in quantities(text):
-        before = WORD.findall(text[last : found.start])
-        if before and before[-1] in IDENTIFIERS and not found.quantity.dimension:
-            kept.append(f"{text[last : found.start]} nr{found.quantity.low:g}x ")
-        else:
-            kept.append(f"{text[last : found.start]} ")
-            clause.figures.append(found.quantity)
-            clause.labels |= set(before[-1:])
-        last = found.end
-    rest = "".join(kept) + text[last:]
-    if len(clause.figures) == 1 and not clause.figures[0].one_sided and (bound := _FAR_BOUND.search(rest)):
-        # Chinese puts the verb between "at least" and the number.
-        exact = clause.figures[0]
-        low, high = (exact.low, math.inf) if bound["low"] else (-math.inf, exact.high)
-        clause.figures = [exact._replace(low=low, high=high)]
-        rest = _FAR_BOUND.sub(" ", rest)
-    return rest
-
-
-def _sort(words: Sequence[str], clause: Clause) -> _Sorted:
-    """Fill the clause; returns its main items and, after "before" or "after", the relation and its items."""
-    main: set[str] = set()
-    side: set[str] = set()
-    relation = ""
-    within = in_condition = unless = noun_only = False
-    for index, word in enumerate(words):
-        if word in _STATES and is_state(words, index):
-            word = _STATES[word]
-        if word in _JOINTS:
-            if word == ",":
-                if not main:  # what came first were the circumstances
-                    within = in_condition = False
-                continue
-            if word in NEGATORS:
-                if noun_only and side:
-                    within = False  # "vor dem Update nicht löschen"
-                clause.forbidden |= not in_condition and not within
-                continue
-            if word in _BEHIND and ends_a_time(words, index) and not relation:
-                # All that came up to now were the circumstances.
-                side, main = main, set()
-                clause.context |= clause.words
-                clause.context |= {
-                    named(axis, sign) for axis, signs in clause.poles.items() for sign in signs
-                }
-                clause.words, clause.poles = set(), {}
-                relation = "before" if "前" in word else "after"
-                continue
-            if word in BEFORE or word in AFTER:
-                if index + 1 < len(words) and not relation and is_temporal(word, words, index):
-                    relation, within = "before" if word in BEFORE else "after", True
-                    noun_only = word in ("vor", "nach")
-                else:
-                    clause.soft.add(word)
-                continue
-            if word in _UNTIL and not relation and clause.forbidden and until_an_act(words, index):
-                relation, within = "before", True
-                continue
-            if word in CONDITIONS or word in _UNLESS:
-                in_condition = True
-                clause.soft.add(word)
-                unless |= word in _UNLESS
-                continue
-        if noun_only and within and side and word in DETERMINERS:
-            within = False  # "vor dem Start den Tank leeren"
-        concept = concept_of(word)
-        if word == "lower" and index and words[index - 1] in _OWNERS:
-            concept = "height-"
-        if concept in POLES and not is_noun(word, words, index, clause.language):
-            if is_particle(word, words, index):
-                clause.soft.add(word)
-                continue
-            if within and side and noun_only:
-                within = False  # German puts what is done behind "vor der Messung"
-            if in_condition or within or names_a_thing(word, words, index):
-                clause.context.add(concept)
-                if (
-                    not in_condition
-                    and not within
-                    and not _WHERE.isdisjoint(words[max(0, index - 3) : index])
-                ):
-                    clause.places.add(concept)
-            else:
-                name, sign = POLES[concept]
-                clause.poles.setdefault(name, []).append(sign)
-        elif is_soft(word, clause.language) and not is_ordinal(word, words, index):
-            clause.pronoun |= word in _PRONOUNS
-            if not (word in _ONLY and index + 1 < len(words) and words[index + 1] in AFTER):
-                clause.soft.add(word)
+def _ordered(text: str) -> tuple[Order | None, str, Words]:
+    """What a step says comes before what, its main part, and the words of the other part."""
+    for pattern, ahead in ((_AHEAD, True), (_BEHIND, False)):
+        found = pattern.search(text)
+        if found is None:
             continue
+        head, tail = text[: found.start()], text[found.end() :]
+        aside, comma, rest = tail.partition(",")
+        if not WORD.search(head) and not comma:
+            continue
+        main = head + (f" , {rest}" if rest else "") if WORD.search(head) else rest
+        other, mine = content(aside), content(main)
+        if quantities(aside) and (not quantities(head) or not other):
+            continue  # "after 5 minutes", "they slipped until I took 8 newtons"
+        if other and mine:
+            return ((mine, other) if ahead else (other, mine)), main, other
+    return None, text, frozenset()
+
+
+def _take(word: str, words: set[str], sides: list[Side] | None, only: Words = frozenset()) -> None:
+    """Sort a word in: to ``sides`` where it has some (of the axes ``only``; to ``words`` as "axis+" where ``sides`` is
+    None), else to ``words`` by its stem, else nowhere.
+    """
+    word = word.removesuffix("'s")
+    root = stem(word)
+    known = [side for side in SIDES.get(root, ()) if not only or side[0] in only]
+    if not known and word[:2] == "un" and len(word) > 6:
+        root = "un" + stem(word[2:])
+        known = [(axis, -sign) for axis, sign in SIDES.get(stem(word[2:]), ())]
+    if known and sides is not None:
+        sides.extend(known)
+    elif known:
+        words |= {side_word(axis, sign) for axis, sign in known}
+    elif "-" in word:
+        for part in word.split("-"):
+            _take(part, words, sides, only)
+    elif word not in SOFT and word not in STOP_WORDS and word != _COMMA and len(word) > 1:
+        words.add(root)
+
+
+def _joined(words: list[str]) -> Iterator[str]:
+    """The words, those that mean something together as one; "turn the light on" is "turn on the light"."""
+    i = 0
+    while i < len(words):
+        for rest, meant in PHRASES.get(stem(words[i]), ()):
+            if tuple(words[i + 1 : i + 1 + len(rest)]) == rest:
+                yield meant
+                i += 1 + len(rest)
+                break
+            if len(rest) == 1 and rest[0] in _PARTICLES and rest[0] in words[i + 2 : i + 6]:
+                yield meant
+                i += 1
+                break
         else:
-            concept = concept if concept not in POLES else stem_of(word)
-            (clause.context if in_condition or within else clause.words).add(concept)
-        if within:
-            side.add(concept)
-        elif not in_condition:
-            main.add(concept)
-    _switches(words, clause)
-    if clause.forbidden and (unless or (relation == "before" and side)):
-        # "never before it touches" says "after it touches", "not unless it is on" says "when it is on".
-        clause.forbidden = False
-        relation = "after" if relation else ""
-    return _Sorted(main, relation if side else "", side)
-
-
-def _switches(words: Sequence[str], clause: Clause) -> None:
-    """Sides of "on" and "off", which are prepositions everywhere but after a switching verb."""
-    joined = set(words)
-    if not joined.isdisjoint(TURNING):
-        for word, sign in (("on", 1), ("off", -1)):
-            if word in joined:
-                clause.poles.setdefault("power", []).append(sign)
-                clause.words.discard("turn")
-    elif not joined.isdisjoint(_STAYING):
-        for index, word in enumerate(words):
-            ends = index + 1 == len(words) or (
-                words[index + 1] in FUNCTION_WORDS and words[index + 1] not in DETERMINERS
-            )
-            if word in ("on", "off") and (ends or words[index + 1] in CONDITIONS):
-                clause.poles.setdefault("power", []).append(1 if word == "on" else -1)
-    elif words and words[-1] in _APART and any(word.startswith("schalt") for word in words):
-        clause.poles.setdefault("power", []).append(_APART[words[-1]])
+            ends = i + 1 == len(words) or words[i + 1] == _COMMA or words[i + 1] in CONDITIONS
+            yield {"on": "enabled", "off": "disabled"}.get(words[i], words[i]) if ends and i else words[i]
+            i += 1

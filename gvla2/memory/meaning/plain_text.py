@@ -6,14 +6,14 @@ import re
 import unicodedata
 from functools import lru_cache
 
-from gvla2.memory.meaning.designations import name_things
-from gvla2.memory.meaning.identifiers import marked
+from gvla2.memory.meaning.names import marked, name_things
 
 _RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _LOWERED = re.compile(r"(?<=\d)[₀₁₂₃₄₅₆₇₈₉]+")
 _POWER_OF_TEN = re.compile(
     r"(?<![\w.,^])(?:(?P<times>\d+(?:[.,]\d+)?)\s?[x×·*]\s?)?10\^(?P<sign>[-−+]?)(?P<power>\d{1,2})(?!\w)"
 )
+_AMPERES = re.compile(r"(?<=\d)\s?A(?!\w)")  # in small letters it is an article
 _MIXED_NUMBER = re.compile(r"(?<=\d)(?=[¼½¾⅐-⅞])")
 
 
@@ -34,7 +34,7 @@ def plain_text(text: str) -> str:
     text = unified(text)
     if "10^" in text:
         text = _POWER_OF_TEN.sub(_exponent, text)
-    return name_things(marked(text).casefold().replace("’", "'"))
+    return name_things(marked(_AMPERES.sub(" amps", text)).casefold().replace("’", "'"))
 
 
 def _exponent(found: re.Match[str]) -> str:

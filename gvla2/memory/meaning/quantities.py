@@ -18,11 +18,8 @@ _FIGURE = re.compile(_DIGITS)
 _DIGIT = re.compile(r"\d")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?")
 _POINTED_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}")
-_TO = re.compile(
-    r"\s*(?P<word>\bto\b|\bbis\b|à|\bhasta\b|\ba\b|–|—|-|~|到|至|and\b|und\b|et\b|y\b|和|±|\+/-)\s*"
-)
-_JOINS = frozenset({"and", "und", "et", "y", "和"})
-_AND_A_HALF = re.compile(r"\s+(?:and a half|et demie?|y medi[ao])\b")
+_TO = re.compile(r"\s*(?P<word>\bto\b|–|—|-|~|and\b|±|\+/-)\s*")
+_AND_A_HALF = re.compile(r"\s+and a half\b")
 _BY = re.compile(rf"\s*(?:[x×]|\bby\b)\s*(?P<number>{_NUMBER})(?![^\W\d_]*\d)")
 _CLOCK = re.compile(r":(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d))?(?!\d)(?:\s?(?P<half>[ap])\.?m\b)?")
 _HALF_DAY = re.compile(r"\s?(?P<half>[ap])\.?m\b\.?")
@@ -85,7 +82,7 @@ class Found(NamedTuple):
 
 def quantities(text: str) -> list[Found]:
     """All quantities of a casefolded text, in reading order; names are to be joined before, see
-    :func:`gvla2.memory.meaning.designations.name_things`.
+    :func:`gvla2.memory.meaning.names.name_things`.
     """
     atoms = _atoms(text)
     found: list[Found] = []
@@ -135,7 +132,7 @@ def _start(text: str, at: int) -> int:
 
 
 def _in_word(character: str) -> bool:
-    return (character.isalnum() or character == "_") and not "\u3400" <= character <= "\u9fff"
+    return character.isalnum() or character == "_"
 
 
 def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Found], int, int]:
@@ -172,7 +169,7 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Fo
     before = bound_before(text, last, atom.start)
     high, unit2, spread = value, unit, False
     to = _TO.match(text, end) if index < len(atoms) and not others else None
-    if to is not None and to.end() == atoms[index].start and (to["word"] not in _JOINS or before.between):
+    if to is not None and to.end() == atoms[index].start and (to["word"] != "and" or before.between):
         second = atoms[index]
         high, end, index = second.value, second.end, index + 1
         unit2 = unit_at(text, end, second.spelled) or unit

@@ -4,40 +4,80 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gvla2.memory.retrieval.scoring import ScoreWeights
+from gvla2.errors import ConfigurationError
+
+
+@dataclass
+class ScoreWeights:
+    """The constants of S, as the paper's authors released them; ``applicability`` and ``program`` are ours.
+
+    Bonuses by the record's outcome: ``verified`` also holds for a constraint that a verified failure supports (the
+    released rule counted every failure against its own lesson, which no constraint then survived); ``failed`` for
+    anything else that failed; ``unjudged`` where the verifier was unavailable. ``recency`` is lost at one unit in
+    ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a
+    year. ``applicability`` is gained in the very scene that a record comes from, and lost in a quite different one;
+    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left. ``program``
+    is gained by a program whose roles the task's things can fill, and lost by one of which they can fill none.
+    """
+
+    verified: float = 0.30
+    unjudged: float = 0.05
+    uncertain: float = -0.25
+    failed: float = -0.10
+    recency: float = 0.25
+    recency_days: float = 90.0
+    usage_divisor: float = 8.0
+    usage_most: float = 0.20
+    conflict: float = 0.15
+    conflict_most: float = 0.45
+    stale_failure: float = 0.25
+    stale_days: float = 14.0
+    ageing: float = 0.20
+    applicability: float = 0.25
+    signature_scale: float = 0.5
+    program: float = 0.25
 
 
 @dataclass(kw_only=True)
 class HybridOptions:
     """Options of :class:`gvla2.memory.retrieval.hybrid.HybridRetriever`.
 
-    Text relevance is ``bm25_weight`` x BM25 / its maximum + ``cosine_weight`` x cosine. At most ``top_k`` hints are
-    recalled, and at most ``top_k_constraints`` constraints beside them: a hint must not crowd out a constraint. A
-    record is recalled when its relevance is at least ``min_relevance``, its score S at least ``min_score``, and it
-    either shares ``min_coverage`` of the words of the query, or of a sentence of it, or has a cosine of
-    ``min_cosine``: BM25 over its own maximum alone would find the best of a bad lot. ``weights`` are the constants
-    of S.
+    Text relevance is ``lexical_weight`` x the share of the query's information that a record's words hold +
+    ``cosine_weight`` x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and at
+    most ``top_k_constraints`` constraints beside them: a hint must not crowd out a constraint.
+
+    A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
+    that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
+    constants of S. ``words_count`` and ``min_evidence`` were calibrated on paraphrases and irrelevant queries of their
+    own (tests/benchmarks/memory/data: calibration, and the first examiner); they serve static and MiniLM alike.
 
     A record from another geometry does not apply, whatever it says: those of the numbers ``essential`` that both
     scenes have may differ by ``max_difference`` of the larger one.
 
-    Records that say the same count once: those of the same words, and those with a cosine above ``same_cosine``
-    that share ``same_words`` of the words of both. Lessons about different parameters are never the same.
+    Records that share ``same_words`` of the words of both say the same and count once, unless they are about
+    different parameters, or are different programs.
     """
 
-    bm25_weight: float = 0.5
-    cosine_weight: float = 0.5
+    lexical_weight: float = 0.6
+    cosine_weight: float = 0.4
     top_k: int = 3
     top_k_constraints: int = 3
-    min_relevance: float = 0.08
+    words_count: float = 0.15
+    min_evidence: float = 0.32
+    min_words: float = 0.6
     min_score: float = 1.2
-    min_coverage: float = 0.3
-    min_cosine: float = 0.35
     max_difference: float = 0.5
     essential: list[str] = field(default_factory=lambda: ["theme_length", "theme_width", "theme_height"])
-    same_cosine: float = 0.95
-    same_words: float = 0.5
+    same_words: float = 0.8
     weights: ScoreWeights = field(default_factory=ScoreWeights)
+
+    def check(self) -> None:
+        """Raises :class:`~gvla2.errors.ConfigurationError` for weights that S would divide by zero with."""
+        for name in ("recency_days", "usage_divisor", "signature_scale"):
+            if getattr(self.weights, name) == 0:
+                raise ConfigurationError(
+                    f"The weight '{name}' of the retriever is 0, and S divides by it: give a positive one."
+                )
 
 
 @dataclass(kw_only=True)

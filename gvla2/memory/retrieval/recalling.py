@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
 from gvla2.memory.indexing.candidates import RowCandidates
-from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
-from gvla2.memory.retrieval.rendering import render, visible
+from gvla2.memory.retrieval.rendering import render
+from gvla2.memory.screening.disguises import sanitised
+
+MAX_THINGS = 64
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,6 @@ def recall(
 
 def search(
     task: MemoryTask,
-    index: Index,
     served: RowCandidates,
     candidates: RowCandidates,
     retriever: Retriever,
@@ -57,19 +58,15 @@ def search(
     asked = bounded(task)
     vector = embedder.embed([asked.query])[0]
     ranked, _ = retriever.rank(asked, served, vector)
-    hits = [
-        Hit(_of(index, served.ids[rank.row]), rank.score, dict(rank.terms), reliable=True) for rank in ranked
-    ]
+    hits = [Hit(served.record(rank.row), rank.score, dict(rank.terms), reliable=True) for rank in ranked]
     known = {hit.record.id for hit in hits}
-    lexical, coverage = candidates.lexical(asked.query), candidates.coverage(asked.query)
-    cosine = candidates.cosine(vector)
-    text = 0.5 * lexical + 0.5 * cosine.clip(0.0, 1.0)
+    lexical, cosine = candidates.lexical(asked.query), candidates.cosine(vector)
+    text = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
     for row in sorted(range(len(text)), key=lambda i: (-text[i], candidates.ids[i]))[: k + len(known)]:
-        record = _of(index, candidates.ids[row])
+        record = candidates.record(row)
         if record.id not in known and text[row] > 0:
             terms = {
-                "bm25": float(lexical[row]),
-                "coverage": float(coverage[row]),
+                "lexical": float(lexical[row]),
                 "cosine": float(cosine[row]),
                 "confidence": record.confidence,
             }
@@ -79,22 +76,21 @@ def search(
 
 def bounded(task: MemoryTask) -> MemoryTask:
     """The task with a query that any retriever can take, and sound numbers."""
-    return MemoryTask(clean(task.query, MAX_QUERY), finite(task.signature), task.skill)
-
-
-def _of(index: Index, id: str) -> Record:
-    return index.record(index.rows([id])[0])
+    return MemoryTask(
+        clean(task.query, MAX_QUERY), finite(task.signature), task.skill, task.things[:MAX_THINGS]
+    )
 
 
 def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryItem:
     return MemoryItem(
         id=record.id,
         type=record.record_type,
-        content=visible(record.content),
+        content=sanitised(record.content),
         confidence=record.confidence,
         score=score,
         terms=dict(terms),
         # What was never verified binds nobody, even where the bank is told to show it.
         binding=record.type == "failure_avoidance" and record.state != "provisional",
         effect=record.effect_json() if record.effect else None,
+        trust=record.trusted,
     )

@@ -1,99 +1,92 @@
-"""How much a record deserves to be recalled: S of the paper, term by term.
+"""How much a record deserves to be recalled: S of the paper, term by term, for many records at once.
 
-S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, and the geometric
-applicability of robot memories. Pure arithmetic, without numerical libraries, so that configurations may hold
-the weights.
+S(q, X, m) = r_text + kappa + b_success + b_recency + b_usage - p_conflict - p_stale, and what is ours: the geometric
+applicability of robot memories, and whether a program's roles can be filled.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from gvla2.memory.contracts import Outcome, RecordType
+import numpy as np
+from numpy.typing import NDArray
 
+from gvla2.memory.contracts import OUTCOMES, TYPES, Candidates
+from gvla2.memory.retrieval.options import ScoreWeights
 
-@dataclass
-class ScoreWeights:
-    """The constants of S, as the paper's authors released them; ``applicability`` is ours.
-
-    Bonuses by the record's outcome: ``verified`` also holds for a constraint that a verified failure supports (the
-    released rule counted every failure against its own lesson, which no constraint then survived); ``failed`` for
-    anything else that failed; ``unjudged`` where the verifier was unavailable. ``recency`` is lost at one unit in
-    ``recency_days``. ``stale_days`` without use make a failure stale; other records lose up to ``ageing`` over a
-    year. ``applicability`` is gained in the very scene that a record comes from, and lost in a quite different one;
-    ``signature_scale`` is the relative difference of a scene's numbers at which 1/e of the fit is left.
-    """
-
-    verified: float = 0.30
-    unjudged: float = 0.05
-    uncertain: float = -0.25
-    failed: float = -0.10
-    recency: float = 0.25
-    recency_days: float = 90.0
-    usage_divisor: float = 8.0
-    usage_most: float = 0.20
-    conflict: float = 0.15
-    conflict_most: float = 0.45
-    stale_failure: float = 0.25
-    stale_days: float = 14.0
-    ageing: float = 0.20
-    applicability: float = 0.25
-    signature_scale: float = 0.5
+Array = NDArray[np.float64]
+_AVOIDANCE = TYPES.index("failure_avoidance")
+_SUCCESS, _FAIL = OUTCOMES.index("verified_success"), OUTCOMES.index("verified_fail")
 
 
 def score_terms(
     weights: ScoreWeights,
+    candidates: Candidates,
+    rows: NDArray[np.intp],
     *,
-    relevance: float,
-    confidence: float,
-    outcome: Outcome,
-    type: RecordType,
-    age: float,
-    usage: int,
-    conflicts: int,
-    distance: float | None = None,
-) -> dict[str, float]:
-    """The terms of S by name; penalties are negative, so that S is their sum.
+    relevance: Array,
+    distance: Array,
+    filled: Array,
+) -> dict[str, Array]:
+    """The terms of S by name, each (K,) for the (K,) ``rows``; penalties are negative, so that S is their sum.
 
-    ``relevance`` r_text in [0, 1]; ``age`` in days since the last update; ``usage`` credited uses; ``conflicts``
-    how many records contradict it; ``distance`` by :func:`signature_distance`, None where it does not apply.
+    ``relevance`` (K,) is r_text in [0, 1]; ``distance`` (K,) of the scenes by :func:`scene_distance`, nan where it does
+    not apply; ``filled`` (K,) the share of a program's roles that can be filled, nan where there is no program.
     """
-    days = max(age, 0.0)
-    used = min(math.log1p(max(usage, 0)) / weights.usage_divisor, weights.usage_most)
-    if type == "failure_avoidance" and days > weights.stale_days and usage <= 0:
-        stale = weights.stale_failure
-    else:
-        stale = max(0.0, min(days / 365.0, weights.ageing) - used / 2)
+    ages, usage = candidates.ages[rows], candidates.usage[rows]
+    avoidance = candidates.types[rows] == _AVOIDANCE
+    used = np.minimum(np.log1p(np.maximum(usage, 0)) / weights.usage_divisor, weights.usage_most)
+    forgotten = avoidance & (ages > weights.stale_days) & (usage <= 0)
+    ageing = np.maximum(np.minimum(ages / 365.0, weights.ageing) - used / 2, 0.0)
+    fit = 2 * np.exp(-distance / weights.signature_scale) - 1
     return {
         "r_text": relevance,
-        "confidence": min(max(confidence, 0.0), 1.0),
-        "success": _success(weights, outcome, type),
-        "recency": max(0.0, weights.recency - min(days / weights.recency_days, weights.recency)),
+        "confidence": np.clip(candidates.confidence[rows], 0.0, 1.0),
+        "success": _success(weights, candidates.outcomes[rows], avoidance),
+        "recency": np.maximum(
+            weights.recency - np.minimum(ages / weights.recency_days, weights.recency), 0.0
+        ),
         "usage": used,
-        "conflict": -min(weights.conflict * max(conflicts, 0), weights.conflict_most),
-        "stale": -stale,
-        "applicability": 0.0
-        if distance is None
-        else weights.applicability * (2 * math.exp(-distance / weights.signature_scale) - 1),
+        "conflict": -np.minimum(
+            weights.conflict * np.maximum(candidates.conflicts[rows], 0), weights.conflict_most
+        ),
+        "stale": -np.where(forgotten, weights.stale_failure, ageing),
+        "applicability": np.where(np.isnan(fit), 0.0, weights.applicability * fit),
+        "program": np.where(np.isnan(filled), 0.0, weights.program * (2 * filled - 1)),
     }
 
 
-def _success(weights: ScoreWeights, outcome: Outcome, type: RecordType) -> float:
-    if outcome == "verified_success" or (outcome == "verified_fail" and type == "failure_avoidance"):
-        return weights.verified
-    return {
+def _success(weights: ScoreWeights, outcomes: NDArray[np.int8], avoidance: NDArray[np.bool_]) -> Array:
+    bonus = {
+        "verified_success": weights.verified,
         "verified_fail": weights.failed,
         "uncertain": weights.uncertain,
         "unavailable": weights.unjudged,
-    }[outcome]
+    }
+    by_outcome = np.array([bonus[outcome] for outcome in OUTCOMES])
+    return np.asarray(np.where(avoidance & (outcomes == _FAIL), weights.verified, by_outcome[outcomes]))
+
+
+def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows: NDArray[np.intp]) -> Array:
+    """(K,) mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; nan for none."""
+    total, shared = np.zeros(len(rows)), np.zeros(len(rows))
+    for name, asked in signature.items():
+        if math.isfinite(asked):
+            difference = relative_difference(candidates.numbers(name)[rows], float(asked))
+            known = ~np.isnan(difference)
+            total[known] += difference[known]
+            shared += known
+    return np.where(shared > 0, total / np.maximum(shared, 1.0), math.nan)
+
+
+def relative_difference(known: Array, asked: float) -> Array:
+    """(N,) differences as a share of the larger number, nan where none is known."""
+    return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))
 
 
 def signature_distance(first: Mapping[str, float], second: Mapping[str, float]) -> float | None:
-    """Mean relative difference, 0 (alike) to 2, of the numbers that both scenes have; None when they share none."""
+    """The same of two scenes: mean relative difference, 0 (alike) to 2; None when they share no numbers."""
     shared = [
         (float(first[name]), float(second[name]))
         for name in sorted(first.keys() & second.keys())

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
-from gvla2.memory.retrieval.kernels import largest
 from gvla2.memory.retrieval.options import SemanticOptions
-from gvla2.memory.retrieval.ranking import best_first
 
 
 class SemanticRetriever:
@@ -29,12 +25,11 @@ class SemanticRetriever:
             return (), "The bank is empty."
         if not query_embedding.any():
             return (), "The query has no vector to search by."
-        order = best_first(
-            partial(largest, candidates.cosine(query_embedding)),
-            candidates.slack(query_embedding),
-            lambda rows: candidates.cosine(query_embedding, rows),
-            candidates.ids,
-        )
-        return [
-            Ranked(row, cosine, {"cosine": cosine}) for row, cosine in islice(order, self._options.top_k)
-        ], ""
+        cosines = candidates.cosine(query_embedding)
+        k = min(self._options.top_k, len(cosines))
+        if k <= 0:
+            return (), "The retriever is told to find none (top_k)."
+        least = np.partition(cosines, len(cosines) - k)[len(cosines) - k]
+        near = np.flatnonzero(cosines >= least).tolist()  # with all that tie for the last place
+        best = sorted(near, key=lambda row: (-cosines[row], candidates.ids[row]))[:k]
+        return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""

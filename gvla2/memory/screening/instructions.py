@@ -1,111 +1,88 @@
-"""Text that talks to a machine rather than about a task: orders, imitated markup, requests for secrets.
+"""Text that reads like an order to the machine that plans, rather than like experience.
 
-A lesson speaks to whoever does the task, about the task's objects. Suspicious is what speaks of the reader's own
-instructions, memory or verdicts and what to do with them, what imitates the frame around what machines read, what
-sends secrets away, and what overrides the task or its safety as a whole.
+A small English screen. It lowers trust and does nothing else: what keeps orders out is where a text comes from
+(:mod:`gvla2.memory.curation.trust`), for no list of words is ever complete.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
-from gvla2.memory.screening.disguises import hides_text, readings, squeezed
-from gvla2.memory.screening.sieve import run_together, sieves, stems_of
-from gvla2.memory.screening.signs import ENOUGH, Sign
-from gvla2.memory.screening.speech import spoken_weight
+from gvla2.memory.screening.disguises import invisible, sanitised
 
-MAX_READ = 20_000
-MAX_STRINGS = 200
-MAX_DEPTH = 8
-
-_MARKED = re.compile(r"[*~`\"_’\n]")
-_MARKS = str.maketrans({"*": None, "~": None, "`": None, '"': None, "_": " ", "’": "'", "\n": " \n "})
-_DENIED = re.compile(
-    r"(?:\b(?:never|not|cannot|avoid|without|nor|neither|don't|doesn't|mustn't|shouldn't|can't|refuse to"
-    r"|forbid(?:den)? to"
-    r"|prohibited to|prevents? \w+ from|instead of|rather than|if|when|once|after|unless|until|whether|in "
-    r"case)"
-    r"(?: (?!then\b)\w+){0,3}|n't) ?$"
+MAX_SCREENED = 4000
+_TOLD = (
+    r"(?:instructions?|prompts?|directives?|guidelines?|guardrails?|orders|rules|constraints|messages|polic(?:y|ies)"
+    r"|safety \w+|safeguards?|restrictions)"
 )
-_CASED = re.compile(
-    r"\b(?:if|when|whenever|once|after|as soon as|unless|until|in case)\b(?! you (?:have )?read| "
-    r"reading)[^.;!?]*$"
+_CHECKS = (
+    r"(?:collision|safety|force|speed|torque|workspace|joint|emergency|verification|permission|security|sanity)[ -]"
+    r"(?:\w+[ -])?(?:check\w*|limits?|stops?|monitor\w*|verification|guards?|interlocks?|sensors?|planning|avoidance)"
 )
-_INSISTED = re.compile(r"\b(?:hesitate|fail|forget|neglect|afraid|stop) (?:to )?$")
-_CLAUSE = re.compile(r"[.,;:!?\n][^.,;:!?\n]*$")
+_SECRETS = (
+    r"(?:passwords?|passphrases?|credentials?|secrets?|private keys?|api keys?|access tokens?|auth tokens?|id_rsa"
+    r"|\.ssh|\.env\b|/etc/(?:passwd|shadow)|environment variables|system prompt)"
+)
+_READER = r"(?:planner|assistant|agent|(?:language )?model|llm|ai|verifier|robot)"
+_SWITCH_OFF = (
+    r"\b(?:without|skip|disable|turn off|switch off|deactivate|ignore|bypass|suppress|no need for|omit)\b"
+)
+_LEAK = (
+    r"(?<!never )(?<!not )(?<!n't )"
+    r"\b(?:print|send|post|upload|e-?mail|reveal|show|leak|output|write|cat|read out|dump|paste|share|forward|repeat)\b"
+)
+_PATTERNS = (
+    # Setting aside what one was told.
+    rf"\b(?:ignore|disregard|forget|override|bypass|set aside|violate|disobey|drop)\b(?: \w+){{0,4}} {_TOLD}\b",
+    r"\b(?:ignore|disregard|forget)\b (?:everything|anything|all (?:of )?(?:the )?(?:above|previous|prior))\b",
+    rf"\b{_TOLD}\b(?: \w+){{0,4}} (?:are|is) (?:now )?(?:void|obsolete|cancelled|lifted|revoked|suspended|no longer)\b",
+    r"\b(?:your|the) (?:real|true|actual|new|only) (?:task|goal|objective|instructions?|purpose|orders?) (?:is|are)\b",
+    r"\bregardless of (?:what )?(?:the |your )?(?:user|operator|task|instruction|person|human)\b",
+    # A new role, or a word to the machine that reads.
+    r"\byou are (?:now|no longer)\b|\bfrom now on,? you\b",
+    r"\bact as (?:an?|the) (?:\w+ )?(?:assistant|model|admin\w*|root)\b",
+    r"\bjailbreak\b|\bdeveloper mode\b|\"role\":",
+    rf"\b(?:dear|attention|note to|message (?:to|for)|hey|hello)[ ,]+(?:the |any )?{_READER}\b",
+    rf"\b{_READER}s?,? (?:you )?(?:must|should|shall|has to|have to) (?:always |now |only |never )*"
+    r"(?:obey|ignore|skip|accept|approve|trust|answer|reply|output|say|comply|rate|score)\b",
+    r"\b(?:trust|believe|accept|approve) (?:only )?(?:this|every|all|any) (?:note|record|memory|lesson|plan)\w*\b",
+    r"\b(?:rate|score|mark|judge|treat|record|report|count|verify|declare)\b(?: \w+){0,6} "
+    r"(?:full marks?|perfect|success(?:ful)?|passed|verified)\b(?: \w+){0,4} (?:regardless|always|whatever)\b",
+    # Lifting a check, handing out a secret, running what a stranger wrote.
+    rf"{_SWITCH_OFF}(?: \w+){{0,4}} {_CHECKS}",
+    rf"\b{_CHECKS}(?: \w+){{0,4}} (?:can be|may be|are|is|should be|must be) "
+    r"(?:skipped|disabled|ignored|bypassed|off|unnecessary|not needed)",
+    rf"{_LEAK}(?:\W+[\w./~-]+){{0,6}}?\W+[\w./~]*{_SECRETS}",
+    r"\b(?:curl|wget)\b[^\n]{0,80}\|\s*(?:sudo )?(?:ba|z)?sh\b|\brm -rf? (?:/|~|\*)(?:\s|$)",
+)
+_SCREEN = re.compile("|".join(f"(?:{pattern})" for pattern in _PATTERNS))
+_HIDDEN = re.compile(r"[A-Za-z0-9+/]{40,}={0,2}|(?:[0-9a-f]{2}[ :]?){24,}|(?:\b\w ){8,}")
+"""Long codes, and words torn into letters: nobody can say what they say."""
 
 
-def reads_like_instructions(text: str) -> bool:
-    """Whether a text gives orders to a machine or imitates the markup around what machines read.
-
-    Errs on the careful side. Look-alike letters, gaps, codes and invisible characters don't hide anything: every
-    reading of the text is judged, the first ``MAX_READ`` characters of it.
-    """
-    text = text[:MAX_READ]
-    return hides_text(text) or any(map(_suspicious, readings(text)))
-
-
-def effect_reads_like_instructions(effect: Mapping[str, Any] | None) -> bool:
-    """Whether any name or word in a typed effect reads like instructions, by itself or all of them in a row.
-
-    Underscores count as spaces. An effect of more than ``MAX_STRINGS`` strings, or nested deeper than ``MAX_DEPTH``,
-    is no sound effect and counts as suspicious.
-    """
-    if not effect:
-        return False
-    strings: list[str] = []
-    for string in _strings(effect, MAX_DEPTH):
-        if string is None or len(strings) == MAX_STRINGS:
-            return True
-        strings.append(string)
-    words = [re.sub(r"[_\-.]+", " ", string) for string in strings if string]
-    return any(map(reads_like_instructions, {*strings, *words})) or reads_like_instructions(" ".join(words))
+@lru_cache(maxsize=8192)
+def screen(text: str) -> str:
+    """Why a text is trusted a level less, "" for no reason: it reads like orders, or hides what it says."""
+    text = text[:MAX_SCREENED]
+    if sum(map(invisible, text)) > text.count("\n") + text.count("\t") + text.count("\r"):
+        return "it holds characters that are not shown"
+    shown = sanitised(text)
+    if len(shown) < len(text) and "(link)" not in shown and text.isascii():
+        return "it holds the frame of a conversation"
+    if _SCREEN.search(" ".join(shown.casefold().replace("’", "'").split())) is not None:
+        return "it reads like orders to a machine"
+    return "it hides what it says" if _HIDDEN.search(shown) is not None else ""
 
 
-def _strings(value: Any, depth: int) -> Iterator[str | None]:
-    """The strings within a value, None where it goes too deep."""
-    match value:
-        case str():
-            yield value
-        case Mapping() if depth:
-            for key, inner in value.items():
-                yield from _strings(key, depth - 1)
-                yield from _strings(inner, depth - 1)
-        case list() | tuple() if depth:
-            for inner in value:
-                yield from _strings(inner, depth - 1)
-        case Mapping() | list() | tuple():
-            yield None
-
-
-def _suspicious(low: str) -> bool:
-    frames, signs = sieves()
-    words = " ".join((low.translate(_MARKS) if _MARKED.search(low) else low).split())
-    stems = stems_of(words)
-    if any(_found(sign, low) for sign in frames.passing(low, stems)):
-        return True
-    weight = sum(sign.weight for sign in signs.passing(words, stems) if _found(sign, words))
-    if weight >= ENOUGH or weight + spoken_weight(words, stems) >= ENOUGH:
-        return True
-    letters = squeezed(low)
-    return bool(letters) and run_together().search(letters) is not None
-
-
-def _found(sign: Sign, text: str) -> bool:
-    for match in sign.regex.finditer(text):
-        at = match.start()
-        if not (
-            (sign.denied and denied(text, at)) or (sign.cased and _CASED.search(text[max(0, at - 120) : at]))
-        ):
-            return True
-    return False
-
-
-def denied(text: str, at: int) -> bool:
-    """Whether what begins at ``at`` is denied, or only a case, by the words before it in its clause."""
-    before = text[max(0, at - 40) : at]
-    if clause := _CLAUSE.search(before):
-        before = clause[0][1:]
-    return _DENIED.search(before) is not None and _INSISTED.search(before) is None
+def screened_effect(effect: Mapping[str, Any] | None) -> str:
+    """Why a typed effect is trusted a level less: its names are sentences, or read like orders; "" for no reason."""
+    for name in ("parameter", "scale", "object", "region", "skill"):
+        said = str((effect or {}).get(name) or "")
+        if len(said) > 80 or len(said.split()) > 6:
+            return f"its {name} is no name"
+        if said and (why := screen(said.replace("_", " "))):
+            return why
+    return ""

@@ -5,15 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.forgetting.scrubbing import PENDING, pending
-from gvla2.memory.records import COLUMNS, damage_of
+from gvla2.memory.contracts import Embedder
+from gvla2.memory.records import COLUMNS, FORGOTTEN, damage_of
 from gvla2.memory.storage.episodes import StoredEpisode
-from gvla2.memory.storage.events import GENESIS, Event, chain_hash, payload_digest
+from gvla2.memory.storage.events import GENESIS, Event, chain_hash, episode_digest, payload_digest
+from gvla2.memory.storage.forgetting import PENDING
 from gvla2.memory.storage.rebuilding import Folding
-from gvla2.memory.storage.transaction import episode_digest
 from gvla2.memory.storage.view import View, vector_of
+
+_TOGETHER = 1024
+_OWN = 0.99
+"""Cosine from which a vector is that of a text, whatever the order of additions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +44,34 @@ def audit(view: View, bank: str, head: str = "") -> list[Problem]:
     problems += _vectors(view, bank)
     problems += _links(view, bank, folding)
     problems += _episodes(view, bank, folding)
-    for path in pending(view.meta(PENDING)):
-        problems.append(Problem("file", path, "bytes of what was forgotten may be left in it: compact it"))
+    if view.meta(PENDING):
+        problems.append(Problem("file", "", "bytes of what was forgotten may be left in it: compact it"))
+    return problems
+
+
+def foreign_vectors(view: View, bank: str, embedder: Embedder) -> list[Problem]:
+    """The vectors of the embedder's model that were not made of what their records say, as after a swap.
+
+    Only who has the embedder can tell.
+    """
+    rows = [
+        row
+        for row in view.vector_rows(bank)
+        if row.model == embedder.model and row.state not in (None, FORGOTTEN)
+    ]
+    problems = []
+    for start in range(0, len(rows), _TOGETHER):
+        some = {row.id: vector_of(row.dimension, row.vector) for row in rows[start : start + _TOGETHER]}
+        records = [record for record in view.records(bank, ids=some) if some[record.id] is not None]
+        made = (
+            np.asarray(embedder.embed([record.text for record in records])) if records else np.zeros((0, 1))
+        )
+        for record, own in zip(records, made, strict=True):
+            stored = np.asarray(some[record.id])
+            length = np.linalg.norm(stored) * np.linalg.norm(own)
+            alike = stored.shape == own.shape and float(stored @ own) >= _OWN * length
+            if own.any() and not (alike and length > 0):
+                problems.append(Problem("vector", record.id, "it was not made of what the record says"))
     return problems
 
 
@@ -57,7 +90,7 @@ def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
             yield Problem("event", where, "its header was changed: the hash is another")
         if event.erased:
             erased.append(event)
-        elif payload_digest(event.salt, event.why, event.scores, event.change) != event.digest:
+        elif payload_digest(event.salt, event.payload) != event.digest:
             yield Problem("event", where, "what it says was changed: the digest is another")
         if event.at < at or event.rev < rev:
             yield Problem("event", where, "it is older than the event before it")
@@ -71,8 +104,8 @@ def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
         if max(forgotten.get(event.record, 0), forgotten.get(event.target, 0)) <= event.seq:
             yield Problem("event", str(event.seq), "it was erased, and nothing was forgotten afterwards")
     head = view.head(bank)
-    if head is not None and head != (rev, seq, prev):
-        told = f"event {head[1]}" if head[1] != seq else "another hash or number of its transaction"
+    if head is not None and (head.rev, head.seq, head.hash) != (rev, seq, prev):
+        told = f"event {head.seq}" if head.seq != seq else "another hash or number of its transaction"
         yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {told}")
     if head is None and seq:
         yield Problem("chain", "", "the bank's own row is missing")
@@ -99,18 +132,7 @@ def _kept_head(view: View, bank: str, head: str) -> Iterable[Problem]:
 
 def _hash(event: Event) -> str:
     try:
-        return chain_hash(
-            event.prev,
-            event.bank,
-            event.seq,
-            event.rev,
-            event.at,
-            event.actor,
-            event.action,
-            event.record,
-            event.target,
-            event.digest,
-        )
+        return chain_hash(event.prev, event.header, event.digest)
     except (ValueError, TypeError):
         return ""
 
@@ -118,9 +140,9 @@ def _hash(event: Event) -> str:
 def _records(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
     missing = set(folding.rows)
     for row in view.rows(bank):
-        id = str(row[0])
+        id = str(row.id)
         missing.discard(id)
-        damage = damage_of(row)
+        damage = damage_of(tuple(row))
         if damage:
             yield Problem("record", id, f"damaged: {damage}")
         elif id not in folding.rows:
@@ -136,8 +158,9 @@ def _records(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
 
 def _vectors(view: View, bank: str) -> Iterable[Problem]:
     models = view.models(bank)
-    for id, model, dimension, stored, owned in view.vector_rows(bank):
-        if not owned:
+    for row in view.vector_rows(bank):
+        id, model, dimension, stored, state = tuple[Any, ...](row)
+        if state in (None, FORGOTTEN):
             yield Problem("vector", id, "it belongs to no record")
         elif vector_of(dimension, stored) is None:
             yield Problem("vector", id, "damaged: not finite, or of another length than it says")
@@ -157,7 +180,8 @@ def _links(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
 
 def _episodes(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
     missing = set(folding.episodes)
-    for source, at, data in view.episode_rows(bank):
+    for row in view.episode_rows(bank):
+        source, at, data = row.source, row.at, row.data
         missing.discard(source)
         try:
             StoredEpisode.from_json(source, at, data)

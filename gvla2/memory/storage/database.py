@@ -1,94 +1,234 @@
-"""What the store asks of a database: connections that run SQL, in transactions that are whole or nothing.
+"""A database with the memory's tables: connections in transactions that are whole or nothing.
 
-SQL is written once, with ``?`` for values; :mod:`gvla2.memory.storage.sqlite` and
-:mod:`gvla2.memory.storage.postgres` run it.
+What SQLite and PostgreSQL do each in their own way is in :mod:`gvla2.memory.storage.sqlite` and
+:mod:`gvla2.memory.storage.postgres`; all queries are SQLAlchemy's, and the same for both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Protocol
 
-Row = tuple[Any, ...]
+from sqlalchemy import URL, Connection, Engine, create_engine, func, insert, select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.pool import NullPool, QueuePool
 
-SCHEMA_VERSION = 2
-"""Version of the tables, kept in ``memory_meta``; a later one is refused, an earlier one migrated."""
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.storage.addresses import parsed
+from gvla2.memory.storage.tables import META, SCHEMA_VERSION, TABLES
 
-
-@dataclass(frozen=True, slots=True)
-class Uncleaned:
-    """A file that may hold bytes of what was forgotten ("" is the database's own), and how a message says so."""
-
-    path: str
-    said: str
+AT_ONCE = 2000
+"""Rows of a stream that are held at once."""
 
 
-class Connection(Protocol):
-    """A connection inside a transaction."""
+class Dialect(Protocol):
+    """What is a database's own."""
 
-    def rows(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
-        """All rows of a query."""
+    name: str
+    """The file or address, as messages say it; without a password."""
+    reading: str
+    """The statement that begins a consistent view."""
+
+    def engine(self) -> Engine:
+        """Connections on which only explicit BEGINs open transactions, and a commit is on the disk."""
         ...
 
-    def row(self, sql: str, values: Sequence[Any] = ()) -> Row | None:
-        """The first row of a query, None where there is none."""
+    def begin(self, connection: Connection, bank: str) -> None:
+        """Begin a transaction that keeps other writers of the bank out."""
         ...
 
-    def stream(self, sql: str, values: Sequence[Any] = ()) -> Iterator[Row]:
-        """The rows of a query, a few at a time."""
+    def check(self) -> None:
+        """Before a commit: raises :class:`MemoryStoreError` where the change would be lost."""
         ...
 
-    def run(self, sql: str, values: Sequence[Any] = ()) -> int:
-        """Run a statement; how many rows it touched."""
+    def scrub(self, connection: Connection) -> None:
+        """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
         ...
 
-    def run_many(self, sql: str, values: Iterable[Sequence[Any]]) -> None:
-        """Run a statement once for each row of values."""
+    def size(self, connection: Connection) -> int:
+        """Bytes on disk."""
+        ...
+
+    def explained(self, error: BaseException) -> MemoryStoreError:
+        """What went wrong, and what to do."""
         ...
 
 
-class Database(Protocol):
-    """A database with the memory's tables. Every failure is a :class:`~gvla2.errors.MemoryStoreError`."""
+class Database:
+    """Connections to one database. Idle ones are kept and hold no lock; each thread works on one of its own, and a
+    forked process on new ones. Every failure is a :class:`~gvla2.errors.MemoryStoreError`.
+    """
+
+    def __init__(self, dialect: Dialect) -> None:
+        self._dialect = dialect
+        self._engine, self._pid, self._closed = dialect.engine(), os.getpid(), False
+
+    @classmethod
+    def open(cls, address: str | Path, busy_seconds: float, create: bool = True) -> Database:
+        """The database at an address, created where there is none and ``create`` is set."""
+        url = parsed(address)
+        dialect: Dialect
+        if url.drivername == "sqlite":
+            from gvla2.memory.storage.sqlite import SqliteDialect
+
+            dialect = SqliteDialect(Path(str(url.database)), busy_seconds, create)
+            return cls(dialect)
+        from gvla2.memory.storage.postgres import PostgresDialect
+
+        database = cls(PostgresDialect(url, busy_seconds))
+        try:
+            database._prepare(create)
+        except BaseException:
+            database.close()
+            raise
+        return database
 
     @property
     def name(self) -> str:
         """The file or address, as messages say it; without a password."""
-        ...
+        return self._dialect.name
 
-    def reading(self) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def connection(self) -> Iterator[Connection]:
+        """A connection outside any transaction."""
+        if self._closed:
+            raise MemoryStoreError(f"The memory {self.name} was closed.")
+        if self._pid != os.getpid():
+            # After a fork, the parent's connections must be neither used nor closed here.
+            self._engine.dispose(close=False)
+            self._pid = os.getpid()
+        try:
+            with self._engine.connect() as connection:
+                yield connection
+        except (SQLAlchemyError, OSError, UnicodeError) as error:
+            raise self._dialect.explained(error) from error
+        except Exception as error:
+            if type(error).__module__ in ("sqlite3", "psycopg.errors", "psycopg"):
+                raise self._dialect.explained(error) from error
+            raise
+
+    @contextmanager
+    def reading(self) -> Iterator[Connection]:
         """A consistent view, held until the end of the block."""
-        ...
+        with self.connection() as connection:
+            connection.exec_driver_sql(self._dialect.reading)
+            with _ended(connection):
+                yield connection
 
-    def writing(self, bank: str) -> AbstractContextManager[Connection]:
+    @contextmanager
+    def writing(self, bank: str) -> Iterator[Connection]:
         """A transaction that keeps other writers of the bank out from its start; an exception undoes all of it."""
-        ...
-
-    def one(self, sql: str, values: Sequence[Any]) -> Row | None:
-        """The first row of a query by itself, as cheaply as can be."""
-        ...
+        with self.connection() as connection:
+            self._dialect.begin(connection, bank)
+            with _ended(connection):
+                yield connection
+                self._dialect.check()
 
     def scrub(self) -> None:
         """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
-        ...
-
-    def forget_in_copies(self, gone: Callable[[], Sequence[tuple[str, str]]]) -> list[Uncleaned]:
-        """Take records, (bank, id), out of the copies that a migration left beside the database.
-
-        ``gone`` is asked only where there are copies. Those that could not be cleaned are returned.
-        """
-        ...
-
-    def snapshot(self, path: Path) -> None:
-        """Write a consistent copy, a SQLite file, in one step; an existing file is replaced."""
-        ...
+        with self.connection() as connection:
+            self._dialect.scrub(connection)
 
     def size(self) -> int:
         """Bytes on disk."""
-        ...
+        with self.connection() as connection:
+            return self._dialect.size(connection)
+
+    def snapshot(self, path: Path) -> None:
+        """Write a consistent copy, a SQLite file, beside ``path``, then put it in its place."""
+        from gvla2.memory.storage.sqlite import new_file
+
+        with new_file(path) as copy, self.reading() as connection:
+            for table in TABLES:
+                rows = streamed(connection, select(table))
+                while some := rows.fetchmany(AT_ONCE):
+                    copy.execute(insert(table), [dict(row._mapping) for row in some])
 
     def close(self) -> None:
         """Close all connections; safe to call twice."""
-        ...
+        self._closed = True
+        self._engine.dispose(close=self._pid == os.getpid())
+
+    def _prepare(self, create: bool) -> None:
+        """Create the tables of a server once among all processes, or see that they can be used."""
+        with self.writing("") as connection:
+            there = set(self._engine.dialect.get_table_names(connection))
+            if there.isdisjoint(table.name for table in TABLES):
+                if not create:
+                    raise MemoryStoreError(f"There is no memory in {self.name} yet: it has no tables.")
+                create_tables(connection)
+                return
+            stated = select(META.c.value).where(META.c.key == "schema")
+            version = connection.execute(stated).scalar() if META.name in there else None
+        if META.name not in there:
+            raise MemoryStoreError(
+                f"The database {self.name} has a table 'memory' of something else: choose another one."
+            )
+        refuse_version(self.name, str(version))
+
+
+def create_tables(connection: Connection) -> None:
+    """Create the tables of :data:`SCHEMA_VERSION` and state it, within the connection's transaction."""
+    for table in TABLES:
+        table.create(connection)
+    connection.execute(insert(META), {"key": "schema", "value": str(SCHEMA_VERSION)})
+
+
+def refuse_version(name: str, stated: str) -> None:
+    """Raises :class:`MemoryStoreError` for tables of any other version than ours."""
+    if not stated.isdigit() or stated == "0":
+        raise MemoryStoreError(f"The memory {name} is damaged: its schema is not stated.")
+    if int(stated) > SCHEMA_VERSION:
+        raise MemoryStoreError(
+            f"The memory {name} has schema {stated}, this gvla2 knows {SCHEMA_VERSION}: update gvla2, or choose "
+            "another database."
+        )
+    if int(stated) < SCHEMA_VERSION:
+        raise MemoryStoreError(
+            f"The memory {name} has schema {stated} of an earlier gvla2, this one has {SCHEMA_VERSION}. It was left "
+            "as it is: export it with the gvla2 that wrote it (`gvla2 memory export`), and import that into a new "
+            "memory (`gvla2 memory import`)."
+        )
+
+
+def engine_of(url: URL, *, pooled: bool = True, **options: Any) -> Engine:
+    """An engine that leaves transactions to explicit BEGINs."""
+    pool: dict[str, Any] = {"poolclass": QueuePool, "max_overflow": -1} if pooled else {"poolclass": NullPool}
+    return create_engine(url, isolation_level="AUTOCOMMIT", skip_autocommit_rollback=True, **pool, **options)
+
+
+def streamed(connection: Connection, query: Any) -> Any:
+    """The rows of a query, a few at a time."""
+    return connection.execute(query, execution_options={"stream_results": True, "max_row_buffer": AT_ONCE})
+
+
+def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
+    """An INSERT that replaces the row of the same keys."""
+    if connection.dialect.name == "sqlite":
+        from sqlalchemy.dialects.sqlite import insert as into
+    else:
+        from sqlalchemy.dialects.postgresql import insert as into  # type: ignore[assignment]
+    statement = into(table)
+    changed = {c.name: statement.excluded[c.name] for c in table.columns if c.name not in keys}
+    return statement.on_conflict_do_update(index_elements=list(keys), set_=changed)
+
+
+def count_of(connection: Connection, table: Any, bank: str) -> int:
+    """How many rows of a bank a table has."""
+    return int(
+        connection.execute(select(func.count()).select_from(table).where(table.c.bank == bank)).scalar_one()
+    )
+
+
+@contextmanager
+def _ended(connection: Connection) -> Iterator[None]:
+    try:
+        yield
+        connection.exec_driver_sql("COMMIT")
+    except BaseException:
+        with suppress(SQLAlchemyError):  # a full disk, or a server that is gone, has undone it already
+            connection.exec_driver_sql("ROLLBACK")
+        raise

@@ -49,16 +49,18 @@ class StoredEpisode:
             return cls(
                 source=source,
                 at=at,
-                task=MemoryTask(**data["task"]),
-                lessons=tuple(Lesson(**lesson) for lesson in data["lessons"]),
+                task=MemoryTask(**_frozen(data["task"])),
+                lessons=tuple(Lesson(**_frozen(lesson)) for lesson in data["lessons"]),
                 transcript=str(data["transcript"]),
                 facts=dict(data["facts"]),
-                verdicts=tuple(
-                    Verdict(**{**verdict, "reasons": tuple(verdict["reasons"])})
-                    for verdict in data["verdicts"]
-                ),
+                verdicts=tuple(Verdict(**_frozen(verdict)) for verdict in data["verdicts"]),
                 records=tuple(data["records"]),
                 provenance=dict(data["provenance"]),
             )
         except (KeyError, TypeError) as error:
             raise ValueError(f"not an episode: {error}") from error
+
+
+def _frozen(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Lists as the tuples that they were."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}

@@ -1,14 +1,14 @@
 """The chain of events: every decision about a bank, from which its rows can be built again.
 
-An event has a header (seq, rev, at, actor, action, record, target) and a payload (why, scores, change).
+An event has a header (seq, rev, at, actor, action, record, target) and a payload (why, scores, change, origin).
 ``digest = H(salt, payload)`` and ``hash = H(prev, header, digest)``: forgetting erases salt and payload, the chain
 still holds. What ``change`` holds, by action:
 
 * ``link:KIND`` and ``unlink:KIND``: nothing; ``record`` and ``target`` are the ends.
 * ``forget``: the tombstone of a record; nothing where ``record`` names an episode.
-* ``forget:part``: other events of the record were erased, as they quoted one that was forgotten; the whole record.
+* ``forget:part``: other events of the record were erased, as they told of one that was forgotten; the whole record.
 * ``episode``: ``{"episode": digest, "source": source}`` of the JSON saved under a source. ``record`` is a random
-  name, which stays when the source is forgotten; in older banks there is no "source", and ``record`` is it.
+  name, which stays when the source is forgotten.
 * any other: the whole record when it is created, ``{field: [before, after]}`` when it is changed, and "" for a
   decision that changed nothing. Of a change, version + 1 and the event's rev go without saying.
 """
@@ -16,7 +16,7 @@ still holds. What ``change`` holds, by action:
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -34,7 +34,8 @@ class Event:
     """One decision: who (``actor``), what (``action``), about which ``record`` (and ``target``), why, by which scores.
 
     ``at`` is in seconds since the epoch and never runs backwards within a bank; ``seq`` counts from 1 without gaps;
-    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON.
+    ``rev`` is the number of the transaction. ``scores`` and ``change`` are canonical JSON. ``origin`` says who brought
+    the evidence behind the decision, "" for nobody: what a record is trusted is what its origins amount to.
     """
 
     bank: str
@@ -48,10 +49,21 @@ class Event:
     why: str
     scores: str
     change: str
+    origin: str
     salt: bytes
     digest: str
     prev: str
     hash: str
+
+    @property
+    def payload(self) -> tuple[str, str, str, str]:
+        """What can be forgotten."""
+        return self.why, self.scores, self.change, self.origin
+
+    @property
+    def header(self) -> tuple[object, ...]:
+        """What stays, from ``bank`` to ``target``."""
+        return self.bank, self.seq, self.rev, self.at, self.actor, self.action, self.record, self.target
 
     @property
     def erased(self) -> bool:
@@ -80,26 +92,21 @@ class Link:
     at: float
 
 
-def payload_digest(salt: bytes, why: str, scores: str, change: str) -> str:
-    """Digest of what can be forgotten; the random salt keeps anyone from guessing the text afterwards."""
-    return hashlib.sha256(salt + dump([why, scores, change]).encode()).hexdigest()
+def payload_digest(salt: bytes, payload: Sequence[str]) -> str:
+    """Digest of what can be forgotten (why, scores, change, origin); the random salt keeps anyone from guessing it."""
+    return hashlib.sha256(salt + dump(list(payload)).encode()).hexdigest()
 
 
-def chain_hash(
-    prev: str,
-    bank: str,
-    seq: int,
-    rev: int,
-    at: float,
-    actor: str,
-    action: str,
-    record: str,
-    target: str,
-    digest: str,
-) -> str:
-    """Hash of what can never be forgotten, and of all events before."""
-    header = dump([prev, bank, seq, rev, at, actor, action, record, target, digest])
-    return hashlib.sha256(header.encode()).hexdigest()
+def chain_hash(prev: str, header: Sequence[object], digest: str) -> str:
+    """Hash of what can never be forgotten (``header``: bank to target, in the order of :class:`Event`), and of all
+    events before.
+    """
+    return hashlib.sha256(dump([prev, *header, digest]).encode()).hexdigest()
+
+
+def episode_digest(at: float, data: str) -> str:
+    """What the chain keeps of a stored episode."""
+    return hashlib.sha256(dump([at, data]).encode()).hexdigest()
 
 
 def difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, list[Any]]:

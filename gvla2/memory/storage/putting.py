@@ -5,51 +5,35 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sqlalchemy import Row, bindparam, insert, update
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.records import (
-    COLUMNS,
-    FORGOTTEN,
-    TYPES,
-    Record,
-    as_json,
-    clean,
-    damage_of,
-    dump,
-)
-from gvla2.memory.storage.database import Connection, Row
+from gvla2.memory.records import COLUMNS, FORGOTTEN, TYPES, Record, as_json, clean, damage_of, dump
+from gvla2.memory.storage.chain import Chain
+from gvla2.memory.storage.database import upsert
 from gvla2.memory.storage.events import difference
-from gvla2.memory.storage.view import CHUNK, View, models_of
+from gvla2.memory.storage.tables import BANK, RECORD, VECTOR
 
-if TYPE_CHECKING:
-    from gvla2.memory.storage.transaction import Transaction
-
-_STATE, _VERSION, _KEY = (COLUMNS.index(name) for name in ("state", "version", "dedup_key"))
-_FLOATS = tuple(i for i, kind in enumerate(TYPES) if kind is float)
-_INSERT = f"INSERT INTO memory ({', '.join(COLUMNS)}) VALUES ({', '.join('?' * len(COLUMNS))})"
-# The key columns are left out: naming one would make the database rewrite its index entry each time.
-_CHANGED = tuple(name for name in COLUMNS if name not in ("id", "bank", "dedup_key"))
-_ALL, _SOME = attrgetter(*COLUMNS), attrgetter(*_CHANGED)
-_UPDATE = f"UPDATE memory SET {', '.join(f'{name} = ?' for name in _CHANGED)} WHERE bank = ? AND id = ?"
-_REKEY = "UPDATE memory SET dedup_key = ? WHERE bank = ? AND id = ?"
-_VECTOR = (
-    "INSERT INTO memory_vector (bank, id, model, dimension, vector) VALUES (?, ?, ?, ?, ?) "
-    "ON CONFLICT (bank, id) DO UPDATE SET model = excluded.model, dimension = excluded.dimension, "
-    "vector = excluded.vector"
-)
-_NO_VECTOR = "DELETE FROM memory_vector WHERE bank = ? AND id = ?"
 MAX_TEXT = 2_000_000
 """Characters that one column may hold."""
+_FLOATS = tuple(i for i, kind in enumerate(TYPES) if kind is float)
+_OF_ONE = (RECORD.c.bank == bindparam("b_bank")) & (RECORD.c.id == bindparam("b_id"))
+# The key columns are left out: naming one would make the database rewrite its index entry each time.
+_CHANGED = [name for name in COLUMNS if name not in ("id", "bank", "dedup_key")]
+_UPDATE = update(RECORD).where(_OF_ONE).values({name: bindparam(name) for name in _CHANGED})
+_REKEY = update(RECORD).where(_OF_ONE).values(dedup_key=bindparam("dedup_key"))
 
 
 @dataclass(frozen=True)
 class Put:
-    """One record to be stored and the decision behind it, see :meth:`Transaction.put`."""
+    """One record to be stored and the decision behind it, see :meth:`Transaction.put`.
+
+    ``origin`` says who brought the evidence that the decision rests on.
+    """
 
     record: Record
     action: str
@@ -57,74 +41,63 @@ class Put:
     model: str = ""
     why: str = ""
     scores: Mapping[str, float] = field(default_factory=dict)
+    origin: str = ""
 
 
 class StaleRecordError(MemoryStoreError):
     """A record was changed by somebody else after it was read: read it again and decide anew."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """One put, checked: the record as it will be stored, what changes, and its vector's row."""
-
-    put: Put
-    record: Record
-    change: dict[str, Any]
-    vector: Row | None
-
-
-def put_many(transaction: Transaction, sql: Connection, puts: Sequence[Put]) -> list[Record]:
+def put_many(chain: Chain, puts: Sequence[Put]) -> list[Record]:
     """Store records and write their events; all of it is checked before anything is written."""
-    bank = transaction.bank
-    stored = _stored(sql, bank, [put.record.id for put in puts])
+    stored = {row.id: row for row in chain.view.rows(chain.bank, ids=[put.record.id for put in puts])}
     latest: dict[str, Record] = {}
-    steps = []
-    models = dict(transaction.models)
+    vectors: dict[str, dict[str, Any] | None] = {}
+    models = dict(chain.models)
+    steps: list[tuple[Put, Record, dict[str, Any]]] = []
     for put in puts:
-        transaction.check_action(put.action)
-        step = _step(put, latest.get(put.record.id), stored.get(put.record.id), bank, transaction.rev, models)
-        latest[step.record.id] = step.record
-        steps.append(step)
-    _refuse_taken_keys(sql, bank, latest, stored)
-    transaction.models = models
-    _write_rows(sql, bank, latest, stored)
-    _write_vectors(sql, bank, steps, stored)
-    transaction.written.update(latest)
-    transaction.created.update(latest.keys() - stored.keys())
-    transaction.record_events(
-        [
-            transaction.next_event(
-                step.put.action,
-                step.record.id,
-                why=step.put.why,
-                scores=step.put.scores,
-                change=dump(step.change),
-            )
-            for step in steps
-        ]
-    )
-    return [step.record for step in steps]
+        chain.check_action(put.action)
+        id = put.record.id
+        record, old = _next(chain, put.record, latest.get(id), stored.get(id))
+        if put.vector is not None:
+            vectors[id] = _vector_row(put.vector, put.model, id, chain.bank, models)
+        elif old is None or (old.query, old.content) != (record.query, record.content):
+            vectors[id] = None
+        change = difference(as_json(old), as_json(record)) if old else as_json(record)
+        latest[id] = record
+        steps.append((put, record, change))
+    _refuse_taken_keys(chain, latest, stored)
+    with chain.whole():
+        _write(chain, latest, stored)
+        chain.delete(VECTOR, "id", [id for id, row in vectors.items() if row is None and id in stored])
+        if kept := [row for row in vectors.values() if row is not None]:
+            chain.sql.execute(upsert(chain.sql, VECTOR, ("bank", "id")), kept)
+    chain.models = models
+    chain.written.update(latest)
+    chain.created.update(latest.keys() - stored.keys())
+    for put, record, change in steps:
+        chain.event(
+            put.action, record.id, why=put.why, scores=put.scores, change=dump(change), origin=put.origin
+        )
+    return [record for _, record, _ in steps]
 
 
-def _step(
-    put: Put, before: Record | None, row: Row | None, bank: str, rev: int, models: dict[str, int]
-) -> _Step:
-    """Check one put against what came ``before`` it in the same batch, or the stored ``row``."""
+def _next(
+    chain: Chain, record: Record, before: Record | None, row: Row[Any] | None
+) -> tuple[Record, Record | None]:
+    """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
     old = before
-    if old is None and row is not None and row[_STATE] != FORGOTTEN and not damage_of(row):
-        old = Record(*row)
+    if old is None and row is not None and row.state != FORGOTTEN and not damage_of(tuple(row)):
+        old = Record(*tuple[Any, ...](row))
     expected = old.version if old else 0
-    if put.record.version != expected:
+    if record.version != expected:
         raise StaleRecordError(
-            f"Record '{put.record.id}' of bank '{bank}' is of version {expected} by now, not {put.record.version}: "
+            f"Record '{record.id}' of bank '{chain.bank}' is of version {expected} by now, not {record.version}: "
             "read it again."
         )
     # A tombstone, and a damaged row, are replaced; the count of changes goes on.
-    kept = row[_VERSION] if row is not None and type(row[_VERSION]) is int else 0
-    version = old.version + 1 if old else kept + 1
-    record = checked(put.record, bank, version, rev)
-    vector = vector_row(put.vector, put.model, record.id, bank, models) if put.vector is not None else None
-    return _Step(put, record, difference(as_json(old), as_json(record)) if old else as_json(record), vector)
+    kept = row.version if row is not None and type(row.version) is int else 0
+    return checked(record, chain.bank, (old.version if old else kept) + 1, chain.rev), old
 
 
 def checked(record: Record, bank: str, version: int, rev: int) -> Record:
@@ -133,10 +106,8 @@ def checked(record: Record, bank: str, version: int, rev: int) -> Record:
         raise MemoryStoreError(
             f"Record '{record.id}' (bank '{record.bank}', state '{record.state}') cannot be stored in bank '{bank}'."
         )
-    values = [*_ALL(record)[:-2], version, rev]
-    text = "".join([value for value in values if type(value) is str])
-    if tuple(map(type, values)) != TYPES or not text.isascii() or "\0" in text:
-        values = [_storable(value, kind) for value, kind in zip(values, TYPES, strict=True)]
+    values = [_storable(value, kind) for value, kind in zip(as_json(record).values(), TYPES, strict=True)]
+    values[-2:] = version, rev
     for i in _FLOATS:
         if values[i] == 0.0:
             values[i] = 0.0  # SQLite knows no minus zero
@@ -151,7 +122,7 @@ def checked(record: Record, bank: str, version: int, rev: int) -> Record:
 def _storable(value: Any, kind: type) -> Any:
     """Text without NUL and lone surrogates; NumPy's numbers, and an int for a float, as what they stand for."""
     if type(value) is str:
-        return value if value.isascii() and "\0" not in value else clean(value, MAX_TEXT)
+        return clean(value, MAX_TEXT)
     if (
         type(value) is not kind
         and kind is not str
@@ -161,10 +132,10 @@ def _storable(value: Any, kind: type) -> Any:
     return value
 
 
-def vector_row(
+def _vector_row(
     vector: NDArray[np.floating[Any]], model: str, id: str, bank: str, models: dict[str, int]
-) -> Row:
-    """The row of a vector; ``models`` knows the dimension of each model and learns of a new one."""
+) -> dict[str, Any]:
+    """The row of a vector; ``models`` knows the length of each model's and learns of a new one."""
     array = np.asarray(vector)
     if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
         raise MemoryStoreError(
@@ -175,97 +146,68 @@ def vector_row(
         raise MemoryStoreError(
             f"The vector of record '{id}' has {array.size} numbers, those of '{model}' in bank '{bank}' have {known}."
         )
-    return (bank, id, model, array.size, array.astype("<f4").tobytes())
+    stored = array.astype("<f4").tobytes()
+    return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}
 
 
-def _stored(sql: Connection, bank: str, ids: Sequence[str]) -> dict[str, Row]:
-    """The rows that are there already, damaged ones and tombstones too."""
-    return {row[0]: row for row in View(sql).rows(bank, ids=ids)}
-
-
-def _refuse_taken_keys(sql: Connection, bank: str, latest: dict[str, Record], stored: dict[str, Row]) -> None:
+def _refuse_taken_keys(chain: Chain, latest: Mapping[str, Record], stored: Mapping[str, Row[Any]]) -> None:
     """Raise where a dedup key is another record's already."""
     owners: dict[str, str] = {}
     for record in latest.values():
         row = stored.get(record.id)
-        if row is None or row[_KEY] != record.dedup_key:
+        if row is None or row.dedup_key != record.dedup_key:
             other = owners.setdefault(record.dedup_key, record.id)
             if other != record.id:
                 raise MemoryStoreError(
                     f"Records '{other}' and '{record.id}' have one and the same dedup key."
                 )
-    keys = sorted(owners)
-    for start in range(0, len(keys), CHUNK):
-        some = keys[start : start + CHUNK]
-        query = (
-            f"SELECT id, dedup_key FROM memory WHERE bank = ? AND dedup_key IN ({', '.join('?' * len(some))})"
-        )
-        for id, key in sql.rows(query, [bank, *some]):
-            if owners[key] != id:
-                raise MemoryStoreError(
-                    f"Record '{owners[key]}' cannot be stored: '{id}' of bank '{bank}' has its dedup key."
-                )
+    for id, key in chain.view.owners(chain.bank, owners).items():
+        if owners[key] != id:
+            raise MemoryStoreError(
+                f"Record '{owners[key]}' cannot be stored: '{id}' of bank '{chain.bank}' has its dedup key."
+            )
 
 
-def _write_rows(sql: Connection, bank: str, latest: dict[str, Record], stored: dict[str, Row]) -> None:
-    rekeyed = [
-        (record.dedup_key, bank, record.id)
-        for record in latest.values()
-        if record.id in stored and stored[record.id][_KEY] != record.dedup_key
-    ]
-    if rekeyed:
-        sql.run_many(_REKEY, rekeyed)
-    new = [_ALL(record) for record in latest.values() if record.id not in stored]
-    if new:
-        sql.run_many(_INSERT, new)
-    old = [(*_SOME(record), bank, record.id) for record in latest.values() if record.id in stored]
+def _write(chain: Chain, latest: Mapping[str, Record], stored: Mapping[str, Row[Any]]) -> None:
+    old = [record for record in latest.values() if record.id in stored]
+    if rekeyed := [_bound(r) for r in old if stored[r.id].dedup_key != r.dedup_key]:
+        chain.sql.execute(_REKEY, rekeyed)
+    if new := [as_json(record) for record in latest.values() if record.id not in stored]:
+        chain.sql.execute(insert(RECORD), new)
     if old:
-        sql.run_many(_UPDATE, old)
+        chain.sql.execute(_UPDATE, [_bound(record) for record in old])
 
 
-def _write_vectors(sql: Connection, bank: str, steps: Sequence[_Step], stored: dict[str, Row]) -> None:
-    """Keep each record's last vector; drop one whose text changed without a new one."""
-    vectors: dict[str, Row | None] = {}
-    for step in steps:
-        if step.vector is not None:
-            vectors[step.record.id] = step.vector
-        elif "content" in step.change or "query" in step.change:
-            vectors[step.record.id] = None
-    dropped = [(bank, id) for id, row in vectors.items() if row is None and id in stored]
-    if dropped:
-        sql.run_many(_NO_VECTOR, dropped)
-    kept = [row for row in vectors.values() if row is not None]
-    if kept:
-        sql.run_many(_VECTOR, kept)
+def _bound(record: Record) -> dict[str, Any]:
+    return {"b_bank": record.bank, "b_id": record.id, **as_json(record)}
 
 
-def set_keys_aside(sql: Connection, bank: str, ids: Iterable[str]) -> None:
+def set_keys_aside(chain: Chain, ids: Iterable[str]) -> None:
     """Give rows dedup keys that nobody has, so that theirs are free for others; each is to get its own afterwards."""
     token = os.urandom(16).hex()  # a key that a row may have been given by hand is not met
-    sql.run_many(_REKEY, [(f"{token}:{id}", bank, id) for id in ids])
+    if rows := [{"b_bank": chain.bank, "b_id": id, "dedup_key": f"{token}:{id}"} for id in ids]:
+        chain.sql.execute(_REKEY, rows)
 
 
-def replace_row(sql: Connection, record: Record) -> None:
-    """Put a record in place of the stored row of its id, without an event."""
-    sql.run(_REKEY, (record.dedup_key, record.bank, record.id))
-    sql.run(_UPDATE, (*_SOME(record), record.bank, record.id))
+def replace_rows(chain: Chain, records: Sequence[Record]) -> None:
+    """Put records in place of the stored rows of their ids, without an event."""
+    if records:
+        chain.sql.execute(_REKEY, [_bound(record) for record in records])
+        chain.sql.execute(_UPDATE, [_bound(record) for record in records])
 
 
 def write_vectors(
-    sql: Connection, bank: str, model: str, vectors: Sequence[tuple[Record, NDArray[np.floating[Any]]]]
+    chain: Chain, model: str, vectors: Sequence[tuple[Record, NDArray[np.floating[Any]]]]
 ) -> int:
-    """Store vectors of records that are still of the same version; how many. Teaches the bank a new model."""
-    head = sql.row("SELECT models FROM memory_bank WHERE bank = ?", (bank,))
-    if head is None:
-        return 0
-    models = models_of(head[0])
-    stored = _stored(sql, bank, [record.id for record, _ in vectors])
+    """Store vectors of records that are still of the same version; how many. No event, and no change of a record."""
+    stored = {row.id: row for row in chain.view.rows(chain.bank, ids=[record.id for record, _ in vectors])}
     rows = [
-        vector_row(vector, model, record.id, bank, models)
+        _vector_row(vector, model, record.id, chain.bank, chain.models)
         for record, vector in vectors
-        if record.id in stored and stored[record.id][_VERSION] == record.version
+        if record.id in stored and stored[record.id].version == record.version
     ]
     if rows:
-        sql.run_many(_VECTOR, rows)
-        sql.run("UPDATE memory_bank SET models = ? WHERE bank = ?", (dump(models), bank))
+        chain.sql.execute(upsert(chain.sql, VECTOR, ("bank", "id")), rows)
+        told = update(BANK).where(BANK.c.bank == chain.bank).values(models=dump(chain.models))
+        chain.sql.execute(told)
     return len(rows)

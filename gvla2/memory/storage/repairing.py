@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+
+from sqlalchemy import and_, delete, insert
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import FORGOTTEN, Record, damage_of, dump, numbered
-from gvla2.memory.storage.database import Connection
+from gvla2.memory.storage.audit import audit
+from gvla2.memory.storage.chain import Chain
 from gvla2.memory.storage.events import Link
-from gvla2.memory.storage.putting import replace_row, set_keys_aside
+from gvla2.memory.storage.forgetting import Forgotten, forget_many
+from gvla2.memory.storage.putting import Put, put_many, replace_rows, set_keys_aside
 from gvla2.memory.storage.rebuilding import rebuild
-
-if TYPE_CHECKING:
-    from gvla2.memory.storage.transaction import Transaction
+from gvla2.memory.storage.tables import LINK, VECTOR
 
 ACTION = "repair"
 _WHY = "the rows were not what the events say"
@@ -30,53 +31,48 @@ class Repaired:
     forgotten: tuple[str, ...]
 
 
-def repair(transaction: Transaction, sql: Connection, vectors: Collection[str]) -> Repaired:
+def repair(chain: Chain, vectors: Collection[str], done: Forgotten) -> Repaired:
     """Make a bank's rows and links what its events say; see :meth:`Transaction.repair`."""
-    from gvla2.memory.storage.audit import audit  # it looks into transactions itself
-
-    view, bank = transaction.view, transaction.bank
-    problems = audit(view, bank)
+    problems = audit(chain.view, chain.bank)
     if changed := [problem for problem in problems if problem.where in ("chain", "event")]:
         raise MemoryStoreError(
-            f"The bank '{bank}' cannot be repaired: its events were changed, too ({changed[0]}). Restore the database "
-            "from a copy."
+            f"The bank '{chain.bank}' cannot be repaired: its events were changed, too ({changed[0]}). Restore the "
+            "database from a copy."
         )
-    rebuilt = rebuild(view.stream_events(bank))
+    rebuilt = rebuild(chain.view.stream_events(chain.bank))
     due = {record.id: record for record in (*rebuilt.records, *rebuilt.tombstones)}
     wrong = {problem.id for problem in problems if problem.where in ("record", "vector")} | set(vectors)
-    foreign = sorted(wrong - due.keys())
     # First, as any of these rows may hold the dedup key of another, or of one that is missing.
-    set_keys_aside(sql, bank, sorted(wrong))
-    forgotten = [id for id in foreign if transaction.forget(id, why=_WHY)]
-    sql.run_many("DELETE FROM memory_vector WHERE bank = ? AND id = ?", [(bank, id) for id in sorted(wrong)])
-    wrong |= _links(transaction, sql, rebuilt.links)
+    set_keys_aside(chain, sorted(wrong))
+    forgotten = forget_many(chain, sorted(wrong - due.keys()), _WHY, done)
+    chain.delete(VECTOR, "id", wrong)
+    wrong |= _links(chain, rebuilt.links)
     for id in sorted(wrong & due.keys()):
-        _record(transaction, sql, due[id])
-    return Repaired(tuple(sorted(wrong & due.keys())), tuple(forgotten))
+        _record(chain, due[id])
+    return Repaired(tuple(sorted(wrong & due.keys())), tuple(sorted(forgotten)))
 
 
-def _links(transaction: Transaction, sql: Connection, due: Sequence[Link]) -> set[str]:
+def _links(chain: Chain, due: Sequence[Link]) -> set[str]:
     """Make the links what they should be; the ids on both ends of those that were not."""
-    bank, stored = transaction.bank, set(transaction.view.links(transaction.bank))
+    stored = set(chain.view.links(chain.bank))
     surplus, missing = stored - set(due), set(due) - stored
-    sql.run_many(
-        "DELETE FROM memory_link WHERE bank = ? AND source = ? AND kind = ? AND target = ?",
-        [(bank, link.source, link.kind, link.target) for link in surplus],
-    )
-    sql.run_many(
-        "INSERT INTO memory_link (bank, source, kind, target, at) VALUES (?, ?, ?, ?, ?)",
-        [(bank, link.source, link.kind, link.target, link.at) for link in missing],
-    )
+    for link in surplus:
+        named = and_(LINK.c.source == link.source, LINK.c.kind == link.kind, LINK.c.target == link.target)
+        chain.sql.execute(delete(LINK).where(LINK.c.bank == chain.bank, named))
+    if missing:
+        names = ("source", "kind", "target", "at")
+        rows = [{"bank": chain.bank, **{name: getattr(link, name) for name in names}} for link in missing]
+        chain.sql.execute(insert(LINK), rows)
     return {end for link in surplus | missing for end in (link.source, link.target)}
 
 
-def _record(transaction: Transaction, sql: Connection, due: Record) -> None:
+def _record(chain: Chain, due: Record) -> None:
     """Write one record as it should be, with an event that changes nothing, so that every index reads it anew."""
-    row = next(iter(transaction.view.rows(transaction.bank, ids=[due.id])), None)
+    row = next(iter(chain.view.rows(chain.bank, ids=[due.id])), None)
     if row is None and due.state == FORGOTTEN:
         return  # nothing is left of it, which is what was wanted
-    if row is None or (damage_of(row) and due.state != FORGOTTEN):
-        transaction.put(replace(due, version=0), action=ACTION, why=_WHY)
+    if row is None or (damage_of(tuple(row)) and due.state != FORGOTTEN):
+        put_many(chain, [Put(replace(due, version=0), ACTION, why=_WHY)])
         return
-    replace_row(sql, numbered(due, due.version + 1, transaction.rev))
-    transaction.record_event(ACTION, due.id, why=_WHY, change=dump({}))
+    replace_rows(chain, [numbered(due, due.version + 1, chain.rev)])
+    chain.event(ACTION, due.id, why=_WHY, change=dump({}))

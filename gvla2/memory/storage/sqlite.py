@@ -1,200 +1,66 @@
-"""The memory in a SQLite file that many processes share: its connections and transactions."""
+"""The memory in a SQLite file that many processes share: created once, refused where it cannot be used.
+
+Nothing here ever replaces, moves or deletes a file that is no copy of a memory: what cannot be used is left as it is,
+and named.
+"""
 
 from __future__ import annotations
 
 import os
 import random
 import sqlite3
+import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from gvla2.errors import MemoryStoreError
-from gvla2.memory.storage.database import Row, Uncleaned
-from gvla2.memory.storage.sqlite_file import (
-    READ_ONLY,
-    connect_to_read,
-    delete_database,
-    explained,
-    prepare,
-    refuse_to_replace,
-)
+from sqlalchemy import URL, Connection, Engine
 
-ROWS_AT_ONCE = 2000
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.storage.database import create_tables, engine_of, refuse_version
+
+if sys.platform != "win32":
+    import fcntl
+
+BESIDE = ("-wal", "-shm", "-journal")
+"""What SQLite adds to the name of a file for others beside it."""
+_READ_ONLY = "The memory {} is read-only. Make it writable, or choose another file."
 _EMPTY_LOG = "PRAGMA wal_checkpoint(TRUNCATE)"
 _SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG)
 
 
-def connect(path: Path, busy_seconds: float) -> sqlite3.Connection:
-    """A connection on which only explicit BEGINs open transactions, and a commit is on the disk.
+class SqliteDialect:
+    """A :class:`gvla2.memory.storage.database.Dialect` in one file, made ready at ``path`` (created if ``create``).
 
-    The file is there already: one that was deleted must not come back empty.
+    Waits for other processes at most ``busy_seconds`` at a time. A file that cannot be written is read.
     """
-    connection = sqlite3.connect(
-        f"file:{quote(str(path))}?mode=rw",
-        uri=True,
-        timeout=busy_seconds,
-        isolation_level=None,
-        check_same_thread=False,
-        cached_statements=256,
-    )
-    connection.execute("PRAGMA synchronous=FULL")
-    return connection
 
-
-class SqliteConnection:
-    """A :class:`gvla2.memory.storage.database.Connection`."""
-
-    def __init__(self, raw: sqlite3.Connection) -> None:
-        self.raw = raw
-
-    def rows(self, sql: str, values: Sequence[Any] = ()) -> list[Row]:
-        """All rows of a query."""
-        try:
-            return self.raw.execute(sql, values).fetchall()
-        except sqlite3.OperationalError as error:
-            if "decode to UTF-8" not in str(error):
-                raise
-        # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
-        self.raw.text_factory = _text_or_bytes
-        try:
-            return self.raw.execute(sql, values).fetchall()
-        finally:
-            self.raw.text_factory = str
-
-    def row(self, sql: str, values: Sequence[Any] = ()) -> Row | None:
-        """The first row of a query, None where there is none."""
-        rows = self.rows(sql, values)
-        return rows[0] if rows else None
-
-    def stream(self, sql: str, values: Sequence[Any] = ()) -> Iterator[Row]:
-        """The rows of a query, a few at a time."""
-        cursor = self.raw.cursor()
-        cursor.row_factory = None
-        self.raw.text_factory = _text_or_bytes
-        try:
-            cursor.execute(sql, values)
-            while rows := cursor.fetchmany(ROWS_AT_ONCE):
-                yield from rows
-        finally:
-            self.raw.text_factory = str
-            cursor.close()
-
-    def run(self, sql: str, values: Sequence[Any] = ()) -> int:
-        """Run a statement; how many rows it touched."""
-        return self.raw.execute(sql, values).rowcount
-
-    def run_many(self, sql: str, values: Iterable[Sequence[Any]]) -> None:
-        """Run a statement once for each row of values."""
-        self.raw.executemany(sql, values)
-
-
-def _identity(path: Path) -> tuple[int, int]:
-    try:
-        found = path.stat()
-    except FileNotFoundError:
-        return (0, 0)
-    return (found.st_dev, found.st_ino)
-
-
-def _begin(raw: sqlite3.Connection) -> None:
-    raw.execute("BEGIN")
-
-
-def _text_or_bytes(stored: bytes) -> str | bytes:
-    try:
-        return stored.decode()
-    except UnicodeDecodeError:
-        return stored
-
-
-class SqliteDatabase:
-    """A :class:`gvla2.memory.storage.database.Database` in one file, opened at ``path`` (created if ``create``).
-
-    Idle connections are kept and hold no lock; each thread works on one of its own, and a forked process on new
-    ones. Waits for other processes at most ``busy_seconds`` at a time. A file that cannot be written is read.
-    """
+    reading = "BEGIN"
 
     def __init__(self, path: Path, busy_seconds: float, create: bool = True) -> None:
-        self._writable = prepare(path, busy_seconds, create)
-        self._path, self._busy_seconds = path, busy_seconds
-        with explained(path):
+        self._path, self._busy_seconds, self.name = path, busy_seconds, str(path)
+        with _explained(path):
+            self._writable = _prepare(path, busy_seconds, create)
             self._identity = _identity(path)
-        self._idle: list[SqliteConnection] = []
-        self._inherited: list[SqliteConnection] = []
-        self._pid = os.getpid()
-        self._closed = False
 
-    @property
-    def name(self) -> str:
-        """The file's path."""
-        return str(self._path)
+    def engine(self) -> Engine:
+        """Connections that never bring a deleted file back."""
+        if self._writable:
+            return _engine(self._path, "mode=rw", self._busy_seconds)
+        # Without a log beside it, which cannot be made, nobody is writing just now: that is seen anew each time.
+        return _engine(self._path, "", self._busy_seconds)
 
-    def _take(self) -> SqliteConnection:
-        if self._closed:
-            raise MemoryStoreError(f"The memory {self._path} was closed.")
-        if self._pid != os.getpid():
-            # After a fork, the parent's connections must be neither used nor closed here.
-            self._inherited, self._idle, self._pid = self._idle, [], os.getpid()
-        try:
-            return self._idle.pop()
-        except IndexError:
-            return SqliteConnection(self._connect())
-
-    def _connect(self) -> sqlite3.Connection:
-        return (connect if self._writable else connect_to_read)(self._path, self._busy_seconds)
-
-    def _give(self, connection: SqliteConnection) -> None:
-        if self._closed or connection.raw.in_transaction or not self._writable:
-            connection.raw.close()
-        else:
-            self._idle.append(connection)
-
-    @contextmanager
-    def reading(self) -> Iterator[SqliteConnection]:
-        """A consistent view, held until the end of the block."""
-        with self._transaction(_begin) as connection:
-            yield connection
-
-    @contextmanager
-    def writing(self, bank: str) -> Iterator[SqliteConnection]:
-        """A transaction that holds the write lock from its start; an exception undoes all of it."""
-        with self._transaction(self._begin_to_write) as connection:
-            yield connection
-            if _identity(self._path) != self._identity:
-                # The change would go into a file that has no name any more, and be lost.
-                raise MemoryStoreError(
-                    f"The memory {self._path} was deleted or replaced while it was open, and nothing of the change was "
-                    "stored: put it back, and open it again."
-                )
-
-    @contextmanager
-    def _transaction(self, begin: Callable[[sqlite3.Connection], object]) -> Iterator[SqliteConnection]:
-        with explained(self._path):
-            connection = self._take()
-            try:
-                begin(connection.raw)
-                try:
-                    yield connection
-                    connection.raw.execute("COMMIT")
-                except BaseException:
-                    if connection.raw.in_transaction:
-                        connection.raw.execute("ROLLBACK")
-                    raise
-            finally:
-                self._give(connection)
-
-    def _begin_to_write(self, raw: sqlite3.Connection) -> None:
+    def begin(self, connection: Connection, bank: str) -> None:
         """Take the write lock: a transaction that reads first and writes later would fail under contention.
 
         SQLite's own way of waiting sleeps ever longer, so that whoever comes last goes first. Here the pauses get
         shorter the longer one has waited: nobody starves.
         """
-        if not self._writable:
-            raise MemoryStoreError(READ_ONLY.format(self._path))
+        self._refuse_read_only()
+        raw: Any = connection.connection.dbapi_connection
         began = time.monotonic()
         raw.execute("PRAGMA busy_timeout=0")
         try:
@@ -210,63 +76,251 @@ class SqliteDatabase:
         finally:
             raw.execute(f"PRAGMA busy_timeout={int(1000 * self._busy_seconds)}")
 
-    def one(self, sql: str, values: Sequence[Any]) -> Row | None:
-        """The first row of a query by itself, as cheaply as can be."""
-        with explained(self._path):
-            connection = self._take()
-            try:
-                return connection.row(sql, values)
-            finally:
-                self._give(connection)
+    def check(self) -> None:
+        """A change to a file that has no name any more would be lost."""
+        if _identity(self._path) != self._identity:
+            raise MemoryStoreError(
+                f"The memory {self._path} was deleted or replaced while it was open, and nothing of the change was "
+                "stored: put it back, and open it again."
+            )
 
-    def scrub(self) -> None:
+    def scrub(self, connection: Connection) -> None:
         """Write the file anew without what was deleted, and empty the write-ahead log."""
-        if not self._writable:
-            raise MemoryStoreError(READ_ONLY.format(self._path))
-        with explained(self._path):
-            connection = self._take()
-            try:
-                for step in _SCRUB:
-                    answer = connection.raw.execute(step).fetchone()
-                    if step == _EMPTY_LOG and answer and answer[0]:
-                        raise MemoryStoreError(
-                            f"The memory {self._path} cannot be cleaned now: another process is reading it."
-                        )
-            finally:
-                connection.raw.execute("PRAGMA secure_delete=OFF")
-                self._give(connection)
+        self._refuse_read_only()
+        raw: Any = connection.connection.dbapi_connection
+        try:
+            for step in _SCRUB:
+                answer = raw.execute(step).fetchone()
+                if step == _EMPTY_LOG and answer and answer[0]:
+                    raise MemoryStoreError(
+                        f"The memory {self._path} cannot be cleaned now: another process is reading it."
+                    )
+        finally:
+            raw.execute("PRAGMA secure_delete=OFF")
 
-    def forget_in_copies(self, gone: Callable[[], Sequence[tuple[str, str]]]) -> list[Uncleaned]:
-        """Take records out of the copies that a migration left beside the file; those that could not be cleaned."""
-        from gvla2.memory.storage.migrations import forget_in_copies  # it stands on this module
-
-        return forget_in_copies(self._path, gone, self._busy_seconds)
-
-    def snapshot(self, path: Path) -> None:
-        """Write a consistent, compact copy beside ``path``, then put it in its place."""
-        with explained(path):
-            refuse_to_replace(path, self._busy_seconds)
-            aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-            delete_database(aside)
-            try:
-                with closing(self._connect()) as connection:
-                    connection.execute("VACUUM INTO ?", (str(aside),))
-                with closing(sqlite3.connect(aside)) as copy:
-                    copy.execute("PRAGMA journal_mode=WAL")
-                with aside.open("rb+") as handle:
-                    os.fsync(handle.fileno())
-                aside.replace(path)
-            finally:
-                delete_database(aside)
-
-    def size(self) -> int:
+    def size(self, connection: Connection) -> int:
         """Bytes of the file and its log."""
         files = [self._path, self._path.with_name(self._path.name + "-wal")]
         return sum(file.stat().st_size for file in files if file.exists())
 
-    def close(self) -> None:
-        """Close idle connections; safe to call twice."""
-        self._closed = True
-        if self._pid == os.getpid():
-            while self._idle:
-                self._idle.pop().raw.close()
+    def explained(self, error: BaseException) -> MemoryStoreError:
+        """What went wrong with the file."""
+        return _explanation(self._path, error)
+
+    def _refuse_read_only(self) -> None:
+        if not self._writable:
+            raise MemoryStoreError(_READ_ONLY.format(self._path))
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[Connection]:
+    """A new database with empty tables, to be filled, that takes the place of ``path`` at the end, or is gone.
+
+    An earlier memory there that nobody has open is replaced; anything else is refused.
+    """
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with _explained(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if _in_use(path):
+            raise MemoryStoreError(f"The memory {path} is in use: write the copy to another file.")
+        if path.is_dir():
+            raise MemoryStoreError(
+                f"A copy cannot be written to {path}: it is a folder. Give the path of a file."
+            )
+        if path.exists() and path.stat().st_size:
+            _version(path, "immutable=1", 0.0)
+        try:
+            _create(aside, 0.0)
+            engine = _engine(aside, "mode=rw", 0.0)
+            with engine.connect() as connection:
+                connection.exec_driver_sql("BEGIN IMMEDIATE")
+                connection.exec_driver_sql("DELETE FROM memory_meta")
+                yield connection
+                connection.exec_driver_sql("COMMIT")
+                connection.exec_driver_sql(_EMPTY_LOG)
+            engine.dispose()
+            with aside.open("rb+") as handle:
+                os.fsync(handle.fileno())
+            aside.replace(path)
+        finally:
+            for suffix in ("", *BESIDE):
+                aside.with_name(aside.name + suffix).unlink(missing_ok=True)
+
+
+# The file -----------------------------------------------------------------------------------------------------------
+
+
+def _engine(path: Path, mode: str, busy_seconds: float) -> Engine:
+    """``mode`` "" is one of the modes for reading, whichever the moment allows; such connections are not kept."""
+
+    def connect() -> sqlite3.Connection:
+        how = mode or ("mode=ro" if _in_use(path) else "immutable=1")
+        raw = sqlite3.connect(
+            f"file:{quote(str(path))}?{how}",
+            uri=True,
+            timeout=busy_seconds,
+            isolation_level=None,
+            check_same_thread=False,
+            cached_statements=256,
+        )
+        # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
+        raw.text_factory = _text_or_bytes
+        raw.execute("PRAGMA synchronous=FULL")
+        return raw
+
+    return engine_of(URL.create("sqlite", database=str(path)), pooled=bool(mode), creator=connect)
+
+
+def _text_or_bytes(stored: bytes) -> str | bytes:
+    try:
+        return stored.decode()
+    except UnicodeDecodeError:
+        return stored
+
+
+def _identity(path: Path) -> tuple[int, int]:
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        return (0, 0)
+    return (found.st_dev, found.st_ino)
+
+
+def _prepare(path: Path, busy_seconds: float, create: bool) -> bool:
+    """Make sure that ``path`` holds the memory's tables, creating them once among all processes.
+
+    Returns whether the bank can be written; what cannot is left as it is, to the byte. Raises
+    :class:`MemoryStoreError` for a file that is locked, corrupt, of another schema, or the database of something
+    else, and for one without any tables unless ``create``.
+    """
+    # An administrator who takes all write bits away means it, for root as well.
+    if path.exists() and not path.is_dir():
+        bits = path.stat().st_mode & 0o222
+        if not (bits and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)):
+            if not _usable(path, busy_seconds):
+                raise MemoryStoreError(f"{_READ_ONLY.format(path)} It is empty.")
+            return False
+    if _usable(path, busy_seconds) and _logs_ahead(path):
+        return True
+    if not create and not _usable(path, busy_seconds):
+        what = "empty" if path.exists() else "absent"
+        raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with _creation_lock(path, busy_seconds):
+        if not _usable(path, busy_seconds):
+            _create(path, busy_seconds)
+        if not _logs_ahead(path):
+            with closing(sqlite3.connect(path, timeout=busy_seconds)) as connection:
+                connection.execute("PRAGMA journal_mode=WAL")
+    return True
+
+
+def _usable(path: Path, busy_seconds: float) -> bool:
+    """Whether the file has our tables; False for one that is absent or empty. Raises for all others."""
+    if not path.exists():
+        return False
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "a device or a pipe"
+        raise MemoryStoreError(f"The memory {path} cannot be used: it is {what}. Give the path of a file.")
+    if path.stat().st_size == 0:
+        return False
+    # Looking must not change a file that is then refused, nor leave a write-ahead log beside it, as reading does
+    # unless the file is said to be immutable. It is not if others have it open; they leave a log beside it, too.
+    stated = None
+    if not _in_use(path):
+        try:
+            stated = _version(path, "immutable=1", busy_seconds)
+        except (sqlite3.Error, MemoryStoreError):
+            if not _in_use(path):
+                raise
+    if stated is None or _in_use(path):
+        stated = _version(path, "mode=ro", busy_seconds)
+    if stated:
+        refuse_version(str(path), stated)
+    return bool(stated)
+
+
+def _in_use(path: Path) -> bool:
+    """Whether a log lies beside the file: somebody has it open, or crashed and left something to recover."""
+    return any(path.with_name(path.name + suffix).exists() for suffix in BESIDE)
+
+
+def _version(path: Path, mode: str, busy_seconds: float) -> str:
+    """What a file says of its tables, "" for no tables; raises for a corrupt file, and for one of something else."""
+    address = f"file:{quote(str(path))}?{mode}"
+    with closing(sqlite3.connect(address, uri=True, timeout=busy_seconds)) as connection:
+        names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if not names:
+            return ""
+        if "memory_meta" not in names:
+            raise MemoryStoreError(f"{path} is the database of something else: choose another file.")
+        found = connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone()
+        health = connection.execute("PRAGMA quick_check(1)").fetchone()
+        if health is None or health[0] != "ok":
+            raise MemoryStoreError(f"The memory {path} is corrupt: {health[0] if health else 'unreadable'}.")
+        return str(found[0]) if found and "memory" in names else "none"
+
+
+def _logs_ahead(path: Path) -> bool:
+    """Whether the file is in the mode where readers and a writer don't block one another; its header says so."""
+    with path.open("rb") as handle:
+        return handle.read(20)[18:20] == b"\x02\x02"
+
+
+def _create(path: Path, busy_seconds: float) -> None:
+    with closing(sqlite3.connect(path, timeout=busy_seconds)) as connection:
+        connection.execute("PRAGMA journal_mode=WAL")
+    engine = _engine(path, "mode=rw", busy_seconds)
+    with engine.connect() as connection_:
+        connection_.exec_driver_sql("BEGIN IMMEDIATE")
+        create_tables(connection_)
+        connection_.exec_driver_sql("COMMIT")
+    engine.dispose()
+
+
+@contextmanager
+def _creation_lock(path: Path, busy_seconds: float) -> Iterator[None]:
+    """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
+    if sys.platform == "win32":
+        yield  # SQLite's own locks are all there is
+        return
+    with path.with_name(f".{path.name}.lock").open("a") as handle:
+        deadline = time.monotonic() + busy_seconds
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if time.monotonic() > deadline:
+                    raise MemoryStoreError(
+                        f"The memory {path} is being created by another process."
+                    ) from error
+                time.sleep(0.01)
+        yield  # closing the file lets go of the lock
+
+
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    """Turn what SQLite and the file system say into a :class:`MemoryStoreError` that names the file."""
+    try:
+        yield
+    except MemoryStoreError:
+        raise
+    except Exception as error:
+        raise _explanation(path, error) from error
+
+
+def _explanation(path: Path, error: BaseException) -> MemoryStoreError:
+    said = str(getattr(error, "orig", None) or error)
+    hint = ""
+    if "locked" in said or "busy" in said:
+        hint = " Another process holds it: wait for it, or choose another file."
+    elif "readonly" in said or isinstance(error, PermissionError) or "unable to open" in said:
+        hint = " It, or its folder, is gone or not writable: choose another file."
+    elif "not a database" in said or "malformed" in said:
+        hint = " It is corrupt and was left as it is: restore it from a copy, or choose another file."
+    elif "full" in said:
+        hint = " Nothing of the change was stored: make room, and try again."
+    elif "disk I/O" in said:
+        hint = " Nothing of the change was stored: is the disk full or failing, or is there a limit on files?"
+    return MemoryStoreError(f"The memory {path} cannot be used: {said}.{hint}")

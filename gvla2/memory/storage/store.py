@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,18 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.forgetting.scrubbing import scrub, strays
 from gvla2.memory.records import Record, clean
+from gvla2.memory.storage.addresses import wrong_bank_name
 from gvla2.memory.storage.audit import Problem, audit
-from gvla2.memory.storage.bank_names import wrong_bank_name
-from gvla2.memory.storage.compaction import compact
+from gvla2.memory.storage.chain import Chain
 from gvla2.memory.storage.database import Database
 from gvla2.memory.storage.episodes import StoredEpisode
 from gvla2.memory.storage.events import Event, Link
-from gvla2.memory.storage.opening import open_database
+from gvla2.memory.storage.forgetting import scrub
 from gvla2.memory.storage.putting import Put, StaleRecordError, write_vectors
 from gvla2.memory.storage.rebuilding import Rebuilt, rebuild
-from gvla2.memory.storage.transaction import Transaction
+from gvla2.memory.storage.transaction import Tie, Transaction
 from gvla2.memory.storage.view import Change, View
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "StaleRecordError",
     "Store",
     "StoredEpisode",
+    "Tie",
     "Transaction",
     "View",
 ]
@@ -53,14 +54,15 @@ class Store:
         self._database = database
 
     @classmethod
-    def open(cls, url: str, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
-        """Open, create or migrate the database at ``sqlite:///path`` or ``postgresql://user@host/name``.
+    def open(cls, address: str | Path, *, busy_seconds: float = 5.0, create: bool = True) -> Store:
+        """Open or create the database at a path, ``sqlite:///path`` or ``postgresql://user@host/name``.
 
         Waits for others at most ``busy_seconds`` at a time. Without ``create``, what has no tables yet stays so and
-        is refused. A file that cannot be written is opened for reading: only what writes is refused then. Raises
-        :class:`~gvla2.errors.ConfigurationError` for any other address.
+        is refused, and so is what another version of gvla2 wrote in other tables. A file that cannot be written is
+        opened for reading: only what writes is refused then. Raises :class:`~gvla2.errors.ConfigurationError` for any
+        other address.
         """
-        return cls(open_database(url, busy_seconds, create))
+        return cls(Database.open(address, busy_seconds, create))
 
     @property
     def name(self) -> str:
@@ -94,8 +96,8 @@ class Store:
 
     def rev(self, bank: str) -> int:
         """The number of the bank's last transaction, 0 for none; cheap enough to ask before each query."""
-        row = self._database.one("SELECT rev FROM memory_bank WHERE bank = ?", (bank,))
-        return int(row[0]) if row else 0
+        with self._database.connection() as connection:
+            return View(connection).rev(bank)
 
     def changes(self, bank: str, since: int) -> list[Change]:
         """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
@@ -112,7 +114,7 @@ class Store:
     def links(self, bank: str, id: str | None = None) -> list[Link]:
         """The links of the bank, or those that name one record on either end."""
         with self.reading() as view:
-            return view.links(bank, id)
+            return view.links(bank, None if id is None else [id])
 
     def history(self, bank: str, id: str) -> list[Event]:
         """The events about one record (or one episode's source), oldest first."""
@@ -151,14 +153,7 @@ class Store:
         chain whose end was cut off, or that was written anew, is found as well.
         """
         with self.reading() as view:
-            problems = audit(view, bank, head)
-            banks = view.banks()
-        for path in strays(self.name, banks):
-            what = (
-                "a process was killed that wrote an index into it, with texts of the bank: compact deletes it"
-            )
-            problems.append(Problem("file", str(path), what))
-        return problems
+            return audit(view, bank, head)
 
     def stats(self, bank: str) -> dict[str, Any]:
         """Numbers about a bank: records by state and type, links, events, episodes, rev, head of the chain, bytes."""
@@ -175,7 +170,7 @@ class Store:
         Vectors are derived data: this is no event, and no change of any record.
         """
         with self._database.writing(bank) as connection:
-            return write_vectors(connection, bank, model, vectors)
+            return write_vectors(Chain(connection, bank, "", 0.0), model, vectors)
 
     def compact(
         self,
@@ -190,7 +185,14 @@ class Store:
         With a ``bank`` and ``archived_before`` (seconds since the epoch), archived records not updated since then
         are forgotten first; how many is returned.
         """
-        return compact(self, self._database, bank, archived_before, now, actor)
+        gone: list[str] = []
+        if bank is not None and archived_before is not None:
+            with self.writing(bank, actor=actor, now=time.time() if now is None else now) as transaction:
+                old = [r.id for r in transaction.records(["archive"]) if r.updated < archived_before]
+                gone = transaction.forget_many(old, why="archived long ago") if old else []
+        if not gone:  # else forgetting has scrubbed already
+            scrub(self._database)
+        return len(gone)
 
     def snapshot(self, path: Path | str) -> None:
         """Write a consistent copy, a SQLite file that :meth:`open` takes, in one step.

@@ -1,157 +1,100 @@
-"""The memory's tables. What is stored, event for event, is explained in :mod:`gvla2.memory.storage.events`."""
+"""The memory's tables, declared once for SQLite and PostgreSQL. What events hold is told in
+:mod:`gvla2.memory.storage.events`.
+"""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any
 
-from sqlalchemy import BigInteger, Index, LargeBinary, Text, UniqueConstraint
-from sqlalchemy.engine import Dialect
-from sqlalchemy.orm import registry
-from sqlalchemy.schema import CreateIndex, CreateTable
-from sqlmodel import Field, SQLModel
+from sqlalchemy import BigInteger, Column, Float, Index, LargeBinary, MetaData, Table, Text, UniqueConstraint
 
-tables = registry()
-_CLUSTERED = {"sqlite_with_rowid": False}
+from gvla2.memory.records import COLUMNS
+from gvla2.memory.records import TYPES as RECORD_TYPES
+from gvla2.memory.storage.events import EVENT_COLUMNS
 
+SCHEMA_VERSION = 3
+"""Version of the tables, kept in ``memory_meta``; any other is refused."""
+METADATA = MetaData()
 
-class MemoryTables(SQLModel, registry=tables):
-    """Keeps these tables apart from any other SQLModel table of the same process."""
-
-
-class MetaRow(MemoryTables, table=True):
-    """Facts about the database itself: ``schema``, and ``scrub`` while forgotten bytes may be in the file."""
-
-    __tablename__: ClassVar[Any] = "memory_meta"
-
-    key: str = Field(primary_key=True)
-    value: str
+_FLOAT = Float(53)
+_NUMBERED = {"seq": BigInteger, "rev": BigInteger, "at": _FLOAT, "salt": LargeBinary}
 
 
-class BankRow(MemoryTables, table=True):
-    """A bank and the head of its chain of events; who writes to the bank advances this row.
-
-    ``models`` is JSON: the dimension of the vectors of each embedding model.
-    """
-
-    __tablename__: ClassVar[Any] = "memory_bank"
-    __table_args__ = (_CLUSTERED,)
-
-    bank: str = Field(primary_key=True)
-    rev: int = Field(sa_type=BigInteger)
-    seq: int = Field(sa_type=BigInteger)
-    hash: str
-    at: float
-    models: str = "{}"
+def _column(name: str, kind: Any = Text, *, key: bool = False) -> Column[Any]:
+    return Column(name, kind, primary_key=key, nullable=False, autoincrement=False)
 
 
-class RecordRow(MemoryTables, table=True):
-    """A record, column for column a :class:`gvla2.memory.records.Record`.
+META = Table("memory_meta", METADATA, _column("key", key=True), _column("value"))
+"""Facts about the database: ``schema``, and ``scrub`` while forgotten bytes may be in its files."""
 
-    JSON columns are text, so that one damaged row cannot spoil a query.
-    """
+BANK = Table(
+    "memory_bank",
+    METADATA,
+    _column("bank", key=True),
+    _column("rev", BigInteger),
+    _column("seq", BigInteger),
+    _column("hash"),
+    _column("at", _FLOAT),
+    _column("models"),
+)
+"""A bank and the head of its chain. Who writes to it advances this row. ``models``: JSON, vector lengths by model."""
 
-    __tablename__: ClassVar[Any] = "memory"
-    __table_args__ = (UniqueConstraint("bank", "dedup_key"), Index("memory_by_rev", "bank", "rev"))
+RECORD = Table(
+    "memory",
+    METADATA,
+    *(
+        _column(name, {str: Text, int: BigInteger, float: _FLOAT}[kind], key=name in ("id", "bank"))
+        for name, kind in zip(COLUMNS, RECORD_TYPES, strict=True)
+    ),
+    UniqueConstraint("bank", "dedup_key"),
+    Index("memory_by_rev", "bank", "rev"),
+)
+"""Records, column for column. JSON columns are text, so that one damaged row cannot spoil a query."""
 
-    id: str = Field(primary_key=True)
-    bank: str = Field(primary_key=True)
-    query: str = Field(sa_type=Text)
-    content: str = Field(sa_type=Text)
-    type: str
-    state: str
-    outcome: str
-    confidence: float
-    quality: float
-    dedup_key: str
-    created: float
-    updated: float
-    used: float
-    count: int = Field(sa_type=BigInteger)
-    usage: int = Field(sa_type=BigInteger)
-    recalled: int = Field(sa_type=BigInteger)
-    verifier: str = Field(sa_type=Text)
-    signature: str = Field(sa_type=Text)
-    skill: str
-    effect: str = Field(sa_type=Text)
-    provenance: str = Field(sa_type=Text)
-    note: str = Field(sa_type=Text)
-    version: int = Field(sa_type=BigInteger)
-    rev: int = Field(sa_type=BigInteger)
+VECTOR = Table(
+    "memory_vector",
+    METADATA,
+    _column("bank", key=True),
+    _column("id", key=True),
+    _column("model"),
+    _column("dimension", BigInteger),
+    _column("vector", LargeBinary),
+)
+"""The embedding of a record's text, float32 little-endian: derived data, outside the chain of events."""
 
+LINK = Table(
+    "memory_link",
+    METADATA,
+    *(_column(name, key=True) for name in ("bank", "source", "kind", "target")),
+    _column("at", _FLOAT),
+    Index("memory_link_by_target", "target", "bank"),
+)
+"""One record refers to another of its bank."""
 
-class VectorRow(MemoryTables, table=True):
-    """The embedding of a record's text, float32 little-endian: derived data, outside the chain of events."""
+EVENT = Table(
+    "memory_event",
+    METADATA,
+    *(_column(name, _NUMBERED.get(name, Text), key=name in ("bank", "seq")) for name in EVENT_COLUMNS),
+    Index("memory_event_by_record", "bank", "record"),
+)
+"""The chain of decisions, column for column an :class:`gvla2.memory.storage.events.Event`."""
 
-    __tablename__: ClassVar[Any] = "memory_vector"
+EPISODE = Table(
+    "memory_episode",
+    METADATA,
+    _column("bank", key=True),
+    _column("source", key=True),
+    _column("name"),
+    _column("at", _FLOAT),
+    _column("data"),
+)
+"""What replay verifies again: the JSON of a :class:`gvla2.memory.storage.episodes.StoredEpisode`. ``name`` is a random
+one, by which events speak of it: what stands in their headers, as the source would, could never be forgotten.
+"""
 
-    bank: str = Field(primary_key=True)
-    id: str = Field(primary_key=True)
-    model: str
-    dimension: int
-    vector: bytes = Field(sa_type=LargeBinary)
+TAUGHT = Table("memory_taught", METADATA, *(_column(name, key=True) for name in ("bank", "record", "source")))
+"""Which episode taught which record, for forgetting; derived from the episodes."""
 
-
-class LinkRow(MemoryTables, table=True):
-    """One record refers to another of its bank."""
-
-    __tablename__: ClassVar[Any] = "memory_link"
-    __table_args__ = (Index("memory_link_by_target", "target", "bank"), _CLUSTERED)
-
-    bank: str = Field(primary_key=True)
-    source: str = Field(primary_key=True)
-    kind: str = Field(primary_key=True)
-    target: str = Field(primary_key=True)
-    at: float
-
-
-class EventRow(MemoryTables, table=True):
-    """One decision, column for column a :class:`gvla2.memory.storage.events.Event`."""
-
-    __tablename__: ClassVar[Any] = "memory_event"
-    # Not clustered: rows of this size would spill over to pages of their own.
-    __table_args__ = (Index("memory_event_by_record", "bank", "record"),)
-
-    bank: str = Field(primary_key=True)
-    seq: int = Field(primary_key=True, sa_type=BigInteger)
-    rev: int = Field(sa_type=BigInteger)
-    at: float
-    actor: str
-    action: str
-    record: str
-    target: str
-    why: str = Field(sa_type=Text)
-    scores: str = Field(sa_type=Text)
-    change: str = Field(sa_type=Text)
-    salt: bytes = Field(sa_type=LargeBinary)
-    digest: str
-    prev: str
-    hash: str
-
-
-class EpisodeRow(MemoryTables, table=True):
-    """What replay verifies again; ``data`` is the JSON of a :class:`gvla2.memory.storage.episodes.StoredEpisode`."""
-
-    __tablename__: ClassVar[Any] = "memory_episode"
-
-    bank: str = Field(primary_key=True)
-    source: str = Field(primary_key=True)
-    rev: int = Field(sa_type=BigInteger)
-    at: float
-    data: str = Field(sa_type=Text)
-
-
-def create_statements(dialect: Dialect) -> list[str]:
-    """The SQL that creates all tables and indices."""
-    statements = []
-    for table in tables.metadata.sorted_tables:
-        statements.append(str(CreateTable(table).compile(dialect=dialect)))
-        indices = sorted(table.indexes, key=lambda index: str(index.name))
-        statements += [str(CreateIndex(index).compile(dialect=dialect)) for index in indices]
-    return statements
-
-
-def table_columns() -> dict[str, tuple[str, ...]]:
-    """The names of all tables' columns by the tables' names."""
-    return {
-        table.name: tuple(column.name for column in table.columns) for table in tables.metadata.sorted_tables
-    }
+TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)
+BANKED: tuple[Table, ...] = tuple(table for table in TABLES if table is not META)
+"""The tables whose rows belong to a bank."""

@@ -1,110 +1,83 @@
-"""Writing to a bank: rows, vectors, links and the events that say why, whole or nothing."""
+"""Writing to a bank: rows, vectors, links, episodes and the events that say why, whole or nothing."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from sqlalchemy import Connection, delete, insert
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.forgetting.quotes import Gone
-from gvla2.memory.records import FORGOTTEN, Record, clean, dump, finite
-from gvla2.memory.storage.database import Connection
-from gvla2.memory.storage.episode_lookup import EpisodeLookup
+from gvla2.memory.records import Record, clean, dump
+from gvla2.memory.storage.chain import Chain
+from gvla2.memory.storage.database import upsert
 from gvla2.memory.storage.episodes import StoredEpisode
-from gvla2.memory.storage.events import (
-    EVENT_COLUMNS,
-    GENESIS,
-    RESERVED,
-    Link,
-    chain_hash,
-    payload_digest,
-)
-from gvla2.memory.storage.linking import Tie, link_many
+from gvla2.memory.storage.events import Link, episode_digest
+from gvla2.memory.storage.forgetting import Forgotten, forget_many
 from gvla2.memory.storage.putting import Put, put_many
-from gvla2.memory.storage.view import View, models_of
+from gvla2.memory.storage.repairing import Repaired, repair
+from gvla2.memory.storage.tables import EPISODE, LINK, TAUGHT
+from gvla2.memory.storage.view import View
 
-if TYPE_CHECKING:
-    from gvla2.memory.storage.repairing import Repaired
 
-MAX_WHY = 2000
-LATEST = 253402300799.0
-"""The last second of the year 9999: what no calendar knows, no clock means, and later times could not follow it."""
-_EVENT = f"INSERT INTO memory_event VALUES ({', '.join('?' * len(EVENT_COLUMNS))})"
-_HEAD = (
-    "INSERT INTO memory_bank (bank, rev, seq, hash, at, models) VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (bank) "
-    "DO UPDATE SET rev = excluded.rev, seq = excluded.seq, hash = excluded.hash, at = excluded.at, "
-    "models = excluded.models"
-)
-_EPISODE = (
-    "INSERT INTO memory_episode (bank, source, rev, at, data) VALUES (?, ?, ?, ?, ?) ON CONFLICT (bank, source) "
-    "DO UPDATE SET rev = excluded.rev, at = excluded.at, data = excluded.data"
-)
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """One link to be made and the decision behind it, see :meth:`Transaction.link`."""
+
+    source: str
+    kind: str
+    target: str
+    why: str = ""
+    scores: Mapping[str, float] = field(default_factory=dict)
 
 
 class Transaction:
     """Changes of one bank under one ``rev``, made by ``actor`` at ``now`` (never before the bank's last change).
 
     Handed out by :meth:`Store.writing`, which holds the bank's write lock from the start: what is read here stays
-    so until the end. Free text in ``why`` is kept as it is: it should not quote what may have to be forgotten.
+    so until the end. Reasons (``why``) and a record's ``note`` may name other records by id, and must not quote them:
+    forgetting a record does not look for its words in the reasons of others (those of links to it aside).
     """
 
     def __init__(self, connection: Connection, bank: str, actor: str, now: float) -> None:
-        if not abs(now) <= LATEST:
-            raise MemoryStoreError(
-                f"The time of a change must be a finite number of seconds, before the year 10000, not {now}."
-            )
-        self._sql, self._view = connection, View(connection)
-        head = connection.row("SELECT rev, seq, hash, at, models FROM memory_bank WHERE bank = ?", (bank,))
-        rev, self._seq, self._hash, last, models = head or (0, 0, GENESIS, now, "{}")
-        self.bank = bank
-        self.actor = clean(actor, 200)
-        self.rev: int = rev + 1
-        self.now = max(float(now), last)
-        self.models: dict[str, int] = models_of(models)
-        self._began = self._written = self._seq
-        self.forgotten: list[str] = []
-        """Ids that :meth:`forget` took out, and summaries that held them."""
-        self.also: list[str] = []
-        """Sentences on what else :meth:`forget` had to change; complete when the transaction has ended."""
-        self.gone: list[Gone] = []
-        """What the forgotten records said, until the transaction ends."""
-        self.episodes = EpisodeLookup(connection, bank)
-        """What finds the episodes behind a record."""
-        self.to_scrub = False
-        """Whether the files have to be cleaned after the commit."""
-        self.written: set[str] = set()
-        """Ids of the records that were put: they are sound, and of this rev."""
-        self.created: set[str] = set()
-        """Those of them that were not there before."""
-        self.linked: set[str] = set()
-        """Ids of the records that links were made of."""
-        self._events: list[tuple[object, ...]] = []
+        self._chain = Chain(connection, bank, actor, now)
+        self._done = Forgotten()
+        self.bank, self.rev, self.now = bank, self._chain.rev, self._chain.now
 
     # Reading ------------------------------------------------------------------------------------------------------
 
     def get(self, id: str) -> Record | None:
         """The record, None where there is none, or a damaged or forgotten one."""
-        return self._view.get(self.bank, id)
+        return self._chain.view.get(self.bank, id)
 
     def by_key(self, dedup_key: str) -> Record | None:
         """The record that says the same, None where there is none."""
-        return self._view.by_key(self.bank, dedup_key)
+        return self._chain.view.by_keys(self.bank, [dedup_key]).get(dedup_key)
 
-    def records(self, states: Sequence[str] | None = None, ids: Sequence[str] | None = None) -> list[Record]:
+    def records(
+        self, states: Sequence[str] | None = None, ids: Collection[str] | None = None
+    ) -> list[Record]:
         """The records in these states, with these ids (all by default), by id."""
-        return self._view.records(self.bank, states, ids)
+        return self._chain.view.records(self.bank, states, ids)
 
     @property
     def view(self) -> View:
         """Every other way to read, within this transaction."""
-        self.flush()
-        return self._view
+        return self._chain.view
+
+    @property
+    def models(self) -> Mapping[str, int]:
+        """The length of the vectors of each embedding model."""
+        return self._chain.models
+
+    @property
+    def created(self) -> Collection[str]:
+        """Ids of the records that were put and were not there before."""
+        return self._chain.created
 
     # Writing ------------------------------------------------------------------------------------------------------
 
@@ -117,50 +90,74 @@ class Transaction:
         action: str,
         why: str = "",
         scores: Mapping[str, float] | None = None,
+        origin: str = "",
     ) -> Record:
         """Store a record and the event that says why; returns it as stored.
 
         A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError`
         is raised. ``vector`` (D,) finite numbers is the embedding of its text by ``model``; without one the stored
         vector stays, unless the text (query or content) changed. NUL and lone surrogates are taken out of the
-        text. Raises :class:`MemoryStoreError` for numbers that are not finite, unsound JSON, a vector of another
-        length than the others of its model, and a dedup key that belongs to another record.
+        text. ``origin`` says who brought the evidence, "" for nobody. Raises :class:`MemoryStoreError` for numbers
+        that are not finite, unsound JSON, a vector of another length than the others of its model, and a dedup key
+        that belongs to another record.
         """
-        return self.put_many([Put(record, action, vector, model, why, scores or {})])[0]
+        return self.put_many([Put(record, action, vector, model, why, scores or {}, origin)])[0]
 
     def put_many(self, puts: Sequence[Put]) -> list[Record]:
         """The same for many, faster; the same id may come more than once."""
-        return put_many(self, self._sql, puts)
+        return put_many(self._chain, puts)
 
     def link(
         self, source: str, kind: str, target: str, *, why: str = "", scores: Mapping[str, float] | None = None
     ) -> bool:
         """Let ``source`` refer to ``target``; False where it does already. Both count as changed (rev)."""
-        return bool(link_many(self, self._sql, [Tie(source, kind, target, why, scores or {})]))
+        return bool(self.link_many([Tie(source, kind, target, why, scores or {})]))
 
     def link_many(self, ties: Sequence[Tie]) -> list[Link]:
         """The same for many, faster; those that were not there already."""
-        return link_many(self, self._sql, ties)
+        chain = self._chain
+        ends = {end for tie in ties for end in (tie.source, tie.target)}
+        sound = chain.written | {record.id for record in self.records(ids=ends - chain.written)}
+        known = {
+            (x.source, x.kind, x.target) for x in chain.view.links(self.bank, {tie.source for tie in ties})
+        }
+        made: dict[tuple[str, str, str], Tie] = {}
+        for tie in ties:
+            if tie.source == tie.target or not tie.kind or not {tie.source, tie.target} <= sound:
+                raise MemoryStoreError(
+                    f"Cannot link '{tie.source}' to '{tie.target}' as '{tie.kind}': two different records of bank "
+                    f"'{self.bank}' and a kind are needed."
+                )
+            key = (tie.source, clean(tie.kind, 64), tie.target)
+            if key not in known:
+                made.setdefault(key, tie)
+        if made:
+            columns = ("bank", "source", "kind", "target", "at")
+            rows = [dict(zip(columns, (self.bank, *key, self.now), strict=True)) for key in made]
+            with chain.whole():
+                chain.sql.execute(insert(LINK), rows)
+                chain.touch({end for source, _, target in made for end in (source, target)} - chain.written)
+        for (source, kind, target), tie in made.items():
+            chain.event(f"link:{kind}", source, target, why=tie.why, scores=tie.scores)
+        return [Link(*key, self.now) for key in made]
 
     def unlink(
         self, source: str, kind: str, target: str, *, why: str = "", scores: Mapping[str, float] | None = None
     ) -> bool:
         """Take a link away; False where there is none. Both ends count as changed (rev)."""
-        gone = self._sql.run(
-            "DELETE FROM memory_link WHERE bank = ? AND source = ? AND kind = ? AND target = ?",
-            (self.bank, source, kind, target),
-        )
+        link = (LINK.c.source == source) & (LINK.c.kind == kind) & (LINK.c.target == target)
+        gone = self._chain.sql.execute(delete(LINK).where(LINK.c.bank == self.bank, link)).rowcount
         if gone:
-            self.touch([source, target])
-            self.record_event(f"unlink:{kind}", source, target, why=why, scores=scores)
+            self._chain.touch([source, target])
+            self._chain.event(f"unlink:{kind}", source, target, why=why, scores=scores)
         return bool(gone)
 
     def decide(
         self, action: str, record: str = "", *, why: str = "", scores: Mapping[str, float] | None = None
     ) -> None:
         """An event for a decision that changes no row (a lesson was discarded, a pass of governance was made)."""
-        self.check_action(action)
-        self.record_event(action, clean(record, 200), why=why, scores=scores)
+        self._chain.check_action(action)
+        self._chain.event(action, clean(record, 200), why=why, scores=scores)
 
     def save_episode(self, episode: StoredEpisode) -> None:
         """Keep an episode for replay, in place of what is stored for its source; its digest goes on the chain."""
@@ -168,7 +165,8 @@ class Transaction:
 
     def save_episodes(self, episodes: Iterable[StoredEpisode]) -> None:
         """The same for many, faster."""
-        rows = []
+        rows: dict[str, dict[str, object]] = {}
+        taught: set[tuple[str, str]] = set()
         for episode in episodes:
             source = clean(episode.source, 200)
             if not source or not math.isfinite(episode.at):
@@ -177,26 +175,62 @@ class Transaction:
                 data = episode.to_json()
             except (ValueError, TypeError, RecursionError) as error:
                 raise MemoryStoreError(f"The episode '{source}' is no sound JSON: {error}.") from error
-            rows.append((self.bank, source, self.rev, float(episode.at), data))
-        if rows:
-            self._sql.run_many(_EPISODE, rows)
-            self.episodes = EpisodeLookup(self._sql, self.bank)
-        for _, source, _, at, data in rows:
-            # A random name: what stands in an event's header, as the source would, can never be forgotten.
-            change = dump({"episode": episode_digest(at, data), "source": source})
-            self.record_event("episode", f"episode-{os.urandom(8).hex()}", change=change)
+            name = f"episode-{os.urandom(8).hex()}"
+            rows[source] = {
+                "bank": self.bank,
+                "source": source,
+                "name": name,
+                "at": float(episode.at),
+                "data": data,
+            }
+            taught |= {(record, source) for record in episode.records}
+        if not rows:
+            return
+        chain = self._chain
+        for stored in chain.view.episode_rows(self.bank, rows):
+            rows[stored.source]["name"] = stored.name  # it stays
+        with chain.whole():
+            chain.sql.execute(upsert(chain.sql, EPISODE, ("bank", "source")), list(rows.values()))
+            chain.delete(TAUGHT, "source", rows)
+            if taught:
+                pairs = [
+                    {"bank": self.bank, "record": record, "source": source}
+                    for record, source in sorted(taught)
+                ]
+                chain.sql.execute(insert(TAUGHT), pairs)
+        for source, row in rows.items():
+            digest = episode_digest(float(str(row["at"])), str(row["data"]))
+            chain.event("episode", str(row["name"]), change=dump({"episode": digest, "source": source}))
+
+    # Forgetting and repair ----------------------------------------------------------------------------------------
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: row, vector, links, its episodes' text, and what events say of it.
 
-        Its id, and the fact that it was forgotten, stay. Before the commit, summaries that held it are built anew
-        without it, and what others say of it is erased (:attr:`also` tells). After the commit, the store sees to it
-        that no byte is left in the database's files. False where there is no such record.
+        Its id, and the fact that it was forgotten, stay. Summaries that tell it go with it, and what others took
+        over from it (:attr:`also` tells). After the commit, the store sees to it that no byte is left in the
+        database's files. False where there is no such record.
         """
-        from gvla2.memory.forgetting.forgetting import forget
+        return bool(self.forget_many([id], why=why))
 
-        self.flush()
-        return forget(self, self._sql, id, why)
+    def forget_many(self, ids: Collection[str], *, why: str = "") -> list[str]:
+        """The same for many, faster; the ids of those that were there."""
+        return forget_many(self._chain, ids, why, self._done)
+
+    @property
+    def forgotten(self) -> list[str]:
+        """Ids of the records that were forgotten, and of the summaries that told them."""
+        return self._done.ids
+
+    @property
+    def also(self) -> list[str]:
+        """Sentences on what else forgetting changed."""
+        return self._done.also
+
+    @property
+    def to_scrub(self) -> bool:
+        """Whether the files have to be cleaned after the commit."""
+        return self._done.to_scrub
 
     def repair(self, vectors: Collection[str] = ()) -> Repaired:
         """Make rows, vectors and links that were changed behind the bank's back what its events say.
@@ -205,88 +239,8 @@ class Transaction:
         when the bank is asked next. What was stored of episodes cannot be had again. Raises
         :class:`MemoryStoreError` where the events were changed, too.
         """
-        from gvla2.memory.storage.repairing import repair
-
-        return repair(self, self._sql, vectors)
-
-    # For the store's own modules ----------------------------------------------------------------------------------
-
-    @property
-    def seq(self) -> int:
-        """The number of the last event."""
-        return int(self._seq)
-
-    def touch(self, ids: Sequence[str]) -> None:
-        """Let these records count as changed (rev), so that an index hears of it."""
-        self._sql.run_many(
-            "UPDATE memory SET rev = ? WHERE bank = ? AND id = ? AND state <> ?",
-            [(self.rev, self.bank, id, FORGOTTEN) for id in ids],
-        )
-
-    def check_action(self, action: str) -> None:
-        """Raises :class:`MemoryStoreError` for a name that only the store itself may give an event."""
-        if not action or action.partition(":")[0] in RESERVED:
-            raise MemoryStoreError(f"'{action}' cannot be the name of a decision: choose another one.")
-
-    def record_event(
-        self,
-        action: str,
-        record: str = "",
-        target: str = "",
-        *,
-        why: str = "",
-        scores: Mapping[str, float] | None = None,
-        change: str = "",
-    ) -> None:
-        """Write the next event of the chain."""
-        event = self.next_event(action, record, target, why=why, scores=scores, change=change)
-        self.record_events([event])
-
-    def record_events(self, events: Sequence[tuple[object, ...]]) -> None:
-        """Write events that :meth:`next_event` made, in their order: together with later ones, by :meth:`flush`."""
-        self._events += events
-        self._written += len(events)
-
-    def flush(self) -> None:
-        """Write the events up to now; done before anything is read in ways that could show them."""
-        if self._events:
-            self._sql.run_many(_EVENT, self._events)
-            self._events.clear()
-
-    def next_event(
-        self,
-        action: str,
-        record: str = "",
-        target: str = "",
-        *,
-        why: str = "",
-        scores: Mapping[str, float] | None = None,
-        change: str = "",
-    ) -> tuple[object, ...]:
-        """The row of the next event of the chain; it must be written."""
-        salt, why = os.urandom(16), clean(why, MAX_WHY)
-        scored = dump(finite(scores)) if scores else "{}"
-        digest = payload_digest(salt, why, scored, change)
-        self._seq += 1
-        header = (self.bank, self._seq, self.rev, self.now, self.actor, clean(action, 64), record, target)
-        prev, self._hash = self._hash, chain_hash(self._hash, *header, digest)
-        return (*header, why, scored, change, salt, digest, prev, self._hash)
+        return repair(self._chain, vectors, self._done)
 
     def finish(self) -> None:
         """Advance the head of the chain, if anything happened; the last thing before the commit."""
-        if self.gone:
-            from gvla2.memory.forgetting.mending import mend
-
-            self.flush()
-            mend(self, self._sql)
-        if self._seq != self._written:
-            raise MemoryStoreError("A change failed midway, so that its transaction cannot be committed.")
-        self.flush()
-        if self._seq != self._began:
-            row = (self.bank, self.rev, self._seq, self._hash, self.now, dump(self.models))
-            self._sql.run(_HEAD, row)
-
-
-def episode_digest(at: float, data: str) -> str:
-    """What the chain keeps of a stored episode."""
-    return hashlib.sha256(dump([at, data]).encode()).hexdigest()
+        self._chain.finish()

@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sqlalchemy import Connection, Row, Select, func, select
 
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, dump, load_object
-from gvla2.memory.storage.database import Connection, Row
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
+from gvla2.memory.storage.database import count_of, streamed
 from gvla2.memory.storage.episodes import StoredEpisode
-from gvla2.memory.storage.events import EVENT_COLUMNS, Event, Link
+from gvla2.memory.storage.events import Event, Link
+from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, META, RECORD, VECTOR
 
-_RECORD = ", ".join(f"m.{name}" for name in COLUMNS)
-_EVENT = ", ".join(EVENT_COLUMNS)
-_LINK = "SELECT source, kind, target, at FROM memory_link"
-_CONFLICTS = (
-    "SELECT id, COUNT(*) FROM (SELECT source AS id, target AS other FROM memory_link "
-    "WHERE bank = ? AND kind = 'conflict' {} UNION SELECT target, source FROM memory_link "
-    "WHERE bank || '' = ? AND kind = 'conflict' {}) AS named GROUP BY id"
-)
 _STATE = COLUMNS.index("state")
-CHUNK = 500
+_CHUNK = 500
 """How many ids one query names."""
-MANY = 20 * CHUNK
+_MANY = 20 * _CHUNK
 """From so many ids on, those of a whole bank are counted at once."""
 
 
@@ -59,240 +53,191 @@ class View:
 
     def banks(self) -> list[str]:
         """Names of the banks that anything was ever written to."""
-        return sorted(row[0] for row in self._sql.rows("SELECT bank FROM memory_bank"))
+        return sorted(self._sql.execute(select(BANK.c.bank)).scalars())
+
+    def head(self, bank: str) -> Row[Any] | None:
+        """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the end was not cut off."""
+        return self._sql.execute(select(BANK).where(BANK.c.bank == bank)).one_or_none()
 
     def rev(self, bank: str) -> int:
         """The number of the bank's last transaction, 0 for none."""
-        row = self._sql.row("SELECT rev FROM memory_bank WHERE bank = ?", (bank,))
-        return int(row[0]) if row else 0
+        return int(self._sql.execute(select(BANK.c.rev).where(BANK.c.bank == bank)).scalar() or 0)
+
+    def models(self, bank: str) -> dict[str, int]:
+        """The length of the vectors of each embedding model; {} where that is damaged."""
+        row = self.head(bank)
+        try:
+            return {name: int(length) for name, length in load_object(str(row.models)).items()} if row else {}
+        except (ValueError, TypeError):
+            return {}
+
+    def meta(self, key: str) -> str:
+        """A fact about the database itself, "" where it is not stated."""
+        return str(self._sql.execute(select(META.c.value).where(META.c.key == key)).scalar() or "")
+
+    # Records ------------------------------------------------------------------------------------------------------
 
     def get(self, bank: str, id: str) -> Record | None:
         """The record, None where there is none, or a damaged or forgotten one."""
-        row = self._sql.row(f"SELECT {_RECORD} FROM memory m WHERE m.bank = ? AND m.id = ?", (bank, id))
-        return sound(row)
+        return next(iter(self.records(bank, ids=[id])), None)
 
-    def by_key(self, bank: str, dedup_key: str) -> Record | None:
-        """The record that says the same, None where there is none."""
-        row = self._sql.row(
-            f"SELECT {_RECORD} FROM memory m WHERE m.bank = ? AND m.dedup_key = ?", (bank, dedup_key)
-        )
-        return sound(row)
+    def by_keys(self, bank: str, keys: Collection[str]) -> dict[str, Record]:
+        """The records of dedup keys, by key."""
+        rows = self._chunked(select(RECORD).where(RECORD.c.bank == bank), RECORD.c.dedup_key, keys)
+        return {record.dedup_key: record for row in rows if (record := sound(row)) is not None}
 
-    def by_keys(self, bank: str, keys: Sequence[str]) -> dict[str, Record]:
-        """The records of many dedup keys, by key."""
-        found: dict[str, Record] = {}
-        for start in range(0, len(keys), CHUNK):
-            some = keys[start : start + CHUNK]
-            query = f"SELECT {_RECORD} FROM memory m WHERE m.bank = ? AND m.dedup_key IN ({_marks(some)})"
-            for row in self._sql.rows(query, [bank, *some]):
-                record = sound(row)
-                if record is not None:
-                    found[record.dedup_key] = record
-        return found
+    def owners(self, bank: str, keys: Collection[str]) -> dict[str, str]:
+        """Which rows have these dedup keys, damaged ones too: key by id."""
+        query = select(RECORD.c.id, RECORD.c.dedup_key).where(RECORD.c.bank == bank)
+        return {row.id: row.dedup_key for row in self._chunked(query, RECORD.c.dedup_key, keys)}
 
     def records(
-        self, bank: str, states: Sequence[str] | None = None, ids: Sequence[str] | None = None
+        self, bank: str, states: Sequence[str] | None = None, ids: Collection[str] | None = None
     ) -> list[Record]:
         """The records in these states, with these ids (all by default; never forgotten ones), by id."""
         found = [record for row in self.rows(bank, states, ids) if (record := sound(row)) is not None]
         return sorted(found, key=lambda record: record.id)
 
     def rows(
-        self, bank: str, states: Sequence[str] | None = None, ids: Sequence[str] | None = None
-    ) -> Iterator[Row]:
+        self, bank: str, states: Sequence[str] | None = None, ids: Collection[str] | None = None
+    ) -> Iterator[Row[Any]]:
         """The stored rows, damaged or not, tombstones too."""
-        query, values = f"SELECT {_RECORD} FROM memory m WHERE m.bank = ?", [bank]
+        query = select(RECORD).where(RECORD.c.bank == bank)
         if states is not None:
-            if not states:
-                return
-            query, values = query + f" AND m.state IN ({_marks(states)})", [*values, *states]
-        if ids is None:
-            yield from self._sql.rows(query, values)
-            return
-        wanted = sorted(set(ids))
-        for start in range(0, len(wanted), CHUNK):
-            some = wanted[start : start + CHUNK]
-            yield from self._sql.rows(f"{query} AND m.id IN ({_marks(some)})", [*values, *some])
+            query = query.where(RECORD.c.state.in_(states))
+        yield from self._chunked(query, RECORD.c.id, ids)
 
     def changes(self, bank: str, since: int) -> list[Change]:
         """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
-        query = (
-            f"SELECT v.model, v.dimension, v.vector, {_RECORD} FROM memory m "
-            "LEFT JOIN memory_vector v ON v.bank = m.bank AND v.id = m.id WHERE m.bank = ? AND m.rev > ?"
-        )
+        joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
+        query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        for model, dimension, stored, *row in self._sql.rows(query, (bank, since)):
-            record = sound(tuple(row), forgotten=True)
+        for row in self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since)):
+            model, length, stored = row[0], row[1], row[2]
+            record = sound(row[3:], forgotten=True)
             if record is not None:
-                vector = vector_of(dimension, stored)
+                vector = vector_of(length, stored)
                 found.append((record, vector, model if vector is not None else ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
         against = self.conflicts(bank, [entry[0].id for entry in found])
         return [Change(record, vector, model, against.get(record.id, 0)) for record, vector, model in found]
 
+    def vector_rows(self, bank: str) -> Iterator[Row[Any]]:
+        """(id, model, dimension, bytes, state of the record or None) of the stored vectors."""
+        joined = VECTOR.outerjoin(RECORD, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
+        columns = (VECTOR.c.id, VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD.c.state)
+        yield from streamed(self._sql, select(*columns).select_from(joined).where(VECTOR.c.bank == bank))
+
+    # Links --------------------------------------------------------------------------------------------------------
+
     def conflicts(self, bank: str, ids: Collection[str]) -> dict[str, int]:
-        """How many others contradict each of these records, whichever end a link names; those with none left out.
-
-        They are counted where they are stored: a much contradicted record has thousands.
+        """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
+        end a link names; those with none left out.
         """
-        if len(ids) > MANY:
-            return dict(self._sql.rows(_CONFLICTS.format("", ""), (bank, bank)))
-        found: dict[str, int] = {}
-        wanted = sorted(set(ids))
-        for start in range(0, len(wanted), CHUNK):
-            some = wanted[start : start + CHUNK]
-            query = _CONFLICTS.format(f"AND source IN ({_marks(some)})", f"AND target IN ({_marks(some)})")
-            found |= dict(self._sql.rows(query, (bank, *some, bank, *some)))
-        return found
+        query = select(LINK.c.source, LINK.c.kind, LINK.c.target).where(LINK.c.bank == bank)
+        query = query.where(LINK.c.kind.in_(("conflict", "suspicion", "dismissed")))
+        few = ids if len(ids) <= _MANY else None
+        rows = set(self._chunked(query, LINK.c.source, few))
+        if few is not None:
+            rows |= set(self._chunked(query, LINK.c.target, few))
+        pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
+        for row in rows:
+            pairs[row.kind].add(frozenset((row.source, row.target)))
+        wanted = set(ids)
+        ends = [id for pair in pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"]) for id in pair]
+        return dict(Counter(id for id in ends if id in wanted))
 
-    def links(self, bank: str, id: str | None = None) -> list[Link]:
-        """The links of the bank, or those that name one record on either end; by source, kind and target."""
-        if id is not None:
-            # SQLite would look through all links of the bank by its primary key if it could use it for the target.
-            query = f"{_LINK} WHERE bank = ? AND source = ? UNION {_LINK} WHERE bank || '' = ? AND target = ?"
-            return _in_order(self._sql.rows(query, (bank, id, bank, id)))
-        return _in_order(self._sql.rows(f"{_LINK} WHERE bank = ?", (bank,)))
+    def links(self, bank: str, ids: Collection[str] | None = None) -> list[Link]:
+        """The links of the bank, or those that name one of these records on either end; by source, kind, target."""
+        query = select(LINK.c.source, LINK.c.kind, LINK.c.target, LINK.c.at).where(LINK.c.bank == bank)
+        rows = set(self._chunked(query, LINK.c.source, ids))
+        if ids is not None:
+            rows |= set(self._chunked(query, LINK.c.target, ids))
+        return [Link(*row) for row in sorted(tuple[Any, ...](row) for row in rows)]
+
+    # Events and episodes ------------------------------------------------------------------------------------------
 
     def events(self, bank: str, since: int = 0, limit: int | None = None) -> list[Event]:
         """The events with seq > ``since``, oldest first, at most ``limit``."""
-        query, values = (
-            f"SELECT {_EVENT} FROM memory_event WHERE bank = ? AND seq > ? ORDER BY seq",
-            [bank, since],
-        )
-        if limit is not None:
-            query, values = query + " LIMIT ?", [*values, limit]
-        return [Event(*row) for row in self._sql.rows(query, values)]
+        query = select(EVENT).where(EVENT.c.bank == bank, EVENT.c.seq > since)
+        return [Event(*row) for row in self._sql.execute(query.order_by(EVENT.c.seq).limit(limit))]
 
     def stream_events(self, bank: str, until: float = math.inf) -> Iterator[Event]:
         """The events of a bank up to a time (seconds since the epoch), oldest first, a few at a time."""
-        query, values = f"SELECT {_EVENT} FROM memory_event WHERE bank = ?", list[Any]([bank])
+        query = select(EVENT).where(EVENT.c.bank == bank)
         if until != math.inf:
-            query, values = query + " AND at <= ?", [*values, until]
-        return (Event(*row) for row in self._sql.stream(query + " ORDER BY seq", values))
+            query = query.where(EVENT.c.at <= until)
+        return (Event(*row) for row in streamed(self._sql, query.order_by(EVENT.c.seq)))
 
     def history(self, bank: str, id: str) -> list[Event]:
         """The events about one record (or one episode's source), oldest first."""
-        record = self._sql.row("SELECT 1 FROM memory WHERE bank = ? AND id = ?", (bank, id))
-        names = [id] if record else sorted({id, *self.episode_names(bank, id)})
-        query = (
-            f"SELECT {_EVENT} FROM memory_event WHERE bank = ? AND record IN ({_marks(names)}) ORDER BY seq"
-        )
-        return [Event(*row) for row in self._sql.rows(query, [bank, *names])]
+        named = select(EPISODE.c.name).where(EPISODE.c.bank == bank, EPISODE.c.source == id)
+        names = [id, *self._sql.execute(named).scalars()]
+        query = select(EVENT).where(EVENT.c.bank == bank, EVENT.c.record.in_(names))
+        return [Event(*row) for row in self._sql.execute(query.order_by(EVENT.c.seq))]
 
-    def episode_names(self, bank: str, source: str) -> list[str]:
-        """By what names events speak of an episode: random ones, or its source itself in older banks."""
-        said = dump({"source": source})[1:-1]
-        like = "%" + re.sub(r"([\\%_])", r"\\\1", said) + "%"
-        query = (
-            "SELECT record, change FROM memory_event WHERE bank = ? AND action = 'episode' "
-            "AND (record = ? OR change LIKE ? ESCAPE '\\')"
-        )
-        found = self._sql.rows(query, (bank, source, like))
-        return sorted({name for name, change in found if name == source or said in change})
+    def decided(self, bank: str, action: str) -> set[str]:
+        """Ids of the records that a decision of this name was made about."""
+        query = select(EVENT.c.record).where(EVENT.c.bank == bank, EVENT.c.action == action)
+        return set(self._sql.execute(query.distinct()).scalars())
 
-    def episodes(self, bank: str, sources: Sequence[str] | None = None) -> list[StoredEpisode]:
+    def origins(self, bank: str, ids: Collection[str]) -> dict[str, list[str]]:
+        """Who brought the evidence behind each of these records, oldest first; those with none left out."""
+        query = select(EVENT.c.record, EVENT.c.origin).where(EVENT.c.bank == bank, EVENT.c.origin != "")
+        found: dict[str, list[str]] = {}
+        for row in self._chunked(query.order_by(EVENT.c.seq), EVENT.c.record, ids):
+            found.setdefault(row.record, []).append(row.origin)
+        return found
+
+    def episodes(self, bank: str, sources: Collection[str] | None = None) -> list[StoredEpisode]:
         """The stored episodes, of these sources or all, by time and source."""
         found = []
-        for source, at, data in self.episode_rows(bank, sources):
+        for row in self.episode_rows(bank, sources):
             try:
-                found.append(StoredEpisode.from_json(source, at, data))
+                found.append(StoredEpisode.from_json(row.source, row.at, row.data))
             except (ValueError, TypeError, AttributeError, RecursionError):
                 continue  # damaged: verify names it
         return sorted(found, key=lambda episode: (episode.at, episode.source))
 
-    def episode_rows(self, bank: str, sources: Sequence[str] | None = None) -> Iterator[Row]:
-        """(source, at, data) of the stored episodes, damaged or not."""
-        query = "SELECT source, at, data FROM memory_episode WHERE bank = ?"
-        if sources is None:
-            yield from self._sql.rows(query, (bank,))
-            return
-        wanted = sorted(set(sources))
-        for start in range(0, len(wanted), CHUNK):
-            some = wanted[start : start + CHUNK]
-            yield from self._sql.rows(f"{query} AND source IN ({_marks(some)})", [bank, *some])
-
-    def head(self, bank: str) -> tuple[int, int, str] | None:
-        """(rev, seq, hash) of the bank's last event: kept elsewhere, it proves later that the end was not cut off."""
-        row = self._sql.row("SELECT rev, seq, hash FROM memory_bank WHERE bank = ?", (bank,))
-        return (row[0], row[1], row[2]) if row else None
-
-    def models(self, bank: str) -> dict[str, int]:
-        """The dimension of the vectors of each embedding model; {} where that is damaged."""
-        row = self._sql.row("SELECT models FROM memory_bank WHERE bank = ?", (bank,))
-        return models_of(row[0]) if row else {}
-
-    def vector_rows(self, bank: str) -> Iterator[Row]:
-        """(id, model, dimension, bytes, whether a living record has that id) of the stored vectors."""
-        query = (
-            "SELECT v.id, v.model, v.dimension, v.vector, m.id IS NOT NULL AND m.state <> ? FROM memory_vector v "
-            "LEFT JOIN memory m ON m.bank = v.bank AND m.id = v.id WHERE v.bank = ?"
-        )
-        return self._sql.stream(query, (FORGOTTEN, bank))
-
-    def vectors_of(self, bank: str, ids: Sequence[str]) -> dict[str, tuple[object, object]]:
-        """(dimension, bytes) of the stored vectors of these records, by id."""
-        found: dict[str, tuple[object, object]] = {}
-        for start in range(0, len(ids), CHUNK):
-            some = ids[start : start + CHUNK]
-            query = (
-                f"SELECT id, dimension, vector FROM memory_vector WHERE bank = ? AND id IN ({_marks(some)})"
-            )
-            found |= {row[0]: (row[1], row[2]) for row in self._sql.rows(query, [bank, *some])}
-        return found
-
-    def meta(self, key: str) -> str:
-        """A fact about the database itself, "" where it is not stated."""
-        row = self._sql.row("SELECT value FROM memory_meta WHERE key = ?", (key,))
-        return str(row[0]) if row else ""
+    def episode_rows(self, bank: str, sources: Collection[str] | None = None) -> Iterator[Row[Any]]:
+        """The rows of the stored episodes, damaged or not."""
+        yield from self._chunked(select(EPISODE).where(EPISODE.c.bank == bank), EPISODE.c.source, sources)
 
     def counts(self, bank: str) -> dict[str, Any]:
         """Numbers about a bank."""
-        states = self._sql.rows("SELECT state, COUNT(*) FROM memory WHERE bank = ? GROUP BY state", (bank,))
-        types = self._sql.rows(
-            "SELECT type, COUNT(*) FROM memory WHERE bank = ? AND state <> ? GROUP BY type", (bank, FORGOTTEN)
-        )
-        tables = ("memory_vector", "memory_link", "memory_event", "memory_episode")
-        counted = {
-            name.removeprefix("memory_") + "s": self._count(
-                f"SELECT COUNT(*) FROM {name} WHERE bank = ?", bank
-            )
-            for name in tables
-        }
-        rev, seq, hash_ = self.head(bank) or (0, 0, "")
-        head = {"rev": rev, "seq": seq, "hash": hash_}
-        return {"states": dict(sorted(states)), "types": dict(sorted(types)), **counted, **head}
+        grouped = {}
+        for name in ("state", "type"):
+            column = RECORD.c[name]
+            query = select(column, func.count()).where(RECORD.c.bank == bank).group_by(column)
+            if name == "type":
+                query = query.where(RECORD.c.state != FORGOTTEN)
+            grouped[f"{name}s"] = {str(key): int(n) for key, n in sorted(self._sql.execute(query).all())}
+        tables = {"vectors": VECTOR, "links": LINK, "events": EVENT, "episodes": EPISODE}
+        counted = {name: count_of(self._sql, table, bank) for name, table in tables.items()}
+        head = self.head(bank)
+        rev, seq, hash_ = (head.rev, head.seq, head.hash) if head else (0, 0, "")
+        return {**grouped, **counted, "rev": rev, "seq": seq, "hash": hash_}
 
-    def _count(self, query: str, bank: str) -> int:
-        row = self._sql.row(query, (bank,))
-        return int(row[0]) if row else 0
+    def _chunked(self, query: Select[Any], column: Any, wanted: Collection[str] | None) -> Iterator[Row[Any]]:
+        """The rows of a query, those whose ``column`` is among the ``wanted``, asked for a few at a time."""
+        if wanted is None:
+            yield from self._sql.execute(query)
+            return
+        ordered = sorted(set(wanted))
+        for start in range(0, len(ordered), _CHUNK):
+            yield from self._sql.execute(query.where(column.in_(ordered[start : start + _CHUNK]))).all()
 
 
-def sound(row: Row | None, *, forgotten: bool = False) -> Record | None:
+def sound(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
     """The record of a stored row; None for a damaged row, and for a tombstone unless ``forgotten``."""
-    if row is None or (row[_STATE] == FORGOTTEN and not forgotten) or damage_of(row):
+    if (row[_STATE] == FORGOTTEN and not forgotten) or damage_of(tuple(row)):
         return None
     return Record(*row)
 
 
-def vector_of(dimension: object, stored: object) -> NDArray[np.float32] | None:
+def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:
     """The (D,) vector of stored bytes, None where they are damaged: another length, or no finite numbers."""
-    if not isinstance(stored, bytes) or not isinstance(dimension, int) or len(stored) != 4 * dimension:
+    if not isinstance(stored, bytes) or not isinstance(length, int) or len(stored) != 4 * length:
         return None
     vector = np.frombuffer(stored, dtype="<f4")
     return vector if np.isfinite(vector).all() else None
-
-
-def models_of(text: object) -> dict[str, int]:
-    """The dimension of the vectors of each embedding model, as ``memory_bank`` has it; {} where that is damaged."""
-    try:
-        return {name: int(dimension) for name, dimension in load_object(str(text)).items()}
-    except (ValueError, TypeError):
-        return {}
-
-
-def _in_order(rows: Iterable[Row]) -> list[Link]:
-    return sorted((Link(*row) for row in rows), key=lambda link: (link.source, link.kind, link.target))
-
-
-def _marks(values: Sequence[object]) -> str:
-    return ", ".join("?" * len(values))

@@ -35,16 +35,26 @@ _VALUES = (
 
 def steps_of(transcript: str) -> list[str]:
     """The actions in their order, one line each, at most 60; repeats in a row count once."""
-    text = transcript[:_LONGEST]
-    forms: tuple[Callable[[str], list[str]], ...] = (
-        _waypoints,
-        _TAGGED.findall,
-        _FENCED.findall,
-        _PROMPT.findall,
-        _NAMED.findall,
-        _NUMBERED.findall,
-        str.splitlines,
+    return acts_of(transcript) or _steps(transcript, (str.splitlines,))
+
+
+def acts_of(transcript: str) -> list[str]:
+    """The same where the transcript marks actions as such, none of any other text: a line may be what a tool said."""
+    return _steps(
+        transcript,
+        (
+            _waypoints,
+            _TAGGED.findall,
+            _FENCED.findall,
+            _PROMPT.findall,
+            _NAMED.findall,
+            _NUMBERED.findall,
+        ),
     )
+
+
+def _steps(transcript: str, forms: tuple[Callable[[str], list[str]], ...]) -> list[str]:
+    text = transcript[:_LONGEST]
     for form in forms:
         steps = [line for found in form(text) if (line := " ".join(found.split()))]
         if steps:

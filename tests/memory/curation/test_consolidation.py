@@ -1,16 +1,14 @@
 """ADD, MERGE, REPLACE, DISCARD: decisions on records, and what the bank makes of them."""
 
-import random
-import time
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask, RecordType
-from gvla2.memory.curation.consolidation import consolidate, evidence, stronger
+from gvla2.memory.curation.consolidation import consolidate
+from gvla2.memory.curation.evidence import evidence, stronger
 from gvla2.memory.records import Record, dedup_key, dump
-from gvla2.memory.retrieval.hashing import HashEmbedder
 
 Open = Callable[..., Any]
 
@@ -21,31 +19,30 @@ def record(
     type: RecordType = "procedural_hint",
     skill: str = "",
     effect: dict[str, Any] | None = None,
-    count: int = 1,
-    quality: float = 0.95,
-    updated: float = 1.0,
     query: str = "do it",
+    **fields: Any,
 ) -> Record:
     key = dedup_key(type, content, skill, effect)
-    return Record(
-        id=f"r-{key[:8]}", bank="b", query=query, content=content, type=type, state="active",
-        outcome="verified_success", confidence=0.9, quality=quality, dedup_key=key, created=1.0, updated=updated,
-        count=count, skill=skill, effect=dump(effect) if effect else "",
-    )  # fmt: skip
+    told: dict[str, Any] = {
+        "id": f"r-{key[:8]}", "bank": "b", "query": query, "content": content, "type": type, "state": "active",
+        "outcome": "verified_success", "confidence": 0.9, "quality": 0.95, "dedup_key": key, "created": 1.0,
+        "updated": 1.0, "skill": skill, "effect": dump(effect) if effect else "",
+    }  # fmt: skip
+    return Record(**{**told, **fields})
+
+
+def bound(value: float, op: str = ">=", **more: Any) -> dict[str, Any]:
+    return {"kind": "bound", "parameter": "lift_height", "op": op, "value": value, **more}
 
 
 def decide(candidate: Record, *rivals: Record) -> Any:
-    vectors = HashEmbedder().embed([r.content for r in (candidate, *rivals)])
-    near = sorted(zip(rivals, (vectors[1:] @ vectors[0]).tolist(), strict=True), key=lambda p: -p[1])
-    return consolidate(candidate, near)
+    return consolidate(candidate, [(rival, 0.8) for rival in rivals])
 
 
 def test_what_is_like_nothing_is_added() -> None:
     assert decide(record("Keep the wrist level while pouring.", query="pour")).action == "ADD"
-    assert (
-        decide(record("Keep the wrist level.", query="pour"), record("Salt the soup.", query="cook")).action
-        == "ADD"
-    )
+    edit = decide(record("Keep the wrist level.", query="pour"), record("Salt the soup.", query="cook"))
+    assert (edit.action, edit.suspected) == ("ADD", ())
 
 
 @pytest.mark.parametrize(
@@ -54,131 +51,102 @@ def test_what_is_like_nothing_is_added() -> None:
         ("Grip the mug by its handle near the top.", "Grip the mug by the handle near its top."),
         ("Always lift the crate slowly with both hands.", "Lift the crate slowly, with both hands!"),
         ("Lift the crate 15 cm before turning.", "Lift the crate 150 mm before turning."),
-        ("Lift the crate 20 cm.", "Lift the crate 0.2 m."),
-        ("Preheat the pan before adding oil.", "Add oil only after the pan has been preheated."),
     ],
 )
 def test_the_same_in_other_words_is_one_lesson(first: str, second: str) -> None:
     edit = decide(record(first), record(second))
-    assert edit.action in ("MERGE", "DISCARD")
-    assert edit.scores
+    assert (edit.action, edit.target) == ("MERGE", record(second).id)
+    far = consolidate(record(first), [(record(second), 0.1)])
+    assert far.action == "ADD"
 
 
-@pytest.mark.parametrize(
-    ("first", "second"),
-    [
-        (record("Pick up the small box: grip it deep.", skill="pick"),
-         record("Pick up the small box: grip it deep.", skill="push")),
-        (record("Grip the red cup by its rim."), record("Grip the red mug lid by its rim.")),
-        (record("Pick up the red cube: way 1."), record("Pick up the red cube: way 2.")),
-        (record("The handle needs room.", effect={"kind": "prior", "parameter": "depth", "value": 1.0}),
-         record("The handle needs room.", effect={"kind": "prior", "parameter": "tilt", "value": 1.0})),
-        (record("Turn the knob of lamp A slowly."), record("Turn the knob of lamp B slowly.")),
-        (record("Grip the cup."), record("Grip the cup.", type="failure_avoidance")),
-        (record("Wipe the screw with a dry cloth before packing."),
-         record("Wipe the screen with a dry cloth before packing.")),
-        (record("Put bolt M6x20 into bin A3."), record("Put bolt M6x25 into bin A3.")),
-        (record("Use cable USB-A for the scanner."), record("Use cable USB-C for the scanner.")),
-        (record("Rebase the topic branch before merging it."), record("Merge the topic branch before rebasing it.")),
-        (record("Wait for the oven to reach 180 °C."), record("Wait for the oven to reach 200 °C.")),
-    ],
-)  # fmt: skip
-def test_other_skills_objects_parameters_and_numbers_are_never_merged(first: Record, second: Record) -> None:
-    assert decide(first, second).action not in ("MERGE", "DISCARD")
-
-
-def test_a_contradiction_is_settled_by_evidence() -> None:
-    new, old = record("Lift the cup 5 cm.", updated=2.0), record("Lift the cup 15 cm.")
+def test_contradicting_effects_are_settled_by_evidence() -> None:
+    low, high = bound(0.05, "<="), bound(0.15)
+    new, old = record("At most 5 cm.", effect=low, updated=2.0), record("At least 15 cm.", effect=high)
     assert decide(new, old).action == "REPLACE"  # as much evidence, and later
-    often = record("Lift the cup 15 cm.", count=4)
+    often = record("At least 15 cm.", effect=high, count=4)
     edit = decide(new, often)
     assert (edit.action, edit.target) == ("DISCARD", often.id)
     assert edit.conflicts[0][0] == often.id
     assert evidence(often) > evidence(new)
     assert stronger(often, new)
     assert not stronger(new, often)
+    assert decide(record("At most 5 cm.", effect=low, trust="confirmed"), old).action == "DISCARD"
+    assert decide(new, record("At least 15 cm.", effect=high, count=4, trust="confirmed")).action == "REPLACE"
 
 
-def test_a_constraint_and_a_hint_that_contradict_each_other_both_stay() -> None:
-    edit = decide(
-        record("Grip the cup by its rim."), record("Never grip the cup by its rim.", type="failure_avoidance")
+def test_texts_that_may_contradict_each_other_both_stay() -> None:
+    first = record("Open the lid before pouring.", query="pour the tea")
+    second = record("Close the lid before pouring.", query="pour the tea")
+    edit = decide(first, second)
+    assert (edit.action, edit.conflicts) == ("ADD", ())
+    assert [id for id, _ in edit.suspected] == [second.id]
+
+
+def test_programs_never_contradict_each_other_nor_merge() -> None:
+    one, two = (
+        record(
+            "This program put the cup into the box.",
+            effect={
+                "kind": "program",
+                "skill": "place",
+                "language": "calls",
+                "roles": {"theme": "cup"},
+                "steps": [s],
+            },
+        )
+        for s in ("place({theme}, {goal}, in)", "push({theme}, left)")
     )
-    assert edit.action == "ADD"
-    assert edit.conflicts
-
-
-def test_one_sentence_of_a_long_lesson_is_compared() -> None:
-    long = record(
-        "Stale objects break the link step on this machine. Run `make clean` before `make install`, and check it.",
-        query="fix the build",
-    )
-    other = record(
-        "The headers are made anew each night by another job. Run `make install` before `make clean`, always.",
-        query="the build fails, please fix it",
-    )
-    edit = decide(long, other)
-    assert (edit.action, edit.target) == ("REPLACE", other.id)
-    assert "first" in edit.conflicts[0][1]
-    elsewhere = record(other.content.replace("install", "lint"), query="fix the build")
-    assert decide(long, elsewhere).action == "ADD"
-
-
-def test_what_is_right_for_another_task_is_no_contradiction() -> None:
-    first = record("Slide the bolt up.", query="open the hatch")
-    assert decide(record("Slide the bolt down.", query="close the hatch"), first).action == "ADD"
-    assert decide(record("Slide the bolt down.", query="please open the hatch"), first).action == "REPLACE"
+    assert one.id != two.id
+    edit = decide(one, two)
+    assert (edit.action, edit.conflicts, edit.suspected) == ("ADD", (), ())
 
 
 def test_the_same_inputs_give_the_same_decision() -> None:
-    rivals = [record(f"Lift the cup {n} cm.", count=n) for n in (1, 2, 15, 30)]
-    edits = {repr(decide(record("Lift the cup 5 cm."), *order)) for order in (rivals, rivals[::-1])}
-    assert len(edits) == 1
+    rivals = [record(f"At least {n} cm.", effect=bound(n / 100), count=n) for n in (1, 2, 15, 30)]
+    candidate = record("At most 5 cm.", effect=bound(0.05, "<="))
+    assert len({repr(decide(candidate, *order)) for order in (rivals, rivals[::-1])}) == 1
 
 
 def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    (old,) = bank.admit(
-        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup"
-    ).added
-    learned = bank.admit(Lesson("procedural_hint", "Lift the cup 5 cm."), verdicts["success"], task="cup")
+    at_least = Lesson("procedural_hint", "Lift it at least 15 cm.", bound(0.15))
+    at_most = Lesson("procedural_hint", "Lift it at most 5 cm.", bound(0.05, "<="))
+    (old,) = bank.admit(at_least, verdicts["success"], task="cup", trusted=True).added
+    learned = bank.admit(at_most, verdicts["success"], task="cup", trusted=True)
     (new,) = learned.added
     assert {r.id: r.state for r in bank.records()} == {old: "archive", new: "active"}
-    assert {(k.source, k.kind, k.target) for k in bank.links()} == {
-        (new, "conflict", old),
-        (new, "replaces", old),
-    }
-    assert [k.kind for k in bank.conflicts()] == ["conflict"]
+    links = {(k.source, k.kind, k.target) for k in bank.links()}
+    assert links == {(new, "conflict", old), (new, "replaces", old)}
     assert any(old in note for note in learned.notes)
     # The loser is found again when it is said again, and comes back once it has more behind it.
-    first = bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup")
-    assert first.merged == (old,)
+    assert bank.admit(at_least, verdicts["success"], task="cup", trusted=True).merged == (old,)
+    assert {r.id: r.state for r in bank.records()} == {old: "active", new: "archive"}
+    assert bank.admit(at_most, verdicts["unavailable"], task="cup").discarded
     assert {r.id: r.state for r in bank.records()} == {old: "active", new: "archive"}
     assert bank.verify() == []
 
 
+def test_a_suspicion_archives_nothing_and_lowers_both(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for text in ("Open the lid before pouring the tea.", "Close the lid before pouring the tea."):
+        bank.admit(text, verdicts["success"], task="pour the tea", trusted=True)
+    assert [r.state for r in bank.records()] == ["active", "active"]
+    assert [k.kind for k in bank.links()] == ["suspicion"]
+    assert all(hit.terms["conflict"] < 0 for hit in bank.search("pour the tea"))
+
+
 def test_a_merge_pools_evidence_and_keeps_the_other_wording(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    first = Lesson("procedural_hint", "Grip the mug by its handle near the top.")
-    other = Lesson("procedural_hint", "Near the top, grip the mug by the handle.")
-    (kept,) = bank.admit(first, verdicts["success"], task="take the mug").added
-    assert bank.admit(other, verdicts["success"], task="fetch the mug").merged == (kept,)
-    assert bank.admit(other, verdicts["success"], task="bring the mug").merged == (kept,)
+    first, other = "Grip the mug by its handle near the top.", "Near the top, grip the mug by the handle."
+    (kept,) = bank.admit(first, verdicts["success"], task="take the mug", trusted=True).added
+    assert bank.admit(other, verdicts["success"], task="fetch the mug", trusted=True).merged == (kept,)
+    assert bank.admit(other, verdicts["success"], task="bring the mug", trusted=True).merged == (kept,)
     (active,) = bank.records(["active"])
     (folded,) = bank.records(["archive"])
     assert active.count == 3
     assert active.query.split("\n") == ["take the mug", "fetch the mug", "bring the mug"]
     assert [(k.source, k.kind, k.target) for k in bank.links()] == [(kept, "merged", folded.id)]
-
-
-def test_an_unverified_repeat_of_a_loser_changes_nothing(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="cup")
-    bank.admit(Lesson("procedural_hint", "Lift the cup 5 cm."), verdicts["success"], task="cup")
-    before = bank.records()
-    assert bank.admit(
-        Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["unavailable"], task="cup"
-    ).discarded
-    assert [r.state for r in bank.records()] == [r.state for r in before]
 
 
 def test_each_failure_is_found_on_its_own(open_bank: Open, verdicts: Any) -> None:
@@ -191,21 +159,8 @@ def test_each_failure_is_found_on_its_own(open_bank: Open, verdicts: Any) -> Non
     )
     for i, cause in enumerate(causes):
         lesson = Lesson("failure_avoidance", f"Moving the jar {i}: failed because {cause}.")
-        bank.admit(lesson, verdicts["fail"], task=f"move the jar, {cause.split()[-1]}", source=f"run/{i}")
+        task = f"move the jar, {cause.split()[-1]}"
+        bank.admit(lesson, verdicts["fail"], task=task, source=f"run/{i}", trusted=True)
     for cause in causes:
         items = bank.recall(MemoryTask(f"move the jar, {cause}")).items
         assert any(cause in item.content and item.binding for item in items)
-
-
-def test_one_candidate_among_many_takes_little_time(
-    open_bank: Open, verdicts: Any, many_lessons: Any
-) -> None:
-    bank = open_bank()
-    bank.admit_many([(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(300)])
-    rng = random.Random(5)
-    times = []
-    for lesson, task in many_lessons(20, seed=rng.randrange(10**6)):
-        began = time.perf_counter()
-        bank.admit(lesson, verdicts["success"], task=task)
-        times.append(time.perf_counter() - began)
-    assert sorted(times)[len(times) // 2] < 0.1  # the figure for an idle machine is in tests/benchmarks

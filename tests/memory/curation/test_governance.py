@@ -4,14 +4,13 @@ import random
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.curation.governance import overflow, retention
-from gvla2.memory.records import Record
+from gvla2.memory.curation.governance import retention
 
 Open = Callable[..., Any]
-DAY = 86400.0
 WAYS = (
     "Read the failing test first, then trace the error to its source file.",
     "Read the failing test first, trace the error to the source file by name.",
@@ -19,31 +18,11 @@ WAYS = (
 )
 
 
-def record(id: str, **fields: Any) -> Record:
-    plain = {
-        "bank": "b", "query": "q", "content": id, "type": "procedural_hint", "state": "active",
-        "outcome": "verified_success",
-        "confidence": 0.8, "quality": 0.9, "dedup_key": id, "created": 0.0, "updated": 0.0,
-    }  # fmt: skip
-    return Record(id=id, **{**plain, **fields})
-
-
 def test_retention_is_the_sum_of_the_released_terms() -> None:
-    rows = [
-        record("a"),
-        record("b", usage=3),
-        record("c", usage=50, updated=90 * DAY),
-        record("d", outcome="uncertain", confidence=0.0, quality=0.5),
-        record("e", type="failure_avoidance", outcome="verified_fail", quality=0.1),
-    ]
-    scores = retention(rows, 90 * DAY)
+    confidence, usage = np.array([0.8, 0.8, 0.8, 0.0, 0.8]), np.array([0, 3, 50, 0, 0])
+    verified, ages = np.array([True, True, True, False, True]), np.array([90.0, 90.0, 0.0, 90.0, 90.0])
+    scores = retention(confidence, verified, usage, ages)
     assert scores.tolist() == pytest.approx([2.2, 2.5, 2.95, 0.2, 2.2])
-
-
-def test_overflow_takes_the_least_worth_keeping() -> None:
-    rows = [record(f"r{i}", usage=i) for i in range(5)]
-    assert [r.id for r in overflow(rows, 0.0, 3)] == ["r0", "r1"]
-    assert overflow(rows, 0.0, 5) == []
 
 
 def test_stale_failures_that_nobody_used_retire(
@@ -88,6 +67,7 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
             verdicts["success"],
             task=f"fix bug {i} of the parser",
             source=f"s{i}",
+            trusted=True,
         )
     (summary,) = bank.records(["summary"])
     members = bank.records(["archive"])
@@ -99,7 +79,9 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
         i.id for i in bank.recall("fix a bug: read the failing test, trace the error").items
     ]
     # What is said again goes to the summary.
-    again = bank.admit(Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9")
+    again = bank.admit(
+        Lesson("procedural_hint", WAYS[1]), verdicts["success"], task="fix bug 9", trusted=True
+    )
     assert again.merged == (summary.id,)
     assert bank.records(["summary"])[0].count == 4
     assert bank.verify() == []
@@ -110,30 +92,41 @@ def test_one_task_alone_makes_no_summary_and_effects_are_not_summed_up(
 ) -> None:
     bank = open_bank()
     for way in WAYS:
-        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task="fix the parser")
+        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task="fix the parser", trusted=True)
     for i, name in enumerate(("depth", "tilt", "height")):
         effect = {"kind": "prior", "parameter": name, "value": 1.0, "count": 1}
         content = f"Take the small box: this {name} succeeded."
-        bank.admit(Lesson("procedural_hint", content, effect), verdicts["success"], task=f"take box {i}")
+        bank.admit(
+            Lesson("procedural_hint", content, effect),
+            verdicts["success"],
+            task=f"take box {i}",
+            trusted=True,
+        )
     assert bank.govern().summaries == []
     assert not bank.records(["summary"])
 
 
-def test_a_pass_settles_contradictions_that_came_in_unsettled(open_bank: Open, verdicts: Any) -> None:
+def test_a_pass_settles_contradicting_effects_that_came_in_unsettled(open_bank: Open, verdicts: Any) -> None:
     lax = open_bank(governance=False)
-    for n in (15, 5):
+    for op, value, task in (
+        (">=", 0.15, "lift the cup"),
+        ("<=", 0.05, "lift the cup"),
+        (">=", 0.15, "lift it"),
+    ):
+        effect = {"kind": "bound", "parameter": "lift_height", "op": op, "value": value}
         lax.admit(
-            Lesson("procedural_hint", f"Lift the cup {n} cm."), verdicts["success"], task="lift the cup"
+            Lesson("procedural_hint", f"Lift {op} {value}.", effect),
+            verdicts["success"],
+            task=task,
+            trusted=True,
         )
-    lax.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), verdicts["success"], task="lift it")
     assert len(lax.records(["active"])) == 2
     bank = open_bank()
-    governed = bank.govern()
-    assert len(governed.replaced) == 1
+    assert len(bank.govern().replaced) == 1
     (kept,) = bank.records(["active"])
-    assert kept.content == "Lift the cup 15 cm."
+    assert kept.content == "Lift >= 0.15."
     assert {k.kind for k in bank.links()} == {"conflict", "replaces"}
-    assert lax.govern().changes == 0
+    assert bank.govern().changes == 0
 
 
 def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, many_lessons: Any) -> None:
@@ -141,7 +134,7 @@ def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, 
     items = [(lesson, verdicts["success"], task, "") for lesson, task in many_lessons(150)]
     items += [(lesson, verdicts["uncertain"], task, "") for lesson, task in many_lessons(60, seed=1)]
     for start in range(0, len(items), 30):
-        bank.admit_many(items[start : start + 30])
+        bank.admit_many(items[start : start + 30], trusted=True)
         assert len(bank.records(["active", "summary"])) <= 40
         assert len(bank.records(["provisional"])) <= 15
         assert len(bank._index) <= 55  # what is archived takes no room in memory
@@ -152,7 +145,7 @@ def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, 
 def test_without_governance_nothing_of_it_happens(open_bank: Open, verdicts: Any, clock: Any) -> None:
     bank = open_bank(governance=False, active_budget=1)
     for i, way in enumerate(WAYS):
-        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task=f"task {i}")
+        bank.admit(Lesson("procedural_hint", way), verdicts["success"], task=f"task {i}", trusted=True)
     clock.pass_days(30)
     assert bank.govern().changes == 0
     assert len(bank.records(["active"])) == 3
@@ -172,7 +165,7 @@ def test_the_same_history_gives_the_same_bank(
         bank = open_bank(name, active_budget=30)
         for lesson, task in lessons:
             clock.now += 60
-            bank.admit(lesson, verdicts["success"], task=task, source=task)
+            bank.admit(lesson, verdicts["success"], task=task, source=task, trusted=True)
         bank.govern()
         rows = [(r.content, r.state, r.count, r.confidence, r.note.partition(" ")[0]) for r in bank.records()]
         seen.append(sorted(rows))
@@ -184,7 +177,44 @@ def test_lessons_too_long_for_one_summary_stay_apart(open_bank: Open, verdicts: 
     rest = "and then look at the gauge again before going on with the next of the bolts " * 21
     for i, start in enumerate(("Tighten it slowly", "Slowly tighten it", "Tighten it, slowly")):
         lesson = Lesson("procedural_hint", f"{start} {rest}{i}")
-        bank.admit(lesson, verdicts["success"], task=f"task {i}", source=f"run/{i}")
+        bank.admit(lesson, verdicts["success"], task=f"task {i}", source=f"run/{i}", trusted=True)
     bank.govern()
     assert not bank.records(["summary"])
     assert bank.records(["active"])
+
+
+# Programs -----------------------------------------------------------------------------------------------------------
+
+
+def program(*steps: str, theme: str = "cup cylinder") -> Lesson:
+    roles = {"theme": theme, "goal": "box"}
+    effect = {"kind": "program", "skill": "place", "language": "calls", "roles": roles, "steps": list(steps)}
+    return Lesson("procedural_hint", f"{len(steps)} steps put the {theme} into the box.", effect)
+
+
+def test_of_programs_the_few_that_differ_in_kind_stay_the_best_borne_out_first(
+    open_bank: Open, episode: Open, verdicts: Any
+) -> None:
+    bank = open_bank()
+    acts = ("pick", "push", "tilt", "slide")
+    often = program("pick({theme})", "place({theme}, {goal}, in)")
+    for _ in range(3):
+        bank.learn(episode("put the cup into the box", often, skill="place"), verdicts["success"])
+    same_kind = program("pick({theme})", "place({theme}, {goal}, on)")
+    bank.learn(episode("put the cup into the box", same_kind, skill="place"), verdicts["success"])
+    for act in acts:
+        bank.learn(
+            episode("put the cup into the box", program(f"{act}({{theme}})"), skill="place"),
+            verdicts["success"],
+        )
+    elsewhere = program("pick({theme})", theme="book cuboid")
+    bank.learn(episode("put the book into the box", elsewhere, skill="place"), verdicts["success"])
+    kept = [r for r in bank.records(["active"]) if "cup" in r.content]
+    assert len(kept) == 3
+    best = max(kept, key=lambda r: r.count)
+    assert (best.count, best.effect_json()) == (3, often.effect)  # it comes back as it was
+    assert len({str(r.effect_json()["steps"]) for r in kept}) == 3
+    assert [r.effect_json() for r in bank.records(["active"]) if "book" in r.content] == [elsewhere.effect]
+    assert not [link for link in bank.links() if link.kind in ("conflict", "suspicion")]
+    assert bank.govern().changes == 0
+    assert bank.verify() == []

@@ -1,6 +1,6 @@
-"""The index follows its store, exactly, and starts from a snapshot only where that is right."""
+"""The index follows its store, exactly."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,12 +9,11 @@ import pytest
 
 from gvla2.evaluation.memory.corpus import lessons
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.meaning.words import text_of
 from gvla2.memory.records import Record
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Put, Store
 
-EMBEDDER = HashEmbedder()
+EMBEDDER = StaticEmbedder()
 NOW = 1.8e9
 
 
@@ -25,7 +24,7 @@ def store(tmp_path: Path) -> Iterator[Store]:
 
 
 def put(store: Store, records: list[Record], *, vectors: bool = True, model: str = EMBEDDER.model) -> None:
-    made = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
+    made = EMBEDDER.embed([r.text for r in records])
     with store.writing("default", actor="test", now=NOW) as transaction:
         transaction.put_many(
             [
@@ -54,12 +53,10 @@ def same(index: Index, store: Store, query: str = "pick up the red cube near the
     assert sorted(one.ids) == sorted(two.ids)
     place = {id: i for i, id in enumerate(two.ids)}
     order = [place[id] for id in one.ids]
-    for name in ("confidence", "ages", "usage", "conflicts", "outcomes", "types", "wordings"):
+    for name in ("confidence", "ages", "usage", "conflicts", "outcomes", "types", "programs"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name)[order])
     np.testing.assert_allclose(one.lexical(query), two.lexical(query)[order], atol=1e-12)
-    np.testing.assert_array_equal(one.coverage(query), two.coverage(query)[order])
-    rows = np.arange(len(one.ids))
-    np.testing.assert_array_equal(one.vectors(rows), two.vectors(np.array(order, dtype=np.int64)))
+    np.testing.assert_allclose(one.cosine(vector), two.cosine(vector)[order], atol=1e-6)
     for name in ("theme_width", "objects", "unknown"):
         np.testing.assert_array_equal(one.numbers(name), two.numbers(name)[order])
     near, cosines = index.nearest(vector, 5)
@@ -110,21 +107,27 @@ def test_links_count_as_conflicts_on_both_ends(store: Store) -> None:
     }  # fmt: skip
 
 
-def test_forgotten_records_leave_the_index_and_its_snapshot(store: Store, tmp_path: Path) -> None:
-    records = [replace(r, content=f"a secret about door {i}") for i, r in enumerate(lessons(5, now=NOW))]
+def test_forgotten_records_leave_the_index(store: Store) -> None:
+    records = lessons(5, now=NOW)
     put(store, records)
-    snapshot = tmp_path / "memory.index"
-    index = Index(store, "default", EMBEDDER, snapshot=snapshot)
-    assert index.save()
-    name = records[0].content.encode()
-    assert name in snapshot.read_bytes()
+    index = fresh(store)
     with store.writing("default", actor="test", now=NOW) as transaction:
         transaction.forget(records[0].id, why="asked to")
     index.refresh()
     assert records[0].id not in index.candidates().ids
-    assert not snapshot.exists()
-    assert index.save()
-    assert name not in snapshot.read_bytes()
+    same(index, store)
+
+
+def test_programs_are_told_apart(store: Store) -> None:
+    records = lessons(3, now=NOW)
+    program = '{"kind":"program","skill":"pick","roles":{"theme":"cup"},"steps":[]}'
+    put(
+        store,
+        [replace(records[0], effect=program), replace(records[1], effect='{"kind":"prior"}'), records[2]],
+    )
+    candidates = fresh(store).candidates()
+    told = dict(zip(candidates.ids, candidates.programs.tolist(), strict=True))
+    assert told == {records[0].id: True, records[1].id: False, records[2].id: False}
 
 
 def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None:
@@ -133,7 +136,7 @@ def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None
     put(store, records[2:4], vectors=False)
     put(store, records[4:])
     index = fresh(store)
-    expected = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
+    expected = EMBEDDER.embed([r.text for r in records])
     for record, vector in zip(records, expected, strict=True):
         (row,) = index.rows([record.id])
         np.testing.assert_array_equal(index.vector(row), vector)
@@ -149,7 +152,7 @@ def test_dead_rows_go(store: Store) -> None:
             [replace(stored(store, r.id), content=f"turn {turn} of {r.content}") for r in records],
         )
         index.refresh()
-        assert index._rows.size <= 300 + 1024 + 150 + 300
+        assert len(index._rows.records) <= 300 + 1024 + 150 + 300
     same(index, store)
 
 
@@ -157,7 +160,7 @@ def test_nearest_is_exact(store: Store) -> None:
     records = lessons(800, now=NOW)
     put(store, records)
     index = fresh(store)
-    table = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
+    table = EMBEDDER.embed([r.text for r in records])
     for query in ("pick up the red cube", "öffne die linke Schublade", "拿起红色方块"):
         vector = EMBEDDER.embed([query])[0]
         rows, cosines = index.nearest(vector, 10)
@@ -165,67 +168,9 @@ def test_nearest_is_exact(store: Store) -> None:
         np.testing.assert_allclose(cosines, expected, atol=1e-6)
         truth = {records[i].id for i in np.argsort(-(table @ vector), kind="stable")[:10]}
         assert {index.record(r).id for r in rows} == truth
-    assert len(index.nearest(np.zeros(512, np.float32), 3)[0]) == 0
+    assert len(index.nearest(np.zeros(256, np.float32), 3)[0]) == 0
     assert len(index.nearest(vector, 0)[0]) == 0
     assert len(index.nearest(vector, 5000)[0]) == 800
-
-
-def test_a_snapshot_starts_it_and_newer_changes_are_applied(store: Store, tmp_path: Path) -> None:
-    put(store, lessons(50, now=NOW))
-    snapshot = tmp_path / "memory.index"
-    index = Index(store, "default", EMBEDDER, snapshot=snapshot)
-    assert index.save()
-    assert oct(snapshot.stat().st_mode & 0o777) == "0o600"
-    put(store, lessons(10, 7, now=NOW))
-    asked: list[int] = []
-    counted = Index(store, "default", EMBEDDER, snapshot=snapshot)
-    apply = counted.apply
-    counted.apply = lambda changes: (asked.append(len(changes)), apply(changes))[1]  # type: ignore[method-assign]
-    counted.refresh()
-    assert asked == [10]
-    same(counted, store)
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda data: data[:-1],
-        lambda data: data[: len(data) // 2],
-        lambda data: b"",
-        lambda data: b"not json\n" + data,
-        lambda data: data[:-2000] + bytes([data[-2000] ^ 1]) + data[-1999:],
-        lambda data: data.replace(b'"size": ', b'"size": 9', 1),
-    ],
-)
-def test_a_damaged_snapshot_is_ignored(
-    store: Store, tmp_path: Path, damage: Callable[[bytes], bytes]
-) -> None:
-    put(store, lessons(30, now=NOW))
-    snapshot = tmp_path / "memory.index"
-    assert Index(store, "default", EMBEDDER, snapshot=snapshot).save()
-    snapshot.write_bytes(damage(snapshot.read_bytes()))
-    index = Index(store, "default", EMBEDDER, snapshot=snapshot)
-    index.refresh()
-    same(index, store)
-
-
-def test_a_snapshot_of_another_database_model_or_bank_is_ignored(store: Store, tmp_path: Path) -> None:
-    put(store, lessons(30, now=NOW))
-    snapshot = tmp_path / "memory.index"
-    assert Index(store, "default", EMBEDDER, snapshot=snapshot).save()
-    with Store.open(f"sqlite:///{tmp_path / 'other.db'}") as other:
-        put(other, lessons(4, 5, now=NOW))
-        put(other, lessons(4, 6, now=NOW))
-        index = Index(other, "default", EMBEDDER, snapshot=snapshot)
-        index.refresh()
-        same(index, other)
-    small = Index(store, "default", HashEmbedder(64), snapshot=snapshot)
-    small.refresh()
-    assert small.vector(0).shape == (64,)
-    empty = Index(store, "another bank", EMBEDDER, snapshot=snapshot)
-    empty.refresh()
-    assert len(empty) == 0
-    assert not empty.save()
 
 
 def test_an_empty_bank(store: Store) -> None:

@@ -4,10 +4,8 @@ import unicodedata
 
 import pytest
 
-from gvla2.memory.meaning.conflicts import Said, conflict
 from gvla2.memory.meaning.plain_text import plain_text, unified
-from gvla2.memory.meaning.statements import read
-from gvla2.memory.meaning.tasks import task_of
+from gvla2.memory.meaning.reader import read
 
 
 @pytest.mark.parametrize(
@@ -37,18 +35,6 @@ def test_composed_and_decomposed_letters_read_the_same(text: str) -> None:
     assert apart != text
     assert plain_text(apart) == plain_text(text)
     assert read(apart) == read(text)
-    assert task_of(apart) == task_of(text)
-
-
-def test_a_task_is_known_in_either_form() -> None:
-    task = "Stelle die Schüssel in den Kühlschrank"
-    first, second = "Öffne die Klappe langsam.", "Öffne die Klappe schnell."
-    found = [
-        conflict(Said("procedural_hint", first, query=one), Said("procedural_hint", second, query=task))
-        for one in (task, unicodedata.normalize("NFD", task))
-    ]
-    assert found[0] == found[1]
-    assert found[0] is not None
 
 
 def test_separators_of_names_stay() -> None:

@@ -1,4 +1,4 @@
-"""Figures in six languages and in words, their units and bounds; names with numbers are none."""
+"""Figures in digits and in words, their units and bounds; names with numbers are none."""
 
 import math
 import unicodedata
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.memory.meaning.designations import name_things
+from gvla2.memory.meaning.names import name_things
 from gvla2.memory.meaning.quantities import Quantity, quantities
 
 INF = math.inf
@@ -20,27 +20,28 @@ def figures(text: str) -> list[tuple[str, float, float]]:
 
 
 SAME = """
-length | 0.2 | 20 cm ~ 0.2 m ~ 200 mm ~ twenty centimetres ~ zwanzig Zentimeter ~ vingt centimètres ~ veinte centímetros
-length | 0.1 | 10cm ~ ten centimeters ~ 十厘米 ~ 10厘米 ~ zehn cm ~ diez cm ~ dix cm ~ a 10-cm
-length | 0.5 | half a metre ~ einen halben Meter ~ un demi-mètre ~ medio metro ~ 50 cm
-time | 0.5 | half a second ~ eine halbe Sekunde ~ une demi-seconde ~ medio segundo ~ 半秒 ~ 500 ms
-time | 150 | two and a half minutes ~ zweieinhalb Minuten ~ deux minutes et demie ~ 150 s ~ 2.5 min
-time | 86400 | daily ~ täglich ~ 24 hours ~ 1 day ~ diariamente
-angle | 90 | a quarter turn ~ eine Viertelumdrehung ~ un quart de tour ~ 90° ~ 90 degrees ~ ninety degrees ~ 九十度
-angle | 180 | half a turn ~ media vuelta ~ pi radians ~ 180 grad
-angle | 95 | quatre-vingt-quinze degrés ~ ninety-five degrees ~ fünfundneunzig Grad ~ noventa y cinco grados
-times | 2 | twice ~ 2 times ~ two times ~ zweimal ~ deux fois ~ dos veces ~ 两次 ~ 2 Mal
- | 12 | a dozen eggs ~ 12 eggs ~ twelve eggs ~ ein Dutzend Eier ~ une douzaine d'œufs ~ una docena de huevos
- | 2 | with both hands ~ with two hands ~ mit beiden Händen ~ à deux mains ~ con ambas manos ~ 用双手
- | 1 | with one hand ~ mit einer Hand ~ avec une main ~ con una mano ~ 用单手
+length | 0.2 | 20 cm ~ 0.2 m ~ 200 mm ~ twenty centimetres ~ 20 centimeters
+length | 0.1 | 10cm ~ ten centimeters ~ a 10-cm ~ 10 cm
+length | 0.5 | half a metre ~ 50 cm
+time | 0.5 | half a second ~ 500 ms
+time | 150 | two and a half minutes ~ 150 s ~ 2.5 min
+time | 86400 | daily ~ 24 hours ~ 1 day
+angle | 90 | a quarter turn ~ 90° ~ 90 degrees ~ ninety degrees
+angle | 180 | half a turn ~ pi radians ~ 180 deg
+angle | 95 | ninety-five degrees
+times | 2 | twice ~ 2 times ~ two times
+ | 12 | a dozen eggs ~ 12 eggs ~ twelve eggs
+ | 2 | with both hands ~ with two hands
+ | 1 | with one hand
  | 10000 | 10,000 parts ~ 10 000 parts ~ 10k parts ~ 1e4 parts ~ ten thousand parts
-ratio | 0.5 | 50 % ~ 50 percent ~ half full ~ at half speed ~ half of the water ~ 50 Prozent
-speed | 0.05 | 5 cm/s ~ 5cm/s ~ 50 mm/s ~ 5 centimetres per second ~ 5厘米每秒 ~ 5 cm pro Sekunde
+ratio | 0.5 | 50 % ~ 50 percent ~ half full ~ at half speed ~ half of the water
+volume | 0.75 | three quarters of a litre ~ 750 ml
+speed | 0.05 | 5 cm/s ~ 5cm/s ~ 50 mm/s ~ 5 centimetres per second
 turning | 30 | 30 °/s ~ 30 degrees per second ~ 5 rpm ~ 30 deg/s
 torque | 5 | 5 Nm ~ 5 N·m ~ 5 newton metres ~ 5 N m ~ 500 Ncm
 pressure | 60000 | 60 kPa ~ 0.6 bar ~ 600 mbar
 frequency | 16000 | 16 kHz ~ 16000 Hz ~ 16000 hertz
-temperature | 20 | 20 °C ~ 68 °F ~ 293.15 K ~ 20 degrees Celsius ~ 20 Grad Celsius ~ 68 degrees Fahrenheit
+temperature | 20 | 20 °C ~ 68 °F ~ 293.15 K ~ 20 degrees Celsius ~ 68 degrees Fahrenheit
 acceleration | 0.5 | 0.5 m/s² ~ 0.5 m/s2 ~ 0.5 m/s^2
 clock | 63000 | 17:30 ~ 5:30 pm ~ 5:30 p.m.
 volume/time | 0.02 | 20 ml per second ~ 20 ml/s
@@ -64,14 +65,8 @@ BOUNDS = """
 -inf 5 | a maximum of 5 N ~ 5 N or less
 -inf 5 | weaker than 5 N ~ no stronger than 5 N ~ under 5 N ~ <5 N ~ ≤ 5 N ~ not exceeding 5 N ~ at the most 5 N
 -inf 5 | max. 5 N ~ 5 N tops
--inf 5 | höchstens 5 N ~ 5 N oder weniger ~ nicht mehr als 5 N ~ nicht stärker als 5 N ~ maximal 5 N ~ bis zu 5 N
--inf 5 | 5 N au maximum ~ au plus 5 N ~ pas plus de 5 N ~ 5 N ou moins ~ moins de 5 N ~ jusqu'à 5 N
--inf 5 | 5 N como mucho ~ como máximo 5 N ~ 5 N o menos ~ no más de 5 N ~ menos de 5 N ~ hasta 5 N
--inf 5 | 最多5牛 ~ 不超过5牛 ~ 5牛以下 ~ 5牛以内 ~ 不要超过5牛顿 ~ 小于5牛
 5 inf | at least 5 N ~ 5 N at least ~ 5 N or more ~ no less than 5 N ~ a minimum of 5 N ~ min. 5 N ~ over 5 N ~ ≥5 N
 5 inf | stronger than 5 N ~ no weaker than 5 N ~ 5 N and above ~ more than 5 N ~ 5 N minimum ~ exceeding 5 N
-5 inf | mindestens 5 N ~ 5 N oder mehr ~ mehr als 5 N ~ stärker als 5 N ~ nicht schwächer als 5 N
-5 inf | au moins 5 N ~ plus de 5 N ~ 5 N ou plus ~ al menos 5 N ~ 5 N o más ~ más de 5 N ~ 至少5牛 ~ 5牛以上 ~ 超过5牛
 """
 BOUNDED = [
     (float(line.split()[0]), float(line.split()[1]), text.strip())
@@ -92,10 +87,6 @@ def test_bounds_before_and_behind_a_number(low: float, high: float, text: str) -
         ("2–3 cm", 0.02, 0.03),
         ("2 to 3 cm", 0.02, 0.03),
         ("20 mm to 3 cm", 0.02, 0.03),
-        ("2 bis 3 cm", 0.02, 0.03),
-        ("2 à 3 cm", 0.02, 0.03),
-        ("2 a 3 cm", 0.02, 0.03),
-        ("2到3厘米", 0.02, 0.03),
         ("between 2 and 3 cm", 0.02, 0.03),
         ("two to three centimetres", 0.02, 0.03),
         ("2.5 ± 0.5 cm", 0.02, 0.03),
@@ -114,12 +105,11 @@ NO_FIGURES = [
     text.strip()
     for text in """
 the red one moves ~ one of them falls ~ one by one ~ once the water boils
-take a second image ~ the second door ~ a hand ~ eine Kiste ~ une boîte ~ una caja
-un livre ~ the left half ~ the 2nd door ~ the 3D printer ~ 第一次 ~ 下一次 ~ noch einmal
+take a second image ~ the second door ~ a hand ~ the left half ~ the 2nd door ~ the 3D printer
 at once ~ the two bolts ~ Python 3.11 ~ numpy 1.26 ~ USB 3.0 ~ CUDA 11.8 ~ driver 520
 v1.2.3 ~ 192.168.0.1 ~ cam0 ~ eth0 ~ M6x20 ~ 3fa9c1e ~ 7bd02aa ~ 2024-03-01 ~ room 12
 joint 2 ~ line 40 ~ issue 311 ~ bin A3 ~ ABC-1042 ~ key A-17 ~ #44 ~ parser2.py
-+49 170 555 1234 ~ F5 ~ step 3 ~ Zeile 7 ~ version 1.8 ~ firmware 2.0.1rc1 ~ node17a
++49 170 555 1234 ~ F5 ~ step 3 ~ version 1.8 ~ firmware 2.0.1rc1 ~ node17a
 """.replace("\n", "~").split("~")
     if text.strip()
 ]
@@ -169,7 +159,7 @@ def test_bounds_on_one_side_disagree_when_far_apart() -> None:
     assert not two.disagrees(Quantity("mass", 0.1, INF), 0.2)
 
 
-@given(st.text(alphabet="0123456789.,-x:/% cmhalftwon一二十半次°e+", max_size=40))
+@given(st.text(alphabet="0123456789.,-x:/% cmhalftwon°e+", max_size=40))
 @settings(max_examples=300, deadline=None)
 def test_any_text_gives_figures_in_order_and_within_it(text: str) -> None:
     last = 0

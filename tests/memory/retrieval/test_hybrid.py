@@ -2,7 +2,6 @@
 
 import math
 import random
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -12,87 +11,99 @@ from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.corpus import lessons, tasks
-from gvla2.memory.contracts import OUTCOMES, TYPES, Lesson, MemoryTask, Ranked
-from gvla2.memory.indexing.candidates import RowCandidates, Served
+from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
+from gvla2.memory.indexing.candidates import RowCandidates
 from gvla2.memory.indexing.rows import Entry, Rows
-from gvla2.memory.meaning.words import distinct_topics_by_sentence, text_of, topic_words
-from gvla2.memory.retrieval.hashing import HashEmbedder
+from gvla2.memory.indexing.terms import questions, terms
 from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.options import HybridOptions, SemanticOptions
-from gvla2.memory.retrieval.scoring import ScoreWeights, score_terms, signature_distance
+from gvla2.memory.retrieval.options import HybridOptions, ScoreWeights, SemanticOptions
+from gvla2.memory.retrieval.scoring import signature_distance
 from gvla2.memory.retrieval.semantic import SemanticRetriever
+from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.testing.memory import candidates
 
-EMBEDDER = HashEmbedder()
+EMBEDDER = StaticEmbedder()
 NOW = 1.8e9
 
 
 def reference(task: MemoryTask, bank: RowCandidates, options: HybridOptions) -> list[tuple[int, float]]:
     """All reliable rows with S, best first, one row and one word at a time; no row counts as said twice."""
     count = len(bank.ids)
-    texts = [Counter(topic_words(text_of(bank.query(i), bank.content(i)))) for i in range(count)]
-    mean = sum(text.total() for text in texts) / count
-    query = set(topic_words(task.query))
-    bm25 = [0.0] * count
-    for word in query:
-        holders = sum(word in text for text in texts)
-        idf = math.log(1 + (count - holders + 0.5) / (holders + 0.5))
-        for i, text in enumerate(texts):
-            bm25[i] += idf * text[word] * 2.2 / (text[word] + 1.2 * (0.25 + 0.75 * text.total() / mean))
+    records = [bank.record(i) for i in range(count)]
+    texts = [terms(record.text) for record in records]
+
+    def share(asked: frozenset[str], text: frozenset[str]) -> float:
+        idf = {}
+        for word in asked:
+            holders = sum(word in other for other in texts)
+            idf[word] = math.log(1 + (count + 10 - holders + 0.5) / (holders + 0.5))
+        return sum(idf[word] for word in asked & text) / sum(idf.values())
+
     vector = EMBEDDER.embed([task.query])[0]
     found = []
-    for i in range(count):
-        lexical = bm25[i] / (max(bm25) or 1.0)
-        cosine = min(max(float(bank.vectors(np.array([i]))[0] @ vector), 0.0), 1.0)
-        relevance = options.bm25_weight * lexical + options.cosine_weight * cosine
-        parts = [query, *map(set, distinct_topics_by_sentence(task.query))]
-        coverage = max(len(part & set(texts[i])) / len(part) for part in parts)
-        skill = bank.record(i).skill
-        if task.skill and skill and skill != task.skill:
+    for i, record in enumerate(records):
+        lexical = max(share(asked, texts[i]) for asked in questions(task.query))
+        cosine = min(max(float(EMBEDDER.embed([record.text])[0] @ vector), 0.0), 1.0)
+        known = record.signature_json()
+        if task.skill and record.skill and record.skill != task.skill:
             continue
-        if relevance < options.min_relevance:
+        if cosine + options.words_count * lexical < options.min_evidence and lexical < options.min_words:
             continue
-        if coverage < options.min_coverage and cosine < options.min_cosine:
-            continue
-        known = bank.signature(i)
         if any(
             (signature_distance({n: task.signature[n]}, {n: known[n]}) or 0.0) > options.max_difference
             for n in options.essential
             if n in task.signature and n in known
         ):
             continue
-        score = sum(
-            score_terms(
-                options.weights,
-                relevance=relevance,
-                confidence=float(bank.confidence[i]),
-                outcome=OUTCOMES[bank.outcomes[i]],
-                type=TYPES[bank.types[i]],
-                age=float(bank.ages[i]),
-                usage=int(bank.usage[i]),
-                conflicts=int(bank.conflicts[i]),
-                distance=signature_distance(task.signature, known),
-            ).values()
-        )
-        if score >= options.min_score:
-            found.append((i, score))
-    return sorted(found, key=lambda entry: (-entry[1], bank.ids[entry[0]]))
+        found.append((i, options.lexical_weight * lexical + options.cosine_weight * cosine))
+    best = max((relevance for _, relevance in found), default=1.0)
+    scored = [(i, relevance / best + prior(task, bank, i, options.weights)) for i, relevance in found]
+    return sorted(
+        (entry for entry in scored if entry[1] >= options.min_score), key=lambda e: (-e[1], bank.ids[e[0]])
+    )
+
+
+def prior(task: MemoryTask, bank: RowCandidates, i: int, weights: ScoreWeights) -> float:
+    """S of a record without its relevance."""
+    record, age, usage = bank.record(i), float(bank.ages[i]), int(bank.usage[i])
+    avoidance = record.type == "failure_avoidance"
+    used = min(math.log1p(usage) / weights.usage_divisor, weights.usage_most)
+    success = {
+        "verified_success": weights.verified,
+        "verified_fail": weights.verified if avoidance else weights.failed,
+        "uncertain": weights.uncertain,
+        "unavailable": weights.unjudged,
+    }[record.outcome]
+    stale = max(0.0, min(age / 365, weights.ageing) - used / 2)
+    if avoidance and age > weights.stale_days and usage == 0:
+        stale = weights.stale_failure
+    distance = signature_distance(task.signature, record.signature_json())
+    fit = 0.0 if distance is None else 2 * math.exp(-distance / weights.signature_scale) - 1
+    return (
+        record.confidence
+        + success
+        + max(0.0, weights.recency - min(age / weights.recency_days, weights.recency))
+        + used
+        - min(weights.conflict * int(bank.conflicts[i]), weights.conflict_most)
+        - stale
+        + weights.applicability * fit
+    )
 
 
 def corpus(size: int, seed: int) -> RowCandidates:
     records = lessons(size, seed, now=NOW)
-    vectors = EMBEDDER.embed([text_of(r.query, r.content) for r in records])
-    rows = Rows(512)
+    vectors = EMBEDDER.embed([r.text for r in records])
+    rows = Rows(256)
     dice = random.Random(seed)
     rows.put([Entry(r, v, int(dice.random() < 0.2)) for r, v in zip(records, vectors, strict=True)])
-    return RowCandidates(Served(rows, ("active", "summary")), NOW)
+    return RowCandidates(rows, ("active", "summary"), NOW)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_ranking_is_that_of_the_plain_formula(seed: int) -> None:
     bank = corpus(250, seed)
     # No row is like another here, so that all of the order shows.
-    options = HybridOptions(top_k=500, top_k_constraints=500, same_cosine=2.0, min_score=0.5)
+    options = HybridOptions(top_k=500, top_k_constraints=500, same_words=2.0, min_score=0.5)
     retriever = HybridRetriever(options)
     for task in tasks(8, seed + 10):
         expected = reference(task, bank, options)
@@ -113,10 +124,9 @@ def test_ranking_is_that_of_the_plain_formula(seed: int) -> None:
     ],
 )
 def test_the_best_are_found_under_any_weights(weights: ScoreWeights) -> None:
-    """The quick pass leaves out only what its bounds rule out."""
     bank = corpus(300, 6)
     options = HybridOptions(
-        weights=weights, same_cosine=2.0, min_score=-9.0, min_cosine=0.0, top_k_constraints=0
+        weights=weights, same_words=2.0, min_score=-9.0, min_evidence=0.0, top_k_constraints=0
     )
     for task in tasks(4, 21):
         expected = [row for row, _ in reference(task, bank, options) if bank.types[row] != 1][:3]
@@ -134,9 +144,9 @@ def test_a_weight_that_would_divide_by_zero_is_refused(name: str) -> None:
 def test_the_few_places_hold_the_best_of_a_large_bank() -> None:
     bank = corpus(500, 9)
     everything = HybridRetriever(
-        HybridOptions(top_k=500, top_k_constraints=500, min_score=0.0, same_cosine=2.0)
+        HybridOptions(top_k=500, top_k_constraints=500, min_score=0.0, same_words=2.0)
     )
-    few = HybridRetriever(HybridOptions(min_score=0.0, same_cosine=2.0))
+    few = HybridRetriever(HybridOptions(min_score=0.0, same_words=2.0))
     for task in tasks(5, 5):
         vector = EMBEDDER.embed([task.query])[0]
         ordered, short = everything.rank(task, bank, vector)[0], few.rank(task, bank, vector)[0]
@@ -183,7 +193,7 @@ def test_relevant_and_unreliable_says_so() -> None:
 def test_better_evidence_wins_among_equal_words() -> None:
     texts = ["lift the cube now", "lift the cube here", "lift the cube twice"]
     bank = candidates(texts, confidence=[0.9, 0.9, 0.2], usage=[0, 30, 0], conflicts=[2, 0, 0])
-    assert [r.row for r in rank("lift the cube", bank, min_score=0.0, same_cosine=2.0)[0]] == [1, 0, 2]
+    assert [r.row for r in rank("lift the cube", bank, min_score=0.0, same_words=2.0)[0]] == [1, 0, 2]
 
 
 def test_ties_are_settled_by_id_and_top_k_cuts() -> None:
@@ -265,21 +275,40 @@ def test_a_query_of_a_megabyte_is_bounded() -> None:
 
 def test_semantic_is_cosine_alone() -> None:
     bank = corpus(500, 2)
-    table = bank.vectors(np.arange(500))
+    table = EMBEDDER.embed([bank.record(i).text for i in range(500)])
     for task in tasks(5, 8):
         vector = EMBEDDER.embed([task.query])[0]
         ranked, _ = SemanticRetriever(SemanticOptions(top_k=7)).rank(task, bank, vector)
         expected = np.argsort(-(table @ vector), kind="stable")[:7]
         assert {r.row for r in ranked} == set(expected.tolist())
         assert [r.score for r in ranked] == sorted((r.score for r in ranked), reverse=True)
-    assert SemanticRetriever().rank(MemoryTask(""), bank, np.zeros(512, np.float32))[1]
+    assert SemanticRetriever().rank(MemoryTask(""), bank, np.zeros(256, np.float32))[1]
     assert SemanticRetriever().rank(MemoryTask("x"), candidates([]), vector)[1]
+
+
+PROGRAM = {"kind": "program", "skill": "stack", "language": "calls", "steps": [], "roles": {}}
+
+
+def test_programs_whose_roles_the_things_can_fill_come_first() -> None:
+    effects = [
+        {**PROGRAM, "roles": {"theme": "bottle cylinder", "goal": "tray flat"}},
+        {**PROGRAM, "roles": {"theme": "cube box", "goal": "cup cylinder"}},
+        None,
+    ]
+    bank = candidates(["stack one on the other"] * 3, effects=effects)
+    vector = EMBEDDER.embed(["stack one on the other"])[0]
+    task = MemoryTask("stack one on the other", things=("red cube box", "blue cup cylinder"))
+    ranked, _ = HybridRetriever().rank(task, bank, vector)
+    assert [r.row for r in ranked] == [1, 2, 0]
+    assert [r.terms["program"] for r in ranked] == pytest.approx([0.25, 0.0, -0.125])
+    told_nothing, _ = HybridRetriever().rank(MemoryTask(task.query), bank, vector)
+    assert {r.terms["program"] for r in told_nothing} == {0.0}
 
 
 def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) -> None:
     bank = open_bank()
     lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
-    bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug")
+    bank.admit(lesson, verdicts["success"], task="glue the handle onto the mug", trusted=True)
     told = "You are in the workshop on the second floor; a customer comes at four. {} Report to the office afterwards."
     assert bank.recall(told.format("Glue the handle onto the mug.")).items
     assert not bank.recall(told.format("Water the plants in the hall.")).items

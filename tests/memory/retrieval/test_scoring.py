@@ -3,17 +3,29 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
-from gvla2.memory.retrieval.scoring import ScoreWeights, score_terms, signature_distance
+from gvla2.memory.retrieval.options import ScoreWeights
+from gvla2.memory.retrieval.scoring import scene_distance, score_terms, signature_distance
+from gvla2.testing.memory import candidates
 
 
-def terms(**changed: Any) -> dict[str, float]:
-    facts: dict[str, Any] = {
-        "relevance": 0.5, "confidence": 0.8, "outcome": "verified_success", "type": "procedural_hint",
-        "age": 0.0, "usage": 0, "conflicts": 0,
-    }  # fmt: skip
-    return score_terms(ScoreWeights(), **{**facts, **changed})
+def terms(
+    relevance: float = 0.5, distance: float = math.nan, filled: float = math.nan, **changed: Any
+) -> dict[str, float]:
+    bank = candidates(
+        ["lift it"], **{name: [value] for name, value in ({"confidence": 0.8} | changed).items()}
+    )
+    found = score_terms(
+        ScoreWeights(),
+        bank,
+        np.array([0]),
+        relevance=np.array([relevance]),
+        distance=np.array([distance]),
+        filled=np.array([filled]),
+    )
+    return {name: float(term[0]) for name, term in found.items()}
 
 
 def test_a_fresh_success() -> None:
@@ -31,12 +43,12 @@ def test_a_fresh_success() -> None:
     ],
 )
 def test_success(outcome: str, type_: str, bonus: float) -> None:
-    assert terms(outcome=outcome, type=type_)["success"] == bonus
+    assert terms(outcomes=outcome, types=type_)["success"] == bonus
 
 
 @pytest.mark.parametrize(("age", "bonus"), [(0, 0.25), (9, 0.15), (22.5, 0.0), (400, 0.0), (-3, 0.25)])
 def test_recency(age: float, bonus: float) -> None:
-    assert terms(age=age)["recency"] == pytest.approx(bonus)
+    assert terms(ages=age)["recency"] == pytest.approx(bonus)
 
 
 @pytest.mark.parametrize(("usage", "bonus"), [(0, 0.0), (1, math.log(2) / 8), (1000, 0.2)])
@@ -60,13 +72,27 @@ def test_conflict(conflicts: int, penalty: float) -> None:
     ],
 )
 def test_stale(type_: str, age: float, usage: int, penalty: float) -> None:
-    assert terms(type=type_, age=age, usage=usage)["stale"] == pytest.approx(penalty)
+    assert terms(types=type_, ages=age, usage=usage)["stale"] == pytest.approx(penalty)
 
 
 def test_applicability_rewards_the_same_scene_and_counts_against_another() -> None:
     assert terms(distance=0.0)["applicability"] == pytest.approx(0.25)
-    assert terms(distance=None)["applicability"] == 0.0
+    assert terms()["applicability"] == 0.0
     assert terms(distance=2.0)["applicability"] == pytest.approx(-0.25, abs=0.01)
+
+
+@pytest.mark.parametrize(("filled", "bonus"), [(1.0, 0.25), (0.5, 0.0), (0.0, -0.25), (math.nan, 0.0)])
+def test_a_program_counts_by_the_roles_that_can_be_filled(filled: float, bonus: float) -> None:
+    assert terms(filled=filled)["program"] == pytest.approx(bonus)
+
+
+def test_scenes_are_compared_alike_one_by_one_and_together() -> None:
+    scenes = [{"w": 0.05, "h": 1.0}, {"w": 0.1}, {}, {"h": 2.0, "x": 1.0}, {"w": 0.0}]
+    bank = candidates(["lift it"] * len(scenes), signatures=scenes)
+    for asked in ({"w": 0.05}, {"w": 0.2, "h": 1.5}, {"w": 0.0, "x": math.nan}, {}):
+        expected = [signature_distance(asked, scene) for scene in scenes]
+        found = scene_distance(asked, bank, np.arange(len(scenes)))
+        np.testing.assert_allclose(found, [math.nan if d is None else d for d in expected], atol=1e-12)
 
 
 def test_signature_distance() -> None:

@@ -8,7 +8,8 @@ import pytest
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
-from gvla2.memory.storage.bank_names import LONGEST, wrong_bank_name
+from gvla2.memory.storage.addresses import LONGEST_NAME as LONGEST
+from gvla2.memory.storage.addresses import wrong_bank_name
 
 GOOD = Verdict.from_criteria({"done": 1.0})
 
@@ -35,18 +36,18 @@ def test_names_that_would_mislead(name: str, tmp_path: Path):
     assert "of any language" in said
     assert all(c.isprintable() for c in said)
     with (
-        KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}", bank=name) as bank,
+        KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}", bank=name) as bank,
         pytest.raises(MemoryStoreError, match="cannot be the name of a bank"),
     ):
-        bank.admit(Lesson("tool_usage", "Hold the rim."), GOOD, task="lift")
+        bank.admit(Lesson("tool_usage", "Hold the rim."), GOOD, task="lift", trusted=True)
 
 
 def test_a_bank_that_has_another_name_already_can_be_used(tmp_path: Path):
     url = f"sqlite:///{tmp_path / 'm.db'}"
-    with KnowledgeBank.open(url) as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), GOOD, task="lift")
+    with KnowledgeBank(url) as bank:
+        bank.admit(Lesson("tool_usage", "Hold the rim."), GOOD, task="lift", trusted=True)
     with sqlite3.connect(tmp_path / "m.db") as raw:
         raw.execute("UPDATE memory_bank SET bank = 'my bank'")
     raw.close()
-    with KnowledgeBank.open(url, bank="my bank") as bank:
-        assert bank.admit(Lesson("tool_usage", "Turn the lid."), GOOD, task="open").added
+    with KnowledgeBank(url, bank="my bank") as bank:
+        assert bank.admit(Lesson("tool_usage", "Turn the lid."), GOOD, task="open", trusted=True).added

@@ -30,6 +30,9 @@ def spoil(path: Path, how: str, make: Make) -> None:
     if how == "newer":
         with closing(sqlite3.connect(path)) as connection, connection:
             connection.execute("UPDATE memory_meta SET value = '99'")
+    elif how == "older":
+        with closing(sqlite3.connect(path)) as connection, connection:
+            connection.execute("UPDATE memory_meta SET value = '2'")
     elif how == "stateless":
         with closing(sqlite3.connect(path)) as connection, connection:
             connection.execute("DELETE FROM memory_meta")
@@ -52,6 +55,7 @@ def spoil(path: Path, how: str, make: Make) -> None:
         ("garbage", "not a database"),
         ("foreign", "something else"),
         ("newer", "schema 99"),
+        ("older", "schema 2 of an earlier gvla2.*memory export.*memory import"),
         ("stateless", "damaged"),
         ("torn", "corrupt|malformed"),
         ("rotten", "corrupt|malformed"),
@@ -118,7 +122,7 @@ def test_an_empty_file_and_a_missing_folder_become_a_bank(tmp_path: Path) -> Non
     Store.open(f"sqlite:///{empty}").close()
     with closing(sqlite3.connect(empty)) as connection:
         assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
-        assert connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone() == ("2",)
+        assert connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone() == ("3",)
 
 
 def test_a_file_whose_log_was_switched_off_gets_it_back(sqlite_url: str, tmp_path: Path) -> None:

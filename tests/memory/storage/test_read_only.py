@@ -21,22 +21,24 @@ Make = Callable[..., Record]
 
 @pytest.fixture
 def filled(sqlite_url: str, tmp_path: Path) -> Path:
-    with KnowledgeBank.open(sqlite_url) as bank:
-        bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), GOOD, task="lift the cup")
+    with KnowledgeBank(sqlite_url) as bank:
+        bank.admit(Lesson("procedural_hint", "Lift the cup 15 cm."), GOOD, task="lift the cup", trusted=True)
     return tmp_path / "memory.db"
 
 
 def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path) -> None:
     filled.chmod(0o444)
     before, beside = filled.read_bytes(), sorted(tmp_path.iterdir())
-    with KnowledgeBank.open(sqlite_url) as bank:
+    with KnowledgeBank(sqlite_url) as bank:
         (record,) = bank.records()
         assert bank.recall("lift the red cup").items
         assert [hit.record.id for hit in bank.search("cup")] == [record.id]
         assert bank.verify() == []
         assert bank.history(record.id)
         for change in (
-            lambda: bank.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid"),
+            lambda: bank.admit(
+                Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True
+            ),
             lambda: bank.forget(record.id),
             bank.compact,
         ):
@@ -51,8 +53,8 @@ def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path)
 
 
 def test_a_reader_sees_what_a_writer_has_in_its_log(filled: Path, sqlite_url: str) -> None:
-    with KnowledgeBank.open(sqlite_url) as writer:
-        writer.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid")
+    with KnowledgeBank(sqlite_url) as writer:
+        writer.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True)
         filled.chmod(0o444)
         with Store.open(sqlite_url) as reader:
             assert len(reader.records("default")) == 2
@@ -88,7 +90,7 @@ def test_who_only_looks_makes_no_bank(tmp_path: Path, postgres_url: str) -> None
 def test_a_file_that_is_taken_away_takes_nothing_in(
     filled: Path, sqlite_url: str, tmp_path: Path, how: str
 ) -> None:
-    with KnowledgeBank.open(sqlite_url) as bank:
+    with KnowledgeBank(sqlite_url) as bank:
         bank.recall("cup")
         if how == "deleted":
             filled.unlink()
@@ -97,7 +99,9 @@ def test_a_file_that_is_taken_away_takes_nothing_in(
             (tmp_path / "other.db").replace(filled)
         for _ in range(2):
             with pytest.raises(MemoryStoreError, match=r"was deleted or replaced while it was open"):
-                bank.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid")
+                bank.admit(
+                    Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True
+                )
     assert filled.exists() == (how == "replaced")
 
 

@@ -25,9 +25,9 @@ def tampered(tmp_path: Path) -> Callable[..., KnowledgeBank]:
     """A bank that is open in one process while another changes its file."""
 
     def make(*statements: str) -> KnowledgeBank:
-        bank = KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}")
+        bank = KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}")
         for text in SAID:
-            bank.admit(Lesson("procedural_hint", text), GOOD, task="lift the cup")
+            bank.admit(Lesson("procedural_hint", text), GOOD, task="lift the cup", trusted=True)
         assert bank.recall("lift the cup").items
         with sqlite3.connect(tmp_path / "m.db") as raw:
             for statement in statements:
@@ -70,9 +70,11 @@ def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path)
         assert {hit.record.content for hit in bank.search("lift the cup or turn the lid")} <= set(SAID)
         assert bank.history(done.records[0])[-1].action == "repair"
         assert bank.verify() == []
-    with KnowledgeBank.open(f"sqlite:///{tmp_path / 'm.db'}") as again:
+    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as again:
         assert {item.content for item in again.recall("lift the cup").items} <= set(SAID)
-        assert again.admit(Lesson("procedural_hint", "Wipe the plate."), GOOD, task="wipe").added
+        assert again.admit(
+            Lesson("procedural_hint", "Wipe the plate."), GOOD, task="wipe", trusted=True
+        ).added
 
 
 def test_a_row_that_nobody_created_is_forgotten(tampered):
@@ -158,7 +160,7 @@ def test_dedup_keys_that_were_moved(store: Store, record: Callable[..., Record],
     before = store.rebuild("b")
     with store._database.writing("b") as raw:
         for statement in statements:
-            assert raw.run(statement)
+            assert raw.exec_driver_sql(statement).rowcount
     assert store.verify("b")
     with store.writing("b", actor="test", now=1.9e9) as tx:
         assert tx.repair().records
@@ -182,7 +184,7 @@ def test_rows_of_either_database(store: Store, record: Callable[..., Record], st
         tx.link("1", "conflict", "2")
     before = [(r.id, r.content) for r in store.records("b")]
     with store._database.writing("b") as raw:
-        assert raw.run(statement)
+        assert raw.exec_driver_sql(statement).rowcount
     assert store.verify("b")
     with store.writing("b", actor="test", now=1.9e9) as tx:
         assert tx.repair().records

@@ -1,20 +1,17 @@
 """Bytes that cannot be overwritten at once are named, stay noted, and go the next time; whichever file holds them."""
 
-import os
-import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from sqlalchemy import update
 
-from gvla2.errors import MemoryStoreError, OutputError
-from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.forgetting.scrubbing import pending
-from gvla2.memory.indexing.snapshot import FORMAT
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import Record
-from gvla2.memory.storage.location import snapshot_path
+from gvla2.memory.storage.forgetting import PENDING
 from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.tables import META
 
 resource = pytest.importorskip("resource", reason="this system limits no files")
 NOW = 1.8e9
@@ -93,49 +90,23 @@ def test_a_server_that_others_read_says_so_and_is_cleaned_later(postgres_url: st
         assert store.verify("b") == []
 
 
-def test_somebody_elses_forgetting_stays_noted(sqlite_url: str, record: Make) -> None:
-    from gvla2.memory.forgetting import scrubbing
-
-    with Store.open(sqlite_url) as store:
-        fill(store, record)
-        with store.reading() as view:
-            before = view.meta(scrubbing.PENDING)
-        forget(store, "secret-1")
-        with store._database.writing("b") as sql:
-            scrubbing.ask_for_scrubbing(sql)
-        scrubbing._note(store._database, before, "")  # who began before that clears nothing
-        assert [p.where for p in store.verify("b")] == ["file"]
-
-
-def test_what_is_noted_may_be_of_an_earlier_version() -> None:
-    assert pending("") == []
-    assert pending("1") == [""]
-    assert pending("{") == [""]
-    assert pending('["token","","copy.db"]') == ["", "copy.db"]
-
-
-# Kept indices -------------------------------------------------------------------------------------------------------
-
-
-def test_half_written_indices_go_with_what_is_forgotten(
-    sqlite_url: str, tmp_path: Path, record: Make
+def test_somebody_elses_forgetting_stays_noted(
+    sqlite_url: str, record: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with Store.open(sqlite_url) as store:
+    with Store.open(sqlite_url) as store, Store.open(sqlite_url) as other:
         fill(store, record)
-        kept = snapshot_path(store.name, "b")
-        stray = kept.with_name(f".{kept.name}.abc123")
-        stray.write_text(SECRET)
-        other = tmp_path / ".memory.db.index-of-mine"
-        other.write_text("not the bank's")
-        assert store.verify("b") == []  # somebody may be writing it just now
-        forget(store, "secret-1", "secret-2")
-        assert holders(tmp_path) == []
-        assert other.exists()
-        stray.write_text(SECRET)
-        os.utime(stray, (1e9, 1e9))
-        assert [(p.where, p.id) for p in store.verify("b")] == [("file", str(stray))]
+        clean = store._database.scrub
+
+        def meanwhile() -> None:
+            monkeypatch.setattr(store._database, "scrub", clean)
+            with other._database.writing("b") as sql:  # as whoever forgets something notes it
+                sql.execute(update(META).where(META.c.key == PENDING).values(value="another"))
+            clean()
+
+        monkeypatch.setattr(store._database, "scrub", meanwhile)
+        forget(store, "secret-1")
+        assert [p.where for p in store.verify("b")] == ["file"]  # who began before that clears nothing
         store.compact()
-        assert not stray.exists()
         assert store.verify("b") == []
 
 
@@ -146,75 +117,6 @@ def test_a_link_to_the_file_is_the_file(tmp_path: Path, record: Make) -> None:
     with Store.open(f"sqlite:///{link}") as store:
         fill(store, record)
         assert store.name == str((tmp_path / "real" / "memory.db").resolve())
-        snapshot_path(store.name, "b").write_text(SECRET)
-    with Store.open(f"sqlite:///{tmp_path / 'real' / 'memory.db'}") as store:
+    with Store.open(tmp_path / "real" / "memory.db") as store:
         forget(store, "secret-1", "secret-2")
     assert holders(tmp_path) == []
-
-
-def test_a_snapshot_never_takes_the_place_of_something_else(sqlite_url: str, tmp_path: Path) -> None:
-    mine = tmp_path / "thesis.txt"
-    mine.write_text("my only copy")
-    with pytest.raises(OutputError, match="something else"):
-        KnowledgeBank.open(sqlite_url, snapshot=mine)
-    with KnowledgeBank.open(sqlite_url, snapshot=tmp_path / "index") as bank:
-        (tmp_path / "index").write_text("put here meanwhile")
-        bank.forget("nobody")
-        assert (tmp_path / "index").read_text() == "put here meanwhile"
-        (tmp_path / "index").write_text(f'{{"format": "{FORMAT}"')
-        bank.forget("nobody")
-        assert not (tmp_path / "index").exists()
-    assert mine.read_text() == "my only copy"
-
-
-# Copies beside it ---------------------------------------------------------------------------------------------------
-
-
-def copy_with(path: Path, *ids: str) -> None:
-    with closing(sqlite3.connect(path)) as connection, connection:
-        connection.execute("CREATE TABLE memory (id TEXT, bank TEXT, content TEXT)")
-        connection.executemany(
-            "INSERT INTO memory VALUES (?, 'b', ?)", [(id, f"{id} {SECRET}") for id in ids]
-        )
-
-
-@pytest.mark.parametrize(
-    "half", [b"", b"torn " * 1000, b"SQLite format 3\x00" + b"\x10\x00\x02\x02" + b"\x00" * 80]
-)
-def test_half_a_copy_is_of_no_use_and_goes(
-    sqlite_url: str, tmp_path: Path, record: Make, half: bytes
-) -> None:
-    with Store.open(sqlite_url) as store:
-        fill(store, record)
-        (tmp_path / "memory.db.before-schema-2").write_bytes(half)
-        copy_with(tmp_path / "memory.db.before-schema-2.1", "secret-1", "secret-2", "r3")
-        assert forget(store, "secret-1", "secret-2") == [True, True]
-        assert not (tmp_path / "memory.db.before-schema-2").exists()
-        left = (tmp_path / "memory.db.before-schema-2.1").read_bytes()
-        assert b"secret-1" not in left
-        assert b"r3" in left
-        assert store.verify("b") == []
-
-
-def test_a_copy_that_is_locked_is_named_and_cleaned_later(
-    sqlite_url: str, tmp_path: Path, record: Make
-) -> None:
-    copy = tmp_path / "memory.db.before-schema-2"
-    copy_with(copy, "secret-1")
-    with Store.open(sqlite_url, busy_seconds=0.1) as store:
-        fill(store, record)
-        with closing(sqlite3.connect(copy, isolation_level=None)) as other:
-            other.execute("BEGIN EXCLUSIVE")
-            with pytest.raises(
-                MemoryStoreError, match=r"secret-1, secret-2: forgotten.*before-schema-2 \(.*locked"
-            ):
-                forget(store, "secret-1", "secret-2")
-            assert [(p.where, p.id) for p in store.verify("b")] == [("file", str(copy))]
-            with pytest.raises(MemoryStoreError, match=r"before-schema-2 \(.*locked"):
-                store.compact()
-            assert store.verify("b") != []
-            other.execute("ROLLBACK")
-        assert holders(tmp_path) == [copy.name]
-        store.compact()
-        assert holders(tmp_path) == []
-        assert store.verify("b") == []

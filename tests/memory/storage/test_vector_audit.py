@@ -1,73 +1,41 @@
-"""A vector that was made of any of a record's phrasings is its own; one that was made of none is found."""
+"""Vectors that were made of another text than the record's are named; what grew honestly is not."""
 
-from collections.abc import Iterator
-
-import pytest
+import sqlite3
+from contextlib import closing
+from pathlib import Path
 
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import Lesson, Verdict
+from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 
-MAYBE = Verdict.from_criteria({"done": 0.5}, verifier="v")
-GOOD = Verdict.from_criteria({"done": 1.0}, verifier="v")
-PARTS = (
-    "bolt",
-    "washer",
-    "flange",
-    "gasket",
-    "bearing",
-    "rotor",
-    "stator",
-    "housing",
-    "bracket",
-    "spring",
-    "clip",
-)
-LONG = " ".join(
-    f"Check item {part} against the delivery note of pallet {i} and sign it." for i, part in enumerate(PARTS)
-)
-KNOCK = Lesson("procedural_hint", "Knock twice.")
+GOOD = Verdict.from_criteria({"done": 1.0})
 
 
-@pytest.fixture
-def bank(sqlite_url: str) -> Iterator[KnowledgeBank]:
-    with KnowledgeBank.open(sqlite_url) as opened:
-        yield opened
+def test_swapped_vectors_are_found(tmp_path: Path) -> None:
+    with KnowledgeBank(tmp_path / "memory.db") as bank:
+        for what in ("lift the cup", "fold the towel", "sort the bolts"):
+            bank.admit(
+                Lesson("procedural_hint", f"To {what}, begin on the left."), GOOD, task=what, trusted=True
+            )
+        first, second, third = (record.id for record in bank.records())
+        assert bank.verify() == []
+        with closing(sqlite3.connect(tmp_path / "memory.db")) as other:
+            other.executescript(
+                f"UPDATE memory_vector SET id = CASE id WHEN '{first}' THEN 'x' ELSE id END;"
+                f"UPDATE memory_vector SET id = '{first}' WHERE id = '{second}';"
+                f"UPDATE memory_vector SET id = '{second}' WHERE id = 'x';"
+                f"UPDATE memory_vector SET vector = zeroblob(length(vector)) WHERE id = '{third}';"
+            )
+        assert {str(p) for p in bank.verify()} == {
+            f"vector {id}: it was not made of what the record says." for id in (first, second, third)
+        }
 
 
-def restarted(bank: KnowledgeBank) -> str:
-    """A record of one episode that has the tasks of two: an uncertain one of many words, then a verified one."""
-    assert bank.admit(KNOCK, MAYBE, task=LONG, source="a").provisional
-    bank.admit(KNOCK, GOOD, task="Enter", source="b")
-    (record,) = bank.records()
-    assert (record.state, record.count, len(record.query.split("\n"))) == ("active", 1, 2)
-    return record.id
-
-
-def test_the_vector_of_one_phrasing_is_the_records_own(bank: KnowledgeBank) -> None:
-    restarted(bank)
-    assert bank.verify() == []
-
-
-def test_nor_is_it_taken_for_that_of_a_like_record(bank: KnowledgeBank) -> None:
-    restarted(bank)
-    bank.admit(Lesson("tool_usage", "Knock twice ."), GOOD, task="Enter", source="c")
-    assert len(bank.records()) == 2
-    assert bank.verify() == []
-
-
-def test_a_vector_of_none_of_its_phrasings_is_found(bank: KnowledgeBank) -> None:
-    id = restarted(bank)
-    bank.admit(Lesson("tool_usage", "Rinse the brush in cold water."), GOOD, task="clean up", source="c")
-    with bank._store._database.writing("default") as raw:
-        (other,) = raw.rows("SELECT vector FROM memory_vector WHERE id <> ?", (id,))
-        assert raw.run("UPDATE memory_vector SET vector = ? WHERE id = ?", (other[0], id))
-    assert {(problem.where, problem.id) for problem in bank.verify()} == {("vector", id)}
-
-
-def test_a_phrasing_that_found_no_room_is_no_reason_for_alarm(bank: KnowledgeBank) -> None:
-    for i, part in enumerate(PARTS[:8]):
-        bank.admit(KNOCK, MAYBE, task=f"{part} {LONG[i * 60 : i * 60 + 300]}", source=f"run/{i}")
-    bank.admit(KNOCK, GOOD, task="Enter the room of the director on the upper floor", source="z")
-    (record,) = bank.records()
-    assert (record.count, len(record.query.split("\n")), "director" in record.query) == (1, 8, False)
-    assert bank.verify() == []
+def test_a_record_that_grew_has_the_vector_of_its_text(tmp_path: Path) -> None:
+    with KnowledgeBank(tmp_path / "memory.db") as bank:
+        for i, words in enumerate(("lift the cup", "raise the cup up", "lift up the cup", "lift the mug")):
+            lesson = Lesson("procedural_hint", "Lift the cup slowly by its handle." + "!" * (i % 2))
+            bank.learn(MemoryEpisode(MemoryTask(words), (lesson,), source=f"run/{i}"), GOOD)
+        assert any(record.count > 1 for record in bank.records())
+        bank.govern()
+        assert bank.stats()["vectors"] >= len(bank.records(["active", "summary"]))
+        assert bank.verify() == []

@@ -1,1 +1,0 @@
-"""Data that the memory suite is measured on."""

@@ -1,0 +1,193 @@
+"""How a record is made of a lesson, and how it grows by what later episodes say: pooled evidence, and phrasings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Trust, Verdict
+from gvla2.memory.curation.admission import repeats
+from gvla2.memory.records import MAX_PHRASINGS, MAX_QUERY, Record, clean, dump, finite, record_id
+
+MAX_SOURCES = 32
+
+
+def new_record(
+    bank: str,
+    lesson: Lesson,
+    state: LifecycleState,
+    trust: Trust,
+    key: str,
+    episode: MemoryEpisode,
+    verdict: Verdict,
+    now: float,
+) -> Record:
+    """The record of a lesson that the bank does not know, of version 0."""
+    judged = verdict.outcome != "unavailable"
+    return Record(
+        id=record_id(lesson.type, bank, key),
+        bank=bank,
+        query=phrasings("", episode.task.query),
+        content=lesson.content,
+        type=lesson.type,
+        state=state,
+        outcome=verdict.outcome,
+        confidence=verdict.confidence if judged else 0.0,
+        quality=verdict.quality if judged else 0.5,
+        dedup_key=key,
+        created=now,
+        updated=now,
+        verifier=dump(
+            {
+                "verifier": clean(verdict.verifier, 64),
+                "criteria": finite(verdict.criteria),
+                "reasons": [clean(reason, 300) for reason in verdict.reasons[:8]],
+            }
+        ),
+        signature=dump(finite(episode.task.signature)),
+        skill=clean(episode.task.skill, 64),
+        effect=dump(dict(lesson.effect)) if lesson.effect else "",
+        provenance=provenance(None, episode),
+        trust=trust,
+    )
+
+
+def restarted(old: Record, fresh: Record, episode: MemoryEpisode) -> Record:
+    """Verified evidence in place of unverified evidence; the record keeps its id, age and phrasings.
+
+    Save those that its text only repeats: a copy of a likely question is not to be found by it.
+    """
+    lines = old.query.split("\n")
+    if not fresh.effect:
+        lines = [line for line in lines if not repeats(fresh.content, line)]
+    kept = {name: getattr(old, name) for name in ("id", "dedup_key", "created", "used", "usage", "recalled")}
+    query = phrasings("\n".join(lines), episode.task.query)
+    told = provenance(old, episode)
+    return replace(fresh, **kept, query=query, provenance=told, version=old.version, rev=old.rev)
+
+
+def confirmed(record: Record, fresh: Record, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
+    """One more episode, whose record would be ``fresh``, says what the record says."""
+    quality, confidence = record.quality, record.confidence
+    if verdict.outcome != "unavailable":
+        quality, confidence = pooled_quality(record.quality, record.count, verdict.quality)
+    effect = pooled_effects(record.effect_json(), fresh.effect_json())
+    signature = dict(fresh.signature_json())
+    for name, value in record.signature_json().items():
+        signature[name] = (value * record.count + signature.get(name, value)) / (record.count + 1)
+    return replace(
+        record,
+        quality=quality,
+        confidence=confidence,
+        effect=dump(effect) if effect else "",
+        signature=dump(signature),
+        verifier=fresh.verifier,
+        query=phrasings(record.query, episode.task.query),
+        provenance=provenance(record, episode),
+        count=record.count + 1,
+        updated=now,
+    )
+
+
+def counted(record: Record, episode: MemoryEpisode) -> bool:
+    """Whether the episode is among those that the record rests on already: its word counts once."""
+    return bool(episode.source) and clean(episode.source, 200) in record.sources()
+
+
+def repeated(record: Record, fresh: Record) -> Record:
+    """The record after an episode that it rests on says it again: it weighs no more, but a tighter bound holds."""
+    effect = record.effect_json()
+    if not effect or effect.get("kind") != "bound":
+        return record
+    return replace(record, effect=dump(pooled_effects(effect, fresh.effect_json())))
+
+
+def support(record: Record) -> float:
+    """Quality R of what a record says, in [0, 1]: a constraint is the better, the worse its episode went."""
+    failed = record.outcome == "verified_fail" and record.type == "failure_avoidance"
+    return 1.0 - record.quality if failed else record.quality
+
+
+def evidence(record: Record) -> float:
+    """How much speaks for a record: its support times the episodes behind it."""
+    return round(support(record) * max(record.count, 1), 6)
+
+
+def stronger(first: Record, second: Record) -> bool:
+    """Whether the first record prevails: more evidence, then later, then the smaller id."""
+    if evidence(first) != evidence(second):
+        return evidence(first) > evidence(second)
+    return (first.updated, second.id) > (second.updated, first.id)
+
+
+def phrasings(known: str, query: str) -> str:
+    """Distinct instructions, one a line, the first ones kept: other words for the same find the record too."""
+    lines = [line for line in known.split("\n") if line]
+    for part in query.split("\n") if known else [query]:
+        new = " ".join(clean(part, MAX_QUERY).split())
+        if new and new not in lines and len(lines) < MAX_PHRASINGS:
+            lines.append(new)
+    return "\n".join(lines)
+
+
+def provenance(known: Record | None, episode: MemoryEpisode) -> str:
+    """Who made it, and the sources up to now with this episode's; what else was noted there stays."""
+    others: dict[str, Any] = {}
+    try:
+        others = known.provenance_json() if known is not None else {}
+        sources = list(known.sources()) if known is not None else []
+    except (ValueError, TypeError, AttributeError):
+        sources = []
+    if episode.source:
+        source = clean(episode.source, 200)
+        sources = [other for other in sources if other != source] + [source]
+    made_by = {clean(str(k), 64): clean(str(v), 200) for k, v in episode.provenance.items()}
+    return dump({**others, "made_by": made_by, "sources": sources[-MAX_SOURCES:]})
+
+
+def pooled_quality(quality: float, count: int, new: float) -> tuple[float, float]:
+    """Mean quality R over all episodes that say the same, and its confidence 2|R - .5|."""
+    mean = (quality * count + new) / (count + 1)
+    return mean, 2 * abs(mean - 0.5)
+
+
+def pooled_effects(
+    first: Mapping[str, Any] | None, second: Mapping[str, Any] | None
+) -> dict[str, Any] | None:
+    """Two effects on the same parameter as one, as JSON.
+
+    Priors pool mean, deviation and count (parallel variance); of two bounds the tighter one holds; a ban stays, and
+    so does a program. An effect whose numbers are absent or not finite gives way to the other.
+    """
+    if second is None or not _sound(second):
+        return dict(first) if first else None
+    if first is None or not _sound(first) or first.get("kind") != second.get("kind"):
+        return dict(second)
+    if first["kind"] == "program":
+        return dict(first)
+    if (first.get("scale") or "") != (second.get("scale") or ""):
+        return dict(second)
+    if first["kind"] == "bound":
+        tightest = max if second.get("op", ">=") == ">=" else min
+        return {**second, "value": tightest(float(first["value"]), float(second["value"]))}
+    if first["kind"] != "prior":
+        return dict(second)
+    # Mean and sample deviation of both groups together (Chan et al., 1983).
+    n, m = max(int(first.get("count", 1)), 1), max(int(second.get("count", 1)), 1)
+    a, b = float(first["value"]), float(second["value"])
+    squares = (n - 1) * float(first.get("sd", 0.0)) ** 2 + (m - 1) * float(second.get("sd", 0.0)) ** 2
+    squares += (b - a) ** 2 * n * m / (n + m)
+    deviation = math.sqrt(squares / (n + m - 1))
+    return {**second, "value": (a * n + b * m) / (n + m), "sd": deviation, "count": n + m}
+
+
+def _sound(effect: Mapping[str, Any]) -> bool:
+    try:
+        numbers = [float(effect.get(name, 0.0)) for name in ("sd", "count")]
+        if effect.get("kind") in ("bound", "prior"):
+            numbers.append(float(effect["value"]))
+    except (KeyError, TypeError, ValueError):
+        return False
+    return all(map(math.isfinite, numbers))

@@ -1,0 +1,213 @@
+"""What many successes say together, as one text that keeps their numbers and says when each held.
+
+By rule: texts that are equal but for their numbers are one line, each number with the tasks it was right for, or the
+range of many. What was told is kept with the summary, so that it grows by one success after the other.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+from gvla2.memory.contracts import Trust
+from gvla2.memory.curation.evidence import MAX_SOURCES, phrasings, support
+from gvla2.memory.curation.trust import least
+from gvla2.memory.indexing.terms import terms
+from gvla2.memory.records import Record, dedup_key, dump, load_object, record_id
+
+LINES = 6
+"""Wordings that a summary tells."""
+LENGTH, LONGEST = 1600, 600
+"""Characters of a summary by rule, and of a text that one can tell: longer ones stay apart."""
+_SHOWN, _KEPT = 3, 12
+"""Values of one number that are told each with its task, and that are kept with theirs; beyond, their range is told."""
+_TASK = 60
+_NUMBER = re.compile(r"[-+]?\d+(?:[.,]\d+)*")
+_GAP = "\x00"
+
+
+@dataclass
+class Wording:
+    """Texts that are equal but for their numbers: the text with gaps, how many episodes said it, and for each gap the
+    values, each with the tasks that it was right for.
+    """
+
+    text: str
+    count: int
+    gaps: list[dict[str, list[str]]]
+
+    @classmethod
+    def of(cls, record: Record) -> Wording:
+        """What one record says."""
+        content = " ".join(record.content.split())
+        tasks = [line[:_TASK] for line in record.query.split("\n")[:1] if line]
+        gaps = [{value: list(tasks)} for value in _NUMBER.findall(content)]
+        return cls(_NUMBER.sub(_GAP, content), record.count, gaps)
+
+    @property
+    def key(self) -> str:
+        """What equal wordings have in common."""
+        return self.text.casefold().rstrip(".! ")
+
+    def take_in(self, other: Wording) -> None:
+        """One more of the same."""
+        self.count += other.count
+        for mine, theirs in zip(self.gaps, other.gaps, strict=False):
+            for value, tasks in theirs.items():
+                known = mine.setdefault(value, [])
+                known += [task for task in tasks if task not in known][: max(0, _SHOWN - len(known))]
+            while len(mine) > _KEPT:  # the extremes stay: they are the range
+                ordered = sorted(mine, key=_size)
+                del mine[ordered[len(ordered) // 2]]
+
+    def told(self) -> str:
+        """The text with its numbers filled in."""
+        parts = self.text.split(_GAP)
+        said = parts[0]
+        for gap, part in zip(self.gaps, parts[1:], strict=False):
+            said += _filled(gap) + part
+        return said
+
+
+def _filled(gap: Mapping[str, Sequence[str]]) -> str:
+    values = sorted(gap, key=_size)
+    if len(values) == 1:
+        return values[0]
+    if len(values) <= _SHOWN:
+        return " or ".join(f"{v} ({'; '.join(gap[v]) or 'once'})" for v in values)
+    first, last = (next(iter(gap[value]), "") for value in (values[0], values[-1]))
+    return f"{values[0]} to {values[-1]}" + (f" ({first} ... {last})" if first != last else "")
+
+
+def _size(value: str) -> tuple[float, str]:
+    try:
+        return float(value.replace(",", ".")), value
+    except ValueError:
+        return float("inf"), value
+
+
+def wordings_of(record: Record) -> list[Wording]:
+    """What a record, or a summary, tells."""
+    kept: Any = record.provenance_json().get("told") if record.state == "summary" else None
+    if isinstance(kept, list):
+        return [Wording(one["text"], one["count"], one["gaps"]) for one in kept]
+    return [Wording.of(record)]
+
+
+def alike_but_for_numbers(first: Record, second: Record) -> bool:
+    """Whether two records, or what summaries tell, have a wording in common."""
+    if (first.type, first.skill) != (second.type, second.skill):
+        return False
+    return not _keys(first).isdisjoint(_keys(second))
+
+
+def _keys(record: Record) -> frozenset[str]:
+    return _kept_keys(record.provenance) if record.state == "summary" else frozenset((_key(record.content),))
+
+
+@lru_cache(maxsize=1024)
+def _kept_keys(provenance: str) -> frozenset[str]:
+    kept = load_object(provenance).get("told") or ()
+    return frozenset(Wording(one["text"], one["count"], one["gaps"]).key for one in kept)
+
+
+@lru_cache(maxsize=16384)
+def _key(content: str) -> str:
+    return Wording(_NUMBER.sub(_GAP, " ".join(content.split())), 1, []).key
+
+
+@lru_cache(maxsize=16384)
+def _terms(text: str) -> frozenset[str]:
+    return terms(text)
+
+
+def shares(first: Record, second: Record) -> tuple[float, float]:
+    """Of the terms of two records (of a summary, of the wording that is likest): the shared among all, and among
+    those of the shorter one.
+    """
+    best = (0.0, 0.0)
+    for mine in _texts(first):
+        for theirs in _texts(second):
+            a, b = _terms(mine), _terms(theirs)
+            if shared := len(a & b):
+                best = max(best, (shared / len(a | b), shared / min(len(a), len(b))))
+    return best
+
+
+def _texts(record: Record) -> list[str]:
+    return [w.told() for w in wordings_of(record)] if record.state == "summary" else [record.content]
+
+
+def tasks_of(group: Iterable[Record]) -> list[str]:
+    """The distinct instructions that a group comes from."""
+    return sorted({line for record in group for line in record.query.casefold().split("\n") if line})
+
+
+def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
+    """The summary of a group of records, an older summary among them or not; of version 0 where it is new.
+
+    ``text`` is what somebody else wrote of them, "" to write by rule. It is trusted no more than the least trusted of
+    the group.
+    """
+    old = next((record for record in group if record.state == "summary"), None)
+    best = old or max(group, key=lambda r: (support(r), r.count, r.id))
+    told: dict[str, Wording] = {}
+    for record in [best, *(r for r in group if r is not best)]:
+        for wording in wordings_of(record):
+            if wording.key in told:
+                told[wording.key].take_in(wording)
+            else:
+                told[wording.key] = wording
+    most = sorted(told.values(), key=lambda wording: -wording.count)[:LINES]
+    count = sum(record.count for record in group)
+    quality = sum(record.quality * record.count for record in group) / count
+    query, sources = "", list[str]()
+    for record in [best, *(r for r in group if r is not best)]:
+        query = phrasings(query, record.query) if query else record.query
+        sources += [source for source in record.sources() if source not in sources]
+    content = text or _rendered(most, count)
+    key = old.dedup_key if old else dedup_key(best.record_type, f"summary of {most[0].key}", best.skill, None)
+    provenance = {
+        "made_by": {"governance": "summary"},
+        "sources": sources[-MAX_SOURCES:],
+        "told": [{"text": one.text, "count": one.count, "gaps": one.gaps} for one in most],
+    }
+    trust: Trust = least(record.trusted for record in group)
+    return replace(
+        best,
+        id=old.id if old else "summary-" + record_id(best.record_type, best.bank, key).partition("-")[2],
+        state="summary",
+        query=query,
+        content=content,
+        dedup_key=key,
+        quality=quality,
+        confidence=min(max(r.confidence for r in group), 2 * abs(quality - 0.5)),
+        count=count,
+        usage=sum(r.usage for r in group),
+        recalled=sum(r.recalled for r in group),
+        used=max(r.used for r in group),
+        provenance=dump(provenance),
+        note=f"sums up {count} episodes",
+        trust=trust,
+        created=old.created if old else now,
+        updated=max(r.updated for r in group),
+        version=old.version if old else 0,
+        rev=old.rev if old else 0,
+    )
+
+
+def _rendered(wordings: Sequence[Wording], count: int) -> str:
+    lines: list[str] = []
+    for wording in wordings:
+        line = wording.told()
+        if not lines or sum(map(len, lines)) + len(line) <= LENGTH:
+            lines.append(line)
+    return f"Worked {count} times: " + " / ".join(lines)
+
+
+def numbers_in(text: str) -> set[str]:
+    """The numbers of a text, spelled alike."""
+    return {value.replace(",", ".").lstrip("+") for value in _NUMBER.findall(text)}

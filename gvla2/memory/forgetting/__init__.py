@@ -1,1 +1,0 @@
-"""Forgetting for good: what one record leaves in others, and in files."""

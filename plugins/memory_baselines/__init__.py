@@ -1,0 +1,146 @@
+"""The memories that the governed one is compared with: whole methods after their papers, on one vector store.
+
+``semantic`` keeps every lesson; ``awm`` is Agent Workflow Memory (Wang et al., 2024), ``reasoning_bank`` ReasoningBank
+(Ouyang et al., 2025), ``synapse`` Synapse (Zheng et al., 2024).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from gvla2.memory.contracts import Embedder, Inducer, Memory
+
+
+@dataclass(kw_only=True)
+class VectorStoreConfig(ComponentConfig):
+    """Options that all of them have.
+
+    ``url`` is a database address, "" the default one; ``bank`` names the bank in it; ``busy_seconds`` is how long to
+    wait for other processes; ``top_k`` how many entries are recalled; ``frozen`` recalls and learns nothing;
+    ``max_chars`` bounds the text given to a planner.
+    """
+
+    url: str = ""
+    bank: str = "default"
+    busy_seconds: float = 5.0
+    top_k: int = 3
+    frozen: bool = False
+    max_chars: int = 4000
+
+    def __post_init__(self) -> None:
+        if self.top_k < 1 or self.max_chars < 200 or not self.bank:
+            raise ConfigurationError(
+                f"A memory needs a bank, top_k >= 1 and max_chars >= 200; got bank='{self.bank}', "
+                f"top_k={self.top_k}, max_chars={self.max_chars}."
+            )
+
+
+@dataclass(kw_only=True)
+class SemanticConfig(VectorStoreConfig):
+    """Options of the ``semantic`` memory.
+
+    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
+    other processes. ``top_k`` is how many lessons are recalled, ``frozen`` recalls and learns nothing, ``max_chars``
+    bounds the text given to a planner.
+    """
+
+    bank: str = "semantic"
+    top_k: int = 6
+    max_chars: int = 2400
+
+
+def _build_semantic(config: SemanticConfig, embedder: Embedder) -> Memory:
+    """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
+    from gvla2_plugins.memory_baselines.semantic import Semantic
+    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+
+    return WholeMethod(config, Semantic(), embedder)
+
+
+@dataclass(kw_only=True)
+class AwmConfig(VectorStoreConfig):
+    """Options of the ``awm`` memory.
+
+    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
+    other processes. ``top_k`` is how many workflows are recalled, ``fewest_steps`` what a workflow needs at least,
+    ``frozen`` recalls and learns nothing, ``max_chars`` bounds the text given to a planner.
+    """
+
+    bank: str = "awm"
+    top_k: int = 3
+    max_chars: int = 6000
+    fewest_steps: int = 2
+
+
+def _build_awm(config: AwmConfig, embedder: Embedder, inducer: Inducer | None = None) -> Memory:
+    """Workflows induced from verified successes, values replaced by slots; after Agent Workflow Memory."""
+    from gvla2_plugins.memory_baselines.awm import Workflows
+    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+
+    return WholeMethod(config, Workflows(config.fewest_steps), embedder, inducer)
+
+
+@dataclass(kw_only=True)
+class ReasoningBankConfig(VectorStoreConfig):
+    """Options of the ``reasoning_bank`` memory.
+
+    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
+    other processes. ``top_k`` is how many earlier tasks are recalled, each with all its items; ``most_items`` how
+    many items one episode brings; ``frozen`` recalls and learns nothing; ``max_chars`` bounds the text given to a
+    planner.
+    """
+
+    bank: str = "reasoning_bank"
+    top_k: int = 1
+    max_chars: int = 4000
+    most_items: int = 3
+
+
+def _build_reasoning_bank(
+    config: ReasoningBankConfig, embedder: Embedder, inducer: Inducer | None = None
+) -> Memory:
+    """Titled items from successes and failures of the most similar task; after ReasoningBank."""
+    from gvla2_plugins.memory_baselines.reasoning_bank import Strategies
+    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+
+    return WholeMethod(config, Strategies(config.most_items), embedder, inducer)
+
+
+@dataclass(kw_only=True)
+class SynapseConfig(VectorStoreConfig):
+    """Options of the ``synapse`` memory.
+
+    ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
+    other processes. ``top_k`` is how many trajectories are recalled; ``frozen`` recalls and learns nothing;
+    ``max_chars`` bounds the text given to a planner.
+    """
+
+    bank: str = "synapse"
+    top_k: int = 3
+    max_chars: int = 12000
+
+
+def _build_synapse(config: SynapseConfig, embedder: Embedder) -> Memory:
+    """Whole trajectories of verified successes as exemplars, found by their task; after Synapse."""
+    from gvla2_plugins.memory_baselines.synapse import Exemplars
+    from gvla2_plugins.memory_baselines.whole_method import WholeMethod
+
+    return WholeMethod(config, Exemplars(), embedder)
+
+
+@hookimpl
+def gvla2_memories() -> list[Component[Memory]]:
+    """``memory=semantic``, ``awm``, ``reasoning_bank`` and ``synapse``."""
+    return [
+        Component("semantic", SemanticConfig, _build_semantic, needs=("embedder",)),
+        Component("awm", AwmConfig, _build_awm, needs=("embedder", "inducer")),
+        Component(
+            "reasoning_bank", ReasoningBankConfig, _build_reasoning_bank, needs=("embedder", "inducer")
+        ),
+        Component("synapse", SynapseConfig, _build_synapse, needs=("embedder",)),
+    ]

@@ -1,0 +1,147 @@
+"""Entries found by similarity: what whole memory methods other than the KnowledgeBank stand on.
+
+An entry is one or several lessons that are kept, found and shown together (a workflow, an exemplar). They are
+records of a bank in the store, so they survive restarts, are shared by processes, and `gvla2 memory` shows them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.memory.contracts import Embedder, Lesson, MemoryEpisode, Verdict
+from gvla2.memory.curation.evidence import confirmed, new_record
+from gvla2.memory.records import Record, clean, dump
+from gvla2.memory.storage.store import Store, Transaction
+
+LONGEST = 100_000
+_SERVED = ("active", "summary")
+
+
+@dataclass(frozen=True)
+class Draft:
+    """An entry to be kept: its ``lessons``, the leading one first.
+
+    Drafts of the same ``key`` are one entry, whose evidence is pooled; "" makes an entry of its own each time.
+    """
+
+    lessons: tuple[Lesson, ...]
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An entry, its leading record first, and the cosine of its text with what was asked, in [-1, 1]."""
+
+    records: tuple[Record, ...]
+    similarity: float
+
+
+class VectorStore:
+    """The entries of one bank. Not for several threads at once; for any number of processes.
+
+    ``of_content`` embeds "query content" of an entry's leading lesson, otherwise the queries alone are embedded, one
+    by one, and their mean stands for the entry. Methods raise :class:`~gvla2.errors.MemoryStoreError` when the store
+    cannot be used.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        bank: str,
+        embedder: Embedder,
+        *,
+        of_content: bool = False,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._store, self.bank, self._embedder = store, bank, embedder
+        self._of_content, self._clock = of_content, clock
+        self._records: dict[str, Record] = {}
+        self._vectors: dict[str, NDArray[np.float32]] = {}
+        self._entries: list[tuple[Record, ...]] = []
+        self._matrix = np.zeros((0, 0), np.float32)
+        self._rev = 0
+
+    def __len__(self) -> int:
+        self._refresh()
+        return len(self._entries)
+
+    def nearest(self, text: str, k: int) -> list[Found]:
+        """The ``k`` entries whose text is most similar, best first; ties in the order of their names."""
+        self._refresh()
+        if not self._entries or k < 1:
+            return []
+        cosines = self._matrix @ self._embedder.embed([clean(text, LONGEST)])[0]  # (N,)
+        best = np.argsort(-cosines, kind="stable")[:k]
+        return [Found(self._entries[row], float(cosines[row])) for row in best.tolist()]
+
+    def add(
+        self, drafts: Sequence[Draft], episode: MemoryEpisode, verdict: Verdict, *, actor: str
+    ) -> tuple[list[str], list[str]]:
+        """Keep the drafts in one transaction; ids of the leading records of new entries, and of those that grew."""
+        added: list[str] = []
+        again: list[str] = []
+        if drafts:
+            with self._store.writing(self.bank, actor=actor, now=self._clock()) as tx:
+                for number, draft in enumerate(drafts):
+                    name = _digest(draft.key or dump([tx.rev, number]))
+                    for place, lesson in enumerate(draft.lessons):
+                        id, new = self._put(tx, name, place, lesson, episode, verdict)
+                        if place == 0:
+                            (added if new else again).append(id)
+        return added, again
+
+    def _put(
+        self, tx: Transaction, name: str, place: int, lesson: Lesson, episode: MemoryEpisode, verdict: Verdict
+    ) -> tuple[str, bool]:
+        about = str((lesson.effect or {}).get("parameter", ""))
+        key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
+        told = replace(lesson, content=clean(lesson.content, LONGEST))
+        fresh = new_record(self.bank, told, "active", "own", key, episode, verdict, tx.now)
+        known = tx.by_key(key)
+        if known is not None:
+            return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False
+        home = dump({**fresh.provenance_json(), "entry": name, "place": place})
+        return tx.put(replace(fresh, provenance=home), action="add").id, True
+
+    def _refresh(self) -> None:
+        """Follow the store: entries that are new, have changed, or were forgotten or archived."""
+        rev = self._store.rev(self.bank)
+        if rev == self._rev:
+            return
+        for change in self._store.changes(self.bank, self._rev):
+            self._vectors.pop(change.record.id, None)
+            self._records.pop(change.record.id, None)
+            if change.record.state in _SERVED:
+                self._records[change.record.id] = change.record
+            rev = max(rev, change.record.rev)
+        entries: dict[str, list[tuple[int, str, Record]]] = defaultdict(list)
+        for record in self._records.values():
+            told = record.provenance_json()
+            if isinstance(told.get("entry"), str) and isinstance(told.get("place"), int):
+                entries[told["entry"]].append((told["place"], record.id, record))
+        # An entry stands and falls with its leading record.
+        whole = [sorted(entry, key=lambda one: one[:2]) for _, entry in sorted(entries.items())]
+        self._entries = [tuple(one[2] for one in entry) for entry in whole if entry[0][0] == 0]
+        vectors = [self._vector(entry[0]) for entry in self._entries]
+        self._matrix = np.stack(vectors) if vectors else np.zeros((0, 0), np.float32)
+        self._rev = rev
+
+    def _vector(self, record: Record) -> NDArray[np.float32]:
+        """(D,) of a leading record: a unit vector, or zero for one that says nothing."""
+        if record.id not in self._vectors:
+            texts = [record.text] if self._of_content else record.query.split("\n")
+            total = self._embedder.embed(texts).astype(np.float64).sum(axis=0)
+            length = float(np.linalg.norm(total))
+            self._vectors[record.id] = (total / length if length > 0 else total).astype(np.float32)
+        return self._vectors[record.id]
+
+
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()

@@ -1,0 +1,104 @@
+"""Summaries keep the numbers, say when they held, and grow: many near-copies end as one or a few records."""
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gvla2.memory.contracts import Lesson
+
+Open = Callable[..., Any]
+
+
+def near_copies(count: int, how: str) -> list[tuple[str, str]]:
+    """(text, task) of many near-copies of one lesson, as agents that say it in their own words write them."""
+    rng = random.Random(4)
+    said = []
+    for i in range(count):
+        cup = rng.choice(["cup", "mug", "glass", "beaker"])
+        number = rng.randint(12, 18)
+        texts = {
+            "numbers": f"Lift the cup {number} cm before you move it sideways.",
+            "counters": f"Lift the cup high before you move it sideways (run {i}).",
+            "objects": f"Lift the {cup} {number} cm before you move it sideways.",
+            "words": f"{rng.choice(['Lift', 'Raise'])} the cup {rng.choice(['well', 'far', 'straight up', 'first'])} "
+            f"before you {rng.choice(['move', 'carry', 'shift'])} it {rng.choice(['sideways', 'away', 'to the box'])}.",
+        }
+        said.append((texts[how], f"put the {cup} away"))
+    return said
+
+
+@pytest.mark.parametrize("how", ["numbers", "counters", "objects", "words"])
+def test_800_near_copies_end_as_a_few_records(open_bank: Open, verdicts: Any, how: str) -> None:
+    bank = open_bank(per_source=10_000)
+    items = [
+        (Lesson("procedural_hint", text), verdicts["success"], task, f"run/{i}")
+        for i, (text, task) in enumerate(near_copies(800, how))
+    ]
+    for start in range(0, 800, 50):
+        bank.admit_many(items[start : start + 50], trusted=True)
+    bank.govern()
+    served = bank.records(["active", "summary"])
+    assert 1 <= len(served) <= 8
+    assert sum(record.count for record in served) == 800
+    assert len([link for link in bank.links() if link.kind in ("suspicion", "conflict")]) <= 40
+    assert bank.recall("put the cup away").items
+    assert bank.verify() == []
+    if how == "numbers":
+        (summary,) = served
+        assert "12 to 18" in summary.content or " or " in summary.content
+
+
+def test_a_summary_says_which_number_held_when(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for number, task in ((15, "put the mug away"), (12, "stack the cups"), (20, "clear the tall vase")):
+        text = f"Lift it {number} cm before moving sideways, then wait 2 s."
+        bank.admit(text, verdicts["success"], task=task, source=task, trusted=True)
+    (summary,) = bank.records(["summary"])
+    said = (
+        "12 (stack the cups) or 15 (put the mug away) or 20 (clear the tall vase) cm before moving sideways"
+    )
+    assert said in summary.content
+    assert "then wait 2 s" in summary.content
+    assert summary.count == 3
+    bank.admit("Lift it 30 cm before moving sideways, then wait 2 s.", verdicts["success"], task="move the lamp",
+               source="later", trusted=True)  # fmt: skip
+    (grown,) = bank.records(["summary"])
+    assert grown.id == summary.id
+    assert "12 to 30 (stack the cups ... move the lamp) cm" in grown.content
+    assert grown.count == 4
+    assert len(bank.links()) == 4
+    assert bank.verify() == []
+
+
+def test_a_summary_is_trusted_no_more_than_what_it_tells(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, number in enumerate((15, 12, 20)):
+        text = f"Lift it {number} cm before moving sideways."
+        for source in ("lab", "friend") if i == 1 else (f"run/{i}",):
+            bank.admit(text, verdicts["success"], task=f"task {i}", source=source, trusted=i != 1)
+    (summary,) = bank.records(["summary"])
+    assert summary.trust == "confirmed"
+
+
+def test_what_may_contradict_is_not_summed_up(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, side in enumerate(("left", "right", "left", "right")):
+        text = f"Turn the lid to the {side} until the mark on it is seen."
+        bank.admit(text, verdicts["success"], task=f"open the jar {i % 2}", source=f"run/{i}", trusted=True)
+    bank.govern()
+    assert not bank.records(["summary"])
+
+
+def test_forgetting_a_member_brings_the_others_back(open_bank: Open, verdicts: Any) -> None:
+    bank = open_bank()
+    for i, number in enumerate((15, 12, 20)):
+        bank.admit(
+            f"Lift it {number} cm.", verdicts["success"], task=f"task {i}", source=f"run/{i}", trusted=True
+        )
+    member = next(record for record in bank.records(["archive"]) if "12" in record.content)
+    assert bank.forget(member.id)
+    assert sorted(r.content for r in bank.records(["active"])) == ["Lift it 15 cm.", "Lift it 20 cm."]
+    assert not [r for r in bank.records() if "12" in r.content]
+    assert bank.verify() == []
