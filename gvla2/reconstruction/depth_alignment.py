@@ -8,7 +8,7 @@ large the errors and the noise are is estimated from what is left over, round by
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +25,15 @@ ROUNDS = 8
 FIELD = 0.02
 FLOOR = 0.1
 STIFF = 4
-SHARE = 0.25
+SHARE = 0.5
 EM = 1
-HULL = 0.3
+HULL = 1.0
+DRAW = 0.15
+RELIEF = 0.03
 TELL = False
 LOW = 4  # scale, tilt in x and y, relief
 WIDE = np.array([0.3, 0.1, 0.1, 0.1])
-ALIKE = 0.5
+ALIKE = 0.8
 STEEP = 0.3
 GAP = 0.06
 CAUCHY = 2.4
@@ -74,6 +76,7 @@ class _Look:
     normals: FloatArray  # (H, W, 3)
     basis: _Basis
     all_rays: FloatArray  # (H, W, 3)
+    pixels: NDArray[np.intp]  # (N, 2)
     at: FloatArray  # (N,) log depth
     rays: FloatArray  # (N, 3)
     normal: FloatArray  # (N, 3)
@@ -100,9 +103,12 @@ def align(
     pixel = float(np.median([1 / v.camera.K[0, 0] for v in views]))
     gate = 0.10
     spread_of = np.concatenate([WIDE, np.full(size - LOW, FIELD)])
-    field = spread_of[-1] = 1e-3
+    spread_of[3] = RELIEF
+    field = 1e-3
     spread_of[LOW:] = field
     for number in range(ROUNDS):
+        if 0 < number <= STIFF:
+            looks = [None if a is None else _turned(a, theta[s]) for s, a in enumerate(looks)]
         links = _links(looks, theta, gate)
         problem = _Problem(looks, links, sigma, spread_of, max(PIXEL_SHARE * pixel, sigma), theta.shape)
         answer = least_squares(
@@ -121,7 +127,7 @@ def align(
         moment = theta**2 + np.diag(np.linalg.inv(answer.jac.T @ answer.jac)).reshape(theta.shape)
         own = moment if EM else theta**2 + 1e-6
         spread_of = np.concatenate([
-            [WIDE[0]], np.full(2, np.sqrt(own[:, 1:3].mean())), [np.sqrt(own[:, 3].mean())],
+            [WIDE[0]], np.full(2, np.sqrt(own[:, 1:3].mean())), [RELIEF],
             np.full(size - LOW, field),
         ])
         if TELL: print("   ", number, "sigma %.4f" % sigma, np.round(spread_of[:5], 4), "links", problem.data, "cost", round(answer.cost), "nfev", answer.nfev)
@@ -150,9 +156,32 @@ def _look(view, depth, solid, normals, front, back) -> _Look | None:
     at = np.log(depth[rows, columns])
     _, rays = view.camera.rays()
     return _Look(
-        view.camera, np.where(solid, np.log(depth), np.nan), normals, basis, rays, at, rays[rows, columns],
+        view.camera, np.where(solid, np.log(depth), np.nan), normals, basis, rays,
+        np.stack([columns, rows], axis=1), at, rays[rows, columns],
         normals[rows, columns], basis.at(uv, at), np.log(front[rows, columns]), np.log(back[rows, columns]),
     )  # fmt: skip
+
+
+def _turned(look: _Look, theta: FloatArray) -> _Look:
+    """The look with the normals of its corrected surface."""
+    known = np.isfinite(look.log_depth)
+    depth = np.full(known.shape, np.nan)
+    log = look.log_depth[known]
+    design = look.basis.at(look.camera.pixel_centres()[known], log)
+    depth[known] = np.exp(log + design @ theta)
+    normals = surface_normals(depth, look.all_rays)
+    at = look.pixels
+    return replace(look, normals=normals, normal=normals[at[:, 1], at[:, 0]])
+
+
+def surface_normals(depth: FloatArray, rays: FloatArray) -> FloatArray:
+    """(H, W, 3) unit normals towards the camera of a depth map (H, W) on ``rays`` (H, W, 3); NaN at its rim."""
+    points = rays * depth[..., None]
+    across, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
+    across[:, 1:-1] = points[:, 2:] - points[:, :-2]
+    down[1:-1] = points[2:] - points[:-2]
+    normals = np.cross(down, across)  # v points down: this one looks back at the camera
+    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
 
 def _within(look: _Look) -> float:
@@ -201,6 +230,7 @@ def _link(i, j, a, b, theta) -> _Link:
     pixel = np.where((b.camera.inside(uv) & (z > 0))[:, None], np.nan_to_num(uv), 0).astype(np.intp)
     there = b.log_depth[pixel[:, 1], pixel[:, 0]]
     known = np.isfinite(there) & b.camera.inside(uv) & (z > 0)
+    known &= np.isfinite(b.normals[pixel[:, 1], pixel[:, 0], 0]) & np.isfinite(a.normal[:, 0])
     which = np.flatnonzero(known)
     pixel, there = pixel[known], there[known]
     design = b.basis.at(pixel + 0.5, there)
@@ -236,13 +266,13 @@ class _Problem:
             if a is None:
                 continue
             now = a.at + a.design @ theta[s]
-            parts.append(HULL * (now - a.nearest) / self._width(a, now))
+            parts.append((now - a.nearest) / self._width(a, now))
             parts.append(HULL * np.maximum(now - a.farthest, 0) / self.tolerance)
         return np.concatenate([*parts, x * self.prior])
 
     def _width(self, a, now):
         thick = np.maximum(GAP * (a.farthest - a.nearest), self.tolerance)
-        return np.where(now < a.nearest, self.tolerance, thick)
+        return np.where(now < a.nearest, self.tolerance / HULL, thick / DRAW)
 
     def jacobian(self, x):
         theta = x.reshape(self.shape)
@@ -265,8 +295,8 @@ class _Problem:
             if a is None:
                 continue
             now = a.at + a.design @ theta[s]
-            for weight in (1 / self._width(a, now), (now > a.farthest) / self.tolerance):
-                J[row : row + len(now), s * size : (s + 1) * size] = HULL * weight[:, None] * a.design
+            for weight in (1 / self._width(a, now), HULL * (now > a.farthest) / self.tolerance):
+                J[row : row + len(now), s * size : (s + 1) * size] = weight[:, None] * a.design
                 row += len(now)
         J[row:] = np.diag(self.prior)
         return J
