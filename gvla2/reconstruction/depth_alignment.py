@@ -45,6 +45,7 @@ class Aligned:
     """``depth`` (S, H, W) metres after correction, NaN where unknown; ``sigma`` relative noise left; ``theta`` (S, P)."""
 
     depth: FloatArray
+    std: FloatArray
     sigma: float
     theta: FloatArray
 
@@ -105,6 +106,7 @@ def align(
     spread_of = np.concatenate([WIDE, np.full(size - LOW, FIELD)])
     spread_of[3] = RELIEF
     field = 1e-3
+    covariance = np.eye(theta.size)
     spread_of[LOW:] = field
     for number in range(ROUNDS):
         if 0 < number <= STIFF:
@@ -124,7 +126,8 @@ def align(
         if number == STIFF - 1:
             field = max(spread, 1e-4)
         sigma = max(spread, FLOOR * pixel, 0.0 if stiff else SHARE * field)
-        moment = theta**2 + np.diag(np.linalg.inv(answer.jac.T @ answer.jac)).reshape(theta.shape)
+        covariance = np.linalg.inv(answer.jac.T @ answer.jac)
+        moment = theta**2 + np.diag(covariance).reshape(theta.shape)
         own = moment if EM else theta**2 + 1e-6
         spread_of = np.concatenate([
             [WIDE[0]], np.full(2, np.sqrt(own[:, 1:3].mean())), [RELIEF],
@@ -132,7 +135,9 @@ def align(
         ])
         if TELL: print("   ", number, "sigma %.4f" % sigma, np.round(spread_of[:5], 4), "links", problem.data, "cost", round(answer.cost), "nfev", answer.nfev)
         gate = float(np.clip(5 * spread, 4 * pixel, 0.10))
-    corrected = np.array(depth)
+    # Rows that share a knot share an error, and count once.
+    covariance = covariance * max(1.0, problem.data / (len(looks) * KNOTS * KNOTS))
+    corrected, spread_map = np.array(depth), np.full(depth.shape, np.nan)
     for s, (look, view) in enumerate(zip(looks, views, strict=True)):
         if look is None:
             corrected[s] = np.nan
@@ -140,8 +145,11 @@ def align(
         known = np.isfinite(depth[s])
         uv = view.camera.pixel_centres()[known]
         log = np.log(depth[s][known])
-        corrected[s][known] = np.exp(log + look.basis.at(uv, log) @ theta[s])
-    return Aligned(corrected, sigma, theta)
+        design = look.basis.at(uv, log)
+        corrected[s][known] = np.exp(log + design @ theta[s])
+        own = covariance[s * size : (s + 1) * size, s * size : (s + 1) * size]
+        spread_map[s][known] = np.sqrt(np.einsum("np,pq,nq->n", design, own, design) + sigma**2)
+    return Aligned(corrected, spread_map, sigma, theta)
 
 
 def _look(view, depth, solid, normals, front, back) -> _Look | None:

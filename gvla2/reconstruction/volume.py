@@ -23,6 +23,9 @@ BAND = 3.0
 ALIGN = os.environ.get("ALIGN", "1") == "1"
 COVER = os.environ.get("COVER", "1") == "1"
 SHRINK = float(os.environ.get("SHRINK", "0"))
+BELIEVE = os.environ.get("BELIEVE", "1") == "1"
+GAP = float(os.environ.get("GAP", "0.06"))
+WSTD = int(os.environ.get("WSTD", "1"))
 DEBUG = os.environ.get("DEBUG")
 
 
@@ -58,12 +61,31 @@ def fused_surface(mesh: Mesh, views: Views, prior: GeometryEstimate) -> Mesh:
     if ALIGN:
         aligned = align(depth, solid, normals, views, front, back)
         depth, sigma = aligned.depth, aligned.sigma
+        if BELIEVE:
+            depth = believed(depth, aligned.std, front, back)
         solid, normals = surfaces(depth, views, 0.025 * size)
         if DEBUG:
             print("  sigma", sigma, "theta", np.round(aligned.theta[:, :4], 3).tolist(), "field", np.sqrt(np.mean(aligned.theta[:, 4:] ** 2)))
-    field = fuse(hull, views, depth, normals, prior.confidence, sigma, front, back)
+    weight = prior.confidence if not WSTD else np.nan_to_num(1e-4 / aligned.std**2) * (prior.confidence if WSTD==2 else 1.0)
+    field = fuse(hull, views, depth, normals, weight, sigma, front, back)
     vertices, faces, _ = surface_of(field)
     return Mesh(vertices, faces)
+
+
+def believed(depth, std, front, back):
+    """Posterior mean of depth: a Gaussian about what was told, times how far surfaces lie behind a hull."""
+    far = np.maximum(back - front, 1e-6)
+    length = GAP * far
+    sigma = np.maximum(std * depth, 1e-6)
+    nodes = np.linspace(-3, 3, 25)
+    top, bottom = np.zeros_like(depth), np.zeros_like(depth)
+    for z in nodes:
+        g = depth - front + sigma * z
+        p = np.exp(-0.5 * z * z) / (1 + (g / length) ** 2) * ((g >= 0) & (g <= far))
+        top += p * g
+        bottom += p
+    mean = np.where(bottom > 1e-9, top / np.maximum(bottom, 1e-12), np.clip(depth - front, 0, far))
+    return np.where(np.isfinite(front), front + mean, depth)
 
 
 def fuse(hull, views, depth, normals, confidence, sigma, front, back):
