@@ -87,14 +87,14 @@ class _Look:
 
 
 def align(
-    depth: FloatArray, solid: NDArray[np.bool_], normals: FloatArray, views: Views, front: FloatArray, back: FloatArray
+    depth: FloatArray, solid: NDArray[np.bool_], views: Views, front: FloatArray, back: FloatArray
 ) -> Aligned:
     """Correct depth maps (S, H, W), metres, NaN where unknown.
 
-    ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``normals`` (S, H, W, 3) world, unit; ``front``
-    and ``back`` (S, H, W) the depths between which the visual hull lies, not finite outside it.
+    ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``front`` and ``back`` (S, H, W) are the depths
+    between which the visual hull lies, NaN outside it.
     """
-    looks = [_look(*each) for each in zip(views, depth, solid, normals, front, back, strict=True)]
+    looks = [_look(*each) for each in zip(views, depth, solid, front, back, strict=True)]
     size = LOW + KNOTS * KNOTS
     theta = np.zeros((len(looks), size))
     for s, look in enumerate(looks):
@@ -152,7 +152,9 @@ def align(
     return Aligned(corrected, spread_map, sigma, theta)
 
 
-def _look(view, depth, solid, normals, front, back) -> _Look | None:
+def _look(view, depth, solid, front, back) -> _Look | None:
+    _, rays = view.camera.rays()
+    normals = surface_normals(depth, rays)
     usable = solid & np.isfinite(depth) & np.isfinite(front) & np.isfinite(back)
     rows, columns = np.nonzero(usable)
     if len(rows) < 30:
@@ -162,7 +164,6 @@ def _look(view, depth, solid, normals, front, back) -> _Look | None:
     basis = _Basis(depth)
     uv = np.stack([columns, rows], axis=1) + 0.5
     at = np.log(depth[rows, columns])
-    _, rays = view.camera.rays()
     return _Look(
         view.camera, np.where(solid, np.log(depth), np.nan), normals, basis, rays,
         np.stack([columns, rows], axis=1), at, rays[rows, columns],

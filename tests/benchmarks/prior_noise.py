@@ -18,7 +18,7 @@ import numpy as np
 from gvla2.evaluation.datasets import open_dataset
 from gvla2.evaluation.metrics import Truth, cd_surface
 from gvla2.evaluation.protocol import cache_folder
-from gvla2.evaluation.volume_baselines import aligned_tsdf, carved
+from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, mesh_of
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned, sensor
@@ -66,7 +66,9 @@ def prepared(item, dataset):
 
 
 def main() -> None:
-    from gvla2.reconstruction.volume import fused_surface
+    from gvla2.reconstruction.carving import hull_field, surface_of
+    from gvla2.reconstruction.evidence import gather
+    from gvla2.reconstruction.volume import fuse_volume
 
     parser = argparse.ArgumentParser()
     parser.add_argument("noises", nargs="*", default=["low1"])
@@ -93,7 +95,10 @@ def main() -> None:
                 elif row == "tsdf":
                     made = aligned_tsdf(views, prior)
                 else:
-                    made = fused_surface(g0.mesh, views, prior)
+                    hull = hull_field(views)
+                    shape = mesh_of(hull)
+                    post = fuse_volume(hull, gather(prior, views, shape), views, g0.mesh, shape)
+                    made = mesh_of(post.field)
                 spent = time.perf_counter() - began
                 found[row] = cd(made, truth) if made is not None and len(made.faces) else found["g0"]
             table.append(list(found.values()))
