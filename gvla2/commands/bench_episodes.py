@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gvla2.record.contents import EpisodeRecord, Stage
 
 LOOP = ("robot", "task", "perceiver", "planner", "verifier")
-GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
+GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer")
 HELPED = ("camera", *MEMORY)
 RARELY = 0.05

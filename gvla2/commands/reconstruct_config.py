@@ -61,6 +61,7 @@ class ReconstructConfig:
     quiet: bool = False
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
     prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     branch: BranchConfig = field(default_factory=BranchConfig)

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 CHOICES = (
-    "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
+    "robot", "camera", "task", "perceiver", "reconstructor", "prior", "axis", "fusion", "renderer",
     "memory", "retriever", "embedder", "inducer", "planner", "verifier",
 )  # fmt: skip
 """The Hydra groups of a run; what was chosen for each is part of its result."""
@@ -121,7 +121,7 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
     from gvla2.refine import GeometryParts
 
     loop = ("robot", "task", "perceiver", "memory", "planner", "verifier")
-    geometry = ("reconstructor", "prior", "fusion", "renderer")
+    geometry = ("reconstructor", "prior", "axis", "fusion", "renderer")
     built = registry.build_all(config, (*loop, *geometry))
     return Parts(
         **{kind: built[kind] for kind in loop},

@@ -96,10 +96,12 @@ RECONSTRUCTION = Layout(
     title="Reconstruction",
     row="variant",
     labels={
-        "baseline": "G0 (baseline)",
+        "baseline": "G0 (baseline, no prior)",
+        "carving": "carving with the same prior",
+        "aligned_tsdf": "aligned TSDF with the same prior",
         "a_prior_appearance": "A: prior + appearance",
         "a_soft_hull": "A: + soft hull",
-        "b_axis": "B: axis only",
+        "b_axis": "B: axis only (no prior)",
         "ab_fusion": "A + B fusion",
     },
     reference="baseline",
@@ -111,7 +113,7 @@ RECONSTRUCTION = Layout(
         Measure("lpips", "LPIPS", "lower", 4),
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
-    groups=("data", "baseline", "drift", "prior", "fusion", "renderer", "mode", "compat"),
+    groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
 )
 AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout
 LAYOUTS: Mapping[str, AnyLayout] = {made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION)}

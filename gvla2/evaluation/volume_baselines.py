@@ -12,10 +12,15 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.carving import hull_field
-from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.geometry.camera import Camera
+from gvla2.reconstruction.carving import hull_field, surface_of
+from gvla2.reconstruction.colouring import vertex_colours
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Renderer
 from gvla2.reconstruction.occupancy import Field
-from gvla2.reconstruction.sim3 import depth_scale
+from gvla2.reconstruction.evidence import camera_scale
+from gvla2.reconstruction.inset import inset, outward_normals
+from gvla2.reconstruction.mask_distance import silhouettes
+from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.zbuffer import depth_map
 
 ROUNDS = 4
@@ -26,7 +31,7 @@ TRUNCATION = 6.0
 def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> Mesh | None:
     """The visual hull less every voxel that lies before a depth map; None when nothing is left."""
     field = hull_field(views, resolution)
-    depth = prior.depth * depth_scale(prior, views)
+    depth = prior.depth.astype(np.float64) * camera_scale(prior, views)
     values = field.values.copy()
     for view, known in zip(views, depth, strict=True):
         ahead = _distances(field, view.camera, known)
@@ -41,7 +46,7 @@ def aligned_tsdf(views: Views, prior: GeometryEstimate, resolution: int = 96) ->
     second round, a robust line; then take the mean anew.
     """
     hull = hull_field(views, resolution)
-    maps = np.where(prior.depth > 0, prior.depth, np.nan) * depth_scale(prior, views)
+    maps = np.where(prior.depth > 0, prior.depth, np.nan) * camera_scale(prior, views)
     surface = mesh_of(hull)
     for number in range(ROUNDS):
         if surface is None:
@@ -87,12 +92,12 @@ def _mean(hull: Field, views: Views, maps: FloatArray) -> Field:
     return Field(np.minimum(mean, hull.values).astype(np.float32), hull.origin, hull.step)
 
 
-def _distances(field: Field, camera: object, depth: FloatArray) -> FloatArray:
+def _distances(field: Field, camera: Camera, depth: FloatArray) -> FloatArray:
     """How far behind the depth map each voxel lies along the camera's z, metres; NaN where nothing is known."""
     shape = field.values.shape
     points = field.points(np.indices(shape).reshape(3, -1).T)
-    uv, z = camera.project(points)  # type: ignore[attr-defined]
-    inside = camera.inside(uv)  # type: ignore[attr-defined]
+    uv, z = camera.project(points)
+    inside = camera.inside(uv)
     pixel = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp)
     there = np.where(depth > 0, depth, np.nan)[pixel[:, 1], pixel[:, 0]]
     return np.asarray(np.where(inside, z - there, np.nan).reshape(shape))
@@ -100,10 +105,19 @@ def _distances(field: Field, camera: object, depth: FloatArray) -> FloatArray:
 
 def mesh_of(field: Field) -> Mesh | None:
     """The zero of a field as a mesh without colours; None when it has none."""
-    from gvla2.reconstruction.carving import surface_of
-
     try:
         vertices, faces, _ = surface_of(field)
     except (ValueError, GeometryError):
         return None
     return Mesh(vertices, faces)
+
+
+def dressed(mesh: Mesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
+    """A bare mesh with colours from the views and about ``count`` Gaussians on it, put as far inside as ours are."""
+    shown, _ = silhouettes(views)
+    normals = outward_normals(mesh)
+    depths = [depth_map(mesh, s.camera) for s in shown]
+    tolerance = 0.02 * float(np.ptp(mesh.vertices, axis=0).max())
+    colours, _ = vertex_colours(mesh, normals, shown, depths, tolerance)
+    mesh = Mesh(mesh.vertices, mesh.faces, colours)
+    return inset(Reconstruction(surfels(mesh, normals, count), mesh), views, renderer)[0]

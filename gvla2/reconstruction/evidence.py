@@ -51,7 +51,7 @@ def gather(estimate: GeometryEstimate, views: Views, hull: Mesh) -> DepthEvidenc
     view's own error. Views without usable depth are left out. Raises :class:`GeometryError` when nothing can be used.
     """
     depth, confidence = _checked(estimate, views)
-    depth = depth * _camera_scale(estimate, views)
+    depth = depth * camera_scale(estimate, views)
     masks = np.stack([mask_of(view) for view in views])
     depth = np.where((masks > 0.5) & np.isfinite(depth) & (depth > 0) & (confidence > 0), depth, np.nan)
     coverage = float(np.isfinite(depth).sum() / max(int((masks > 0.5).sum()), 1))
@@ -120,7 +120,7 @@ def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, Floa
     return depth, confidence
 
 
-def _camera_scale(estimate: GeometryEstimate, views: Views) -> float:
+def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
     """From the prior's unit to metres, by its cameras; 1 where it has none, or one."""
     if estimate.world_from_camera is None:
         return 1.0

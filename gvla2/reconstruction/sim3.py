@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray, check_rigid
-from gvla2.geometry.views import Views
-from gvla2.reconstruction.contracts import GeometryEstimate
 
 _FLAT = 1e-6
 """Below this share of the largest one, a singular value or a spread counts as zero."""
@@ -181,12 +179,3 @@ def _procrustes(cross: FloatArray) -> FloatArray:
     u, _, vt = np.linalg.svd(cross)
     flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
     return np.asarray((u * flip) @ vt)
-
-
-def depth_scale(estimate: GeometryEstimate, views: Views) -> float:
-    """The factor from a prior's depth to metres, from its cameras alone; 1 where it has none or they say nothing."""
-    if estimate.world_from_camera is None:
-        return 1.0
-    calibrated = np.stack([view.camera.world_from_camera for view in views])
-    fit = align_cameras(estimate.world_from_camera, calibrated)
-    return fit.sim3.scale if fit.status == "ok" else 1.0

@@ -12,7 +12,13 @@ from gvla2.testing.conformance import ConformanceError
 from gvla2.testing.inducer import check_inducer
 from gvla2.testing.memory import candidates, check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
-from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
+from gvla2.testing.reconstruction import (
+    check_axis,
+    check_fusion,
+    check_prior,
+    check_reconstructor,
+    check_renderer,
+)
 from gvla2.testing.robot import check_robot, check_task
 
 __all__ = [
@@ -21,6 +27,7 @@ __all__ = [
     "candidates",
     "check_component",
     "check_embedder",
+    "check_axis",
     "check_fusion",
     "check_inducer",
     "check_memory",

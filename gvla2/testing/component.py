@@ -18,7 +18,13 @@ from gvla2.testing.conformance import allowed, require, require_members, require
 from gvla2.testing.inducer import check_inducer
 from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
-from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
+from gvla2.testing.reconstruction import (
+    check_axis,
+    check_fusion,
+    check_prior,
+    check_reconstructor,
+    check_renderer,
+)
 from gvla2.testing.robot import check_robot, check_task
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
@@ -28,6 +34,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "perceiver": check_perceiver,
     "reconstructor": check_reconstructor,
     "prior": check_prior,
+    "axis": check_axis,
     "fusion": check_fusion,
     "renderer": check_renderer,
     "memory": check_memory,

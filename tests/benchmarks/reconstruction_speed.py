@@ -29,7 +29,7 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.appearance import fit_affine
-from gvla2.reconstruction.axis import AxisOptions, compensate
+from gvla2_plugins.axes.axis import AxisOptions, compensate
 from gvla2.reconstruction.branch import refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction

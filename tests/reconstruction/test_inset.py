@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gvla2.geometry.mesh import Mesh
 from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.rim import (
+from gvla2.reconstruction.inset import (
     Shell,
     alpha_iou,
     fill_masks,

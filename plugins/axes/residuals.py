@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled
-from gvla2.reconstruction.contour import Contour
+from gvla2_plugins.axes.contour import Contour
 from gvla2.reconstruction.outline import Field, Outline
 from gvla2.reconstruction.support import projection
 
