@@ -138,7 +138,9 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                             config.lpips_weights,
                             config.surface_samples,
                         )
-                        key = cell_key(SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files)
+                        key = cell_key(
+                            SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files
+                        )
                         wanted.append(Wanted(key, factors))
             yield Unit(dataset, item, baseline, tuple(wanted), config)
 

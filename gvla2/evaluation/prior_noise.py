@@ -27,11 +27,19 @@ NOISES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
         "view3": ("scale of each view ±3 %", _learned(view_scale=0.03)),
         "view10": ("scale of each view ±10 %", _learned(view_scale=0.10)),
         "slope20": ("slope of each view ±20 %", _learned(slope=0.20)),
-        "vggt": ("as VGGT: free scale, poses 1° and 1 %, low-frequency 1 %, soft edges", {"noise": "learned"}),
+        "vggt": (
+            "as VGGT: free scale, poses 1° and 1 %, low-frequency 1 %, soft edges",
+            {"noise": "learned"},
+        ),
         "vggt_outliers": (
             "as VGGT, with 3 % outlier patches",
             _learned(
-                global_scale=0.3, low_frequency=0.01, pose_degrees=1.0, pose_shift=0.01, edge_blur=1.0, outliers=0.03
+                global_scale=0.3,
+                low_frequency=0.01,
+                pose_degrees=1.0,
+                pose_shift=0.01,
+                edge_blur=1.0,
+                outliers=0.03,
             ),
         ),
     }
@@ -40,7 +48,9 @@ NOISES: Mapping[str, tuple[str, Mapping[str, Any]]] = MappingProxyType(
 
 CURVE = ("exact", "low0.5", "low1", "low2", "low4")
 """The settings along which a curve of gain against noise is drawn, and per cent of low-frequency error."""
-PER_CENT: Mapping[str, float] = MappingProxyType({"exact": 0.0, "low0.5": 0.5, "low1": 1.0, "low2": 2.0, "low4": 4.0})
+PER_CENT: Mapping[str, float] = MappingProxyType(
+    {"exact": 0.0, "low0.5": 0.5, "low1": 1.0, "low2": 2.0, "low4": 4.0}
+)
 
 DEVELOPMENT = (
     "a_toy_airplane", "banana", "cracker_box", "large_clamp", "mini_soccer_ball", "pitcher_base", "power_drill",

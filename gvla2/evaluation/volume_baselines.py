@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.geometry.camera import Camera
 from gvla2.reconstruction.carving import hull_field, surface_of
 from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction, Renderer
-from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.evidence import camera_scale
 from gvla2.reconstruction.inset import inset, outward_normals
 from gvla2.reconstruction.mask_distance import silhouettes
+from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.zbuffer import depth_map
 

@@ -52,8 +52,8 @@ to the pixel, and a truer shape than it may well fit them less."""
 class BranchOptions:
     """Which stages run, and how; each switch is one column of the ablation.
 
-    ``mode``: ``paper`` puts source B beside A, both from G0, without gates; ``default`` sets a drift right first, carries
-    on from A, keeps a stage only where the masks do not speak against it, and at last puts the Gaussians as far
+    ``mode``: ``paper`` puts source B beside A, both from G0, without gates; ``default`` sets a drift right first,
+    carries on from A, keeps a stage only where the masks do not speak against it, and at last puts the Gaussians as far
     inside their surface as the masks say (a part of ``appearance``). ``compat="official"`` reproduces the released
     code's sampling of masks and its centre of the shrink. ``tau``, ``eta``, ``lambda_max``: the soft hull's (released
     constants).
@@ -197,7 +197,9 @@ class _Branch:
         supports = self._seen.support(of_a), self._seen.support(of_b)
         fused = np.asarray(self._parts.fusion.fuse(of_a, of_b, *supports), dtype=np.float64)
         if fused.shape != of_a.shape or not np.isfinite(fused).all():
-            raise GeometryError(f"The fusion strategy returned centres of shape {fused.shape}, or not finite.")
+            raise GeometryError(
+                f"The fusion strategy returned centres of shape {fused.shape}, or not finite."
+            )
         return fused
 
     def better(self, out: Reconstruction, b: Reconstruction) -> Reconstruction:
@@ -228,7 +230,9 @@ class _Branch:
             now, was = self._iou(out), self._iou(g0)
         if not now < was - MUCH:
             return out
-        reason = f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. G0 is the output."
+        reason = (
+            f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. G0 is the output."
+        )
         measures = {"mask_iou": now}, {"mask_iou": was}
         return self.told(
             g0, StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
@@ -240,7 +244,9 @@ class _Branch:
         """``moved`` where the views do not speak against it; always in paper mode, which has no gate."""
         (before, faces), (after, _) = outlined(thing), outlined(moved)
         if np.array_equal(before, after):
-            report = StageReport(stage, "skipped", "Nothing was to be moved.", seconds=time.perf_counter() - began)
+            report = StageReport(
+                stage, "skipped", "Nothing was to be moved.", seconds=time.perf_counter() - began
+            )
             return self.told(thing, report)
         gate = accept(before, after, self._views, faces=faces)
         kept = gate.accepted or self._options.mode == "paper"
@@ -252,5 +258,3 @@ class _Branch:
     def _iou(self, thing: Reconstruction) -> float:
         points, faces = outlined(thing)
         return symmetric_iou(points, self._views, faces=faces)
-
-

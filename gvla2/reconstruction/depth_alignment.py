@@ -1,89 +1,57 @@
 """Depth maps as evidence with errors of their own: one joint, robust solve of what each view has wrong.
 
 Depth of view i is believed up to a smooth factor exp(B_i(u) theta_i): a scale, a tilt across the object, its relief,
-and a coarse field. The unknowns of all views are found together, from three witnesses: other views that see the same
-surface, the visual hull, before which and behind which no surface can lie, and the size that such errors have. How
-large the errors and the noise are is estimated from what is left over, round by round.
+and a coarse field. The unknowns of all views are found together (scipy's least squares, Cauchy loss) from
+
+    r_pair   = n . (p_i - q_j) / sigma          samples of one view against planes through another's points
+    r_hull   = log d - log d_front, d_back      no surface lies before or behind the visual hull, most lie near its front
+    r_prior  = theta / spread                   how large such errors are
+
+The noise sigma and the spread of tilts are estimated from what is left over, round by round: first with stiff terms
+alone, then with the field. An estimate's poses are calibrated away before (see ``evidence``): with masks and depth on the
+same pixels, what a wrong pose does to depth is a tilt, a scale and a field, so that no pose is solved for.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.ndimage import map_coordinates
 
-from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.depth_looks import KNOTS, LOW, Link, Look, linked, look_at, turned
 
-SAMPLES = 300
-KNOTS = 5
-ROUNDS = 8
-FIELD = 0.02
-FLOOR = 0.1
-STIFF = 4
-SHARE = 0.5
-EM = 1
-HULL = 1.0
-DRAW = 0.15
-RELIEF = 0.03
-TELL = False
-LOW = 4  # scale, tilt in x and y, relief
-WIDE = np.array([0.3, 0.1, 0.1, 0.1])
-ALIKE = 0.8
-STEEP = 0.3
-GAP = 0.06
+ROUNDS, STIFF = 8, 4
+"""Rounds of matching and solving, and how many of them keep the field still."""
+SCALE, TILT, RELIEF = 0.3, 0.1, 0.03
+"""Standard deviations of log scale, tilt and relief before anything is known; the tilt's is then estimated."""
+STILL = 1e-3
+"""The field's standard deviation while it is kept still."""
 CAUCHY = 2.4
-PIXEL_SHARE = 1.0
+"""Standard deviations beyond which a pair counts less and less."""
+DRAW, GAP = 0.15, 0.06
+"""How strongly depth is drawn to the hull's front, from within this share of the hull's thickness."""
+GATE = 0.10
+"""Largest relative distance of a pair at first."""
+UNEVEN = 0.5
+"""The field's knots leave at least this share of its size unexplained."""
 
 
 @dataclass(frozen=True)
 class Aligned:
-    """``depth`` (S, H, W) metres after correction, NaN where unknown; ``sigma`` relative noise left; ``theta`` (S, P)."""
+    """Depth after correction, and how far to trust it.
+
+    ``depth`` (S, H, W) metres, NaN where unknown or where a view could not be used; ``std`` (S, H, W) relative standard
+    deviation; ``theta`` (S, P) what was wrong: log scale, two tilts, relief, field.
+    """
 
     depth: FloatArray
     std: FloatArray
-    sigma: float
     theta: FloatArray
-
-
-class _Basis:
-    """Columns of B_i(u) at pixels of one view."""
-
-    def __init__(self, depth: FloatArray) -> None:
-        rows, columns = np.nonzero(np.isfinite(depth))
-        self.low = np.array([columns.min(), rows.min()]) + 0.5
-        self.size = np.maximum(np.array([np.ptp(columns), np.ptp(rows)]), 1)
-        self.middle = float(np.median(np.log(depth[rows, columns])))
-
-    def at(self, uv: FloatArray, log_depth: FloatArray) -> FloatArray:
-        """(N, P)."""
-        t = np.clip((uv - self.low) / self.size, 0, 1)  # (N, 2)
-        columns = [np.ones(len(uv)), 2 * t[:, 0] - 1, 2 * t[:, 1] - 1, (log_depth - self.middle)]
-        knots = np.arange(KNOTS)
-        hat = [np.maximum(0, 1 - np.abs(t[:, a, None] * (KNOTS - 1) - knots)) for a in (0, 1)]
-        hat = [h * h * (3 - 2 * h) for h in hat]
-        field = (hat[0][:, :, None] * hat[1][:, None, :]).reshape(len(uv), -1)
-        return np.concatenate([np.stack(columns, axis=1), field], axis=1)
-
-
-@dataclass(frozen=True)
-class _Look:
-    camera: Camera
-    log_depth: FloatArray  # (H, W), NaN where not solid
-    normals: FloatArray  # (H, W, 3)
-    basis: _Basis
-    all_rays: FloatArray  # (H, W, 3)
-    pixels: NDArray[np.intp]  # (N, 2)
-    at: FloatArray  # (N,) log depth
-    rays: FloatArray  # (N, 3)
-    normal: FloatArray  # (N, 3)
-    design: FloatArray  # (N, P)
-    nearest: FloatArray  # (N,) log depth of the hull's front and back
-    farthest: FloatArray
 
 
 def align(
@@ -94,233 +62,120 @@ def align(
     ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``front`` and ``back`` (S, H, W) are the depths
     between which the visual hull lies, NaN outside it.
     """
-    looks = [_look(*each) for each in zip(views, depth, solid, front, back, strict=True)]
+    looks = [look_at(*each) for each in zip(views, depth, solid, front, back, strict=True)]
     size = LOW + KNOTS * KNOTS
     theta = np.zeros((len(looks), size))
     for s, look in enumerate(looks):
         if look is not None:
-            theta[s, 0] = _within(look)
-    sigma = 0.02
-    pixel = float(np.median([1 / v.camera.K[0, 0] for v in views]))
-    gate = 0.10
-    spread_of = np.concatenate([WIDE, np.full(size - LOW, FIELD)])
-    spread_of[3] = RELIEF
-    field = 1e-3
-    covariance = np.eye(theta.size)
-    spread_of[LOW:] = field
+            theta[s, 0] = look.scale_within_hull()
+    pixel = float(np.median([1 / view.camera.K[0, 0] for view in views]))
+    sigma, gate, field, tilt = 0.02, GATE, STILL, TILT
+    covariance, rows = np.eye(theta.size), 0
     for number in range(ROUNDS):
         if 0 < number <= STIFF:
-            looks = [None if a is None else _turned(a, theta[s]) for s, a in enumerate(looks)]
-        links = _links(looks, theta, gate)
-        problem = _Problem(looks, links, sigma, spread_of, max(PIXEL_SHARE * pixel, sigma), theta.shape)
+            looks = [None if look is None else turned(look, theta[s]) for s, look in enumerate(looks)]
+        spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(size - LOW, field)])
+        problem = _Problem(looks, linked(looks, theta, gate), sigma, max(pixel, sigma), spread)
         answer = least_squares(
-            problem.residuals, theta.ravel(), problem.jacobian, loss=problem.loss, method="trf",
-            tr_solver="exact", max_nfev=6, x_scale=1 / problem.prior, ftol=1e-4, xtol=1e-5,
+            problem.residuals, theta.ravel(), problem.jacobian, loss=problem.loss,
+            max_nfev=6, x_scale=1 / problem.prior, ftol=1e-4, xtol=1e-5,
         )  # fmt: skip
         theta = answer.x.reshape(theta.shape)
-        left = problem.gaps(theta)
-        if len(left) == 0:
+        jacobian = np.asarray(answer.jac)
+        covariance, rows = np.linalg.inv(jacobian.T @ jacobian), problem.data
+        gaps = problem.gaps(theta)
+        if len(gaps) == 0:
             break
-        spread = float(1.4826 * np.median(np.abs(left)) / np.sqrt(2))
-        stiff = number < STIFF
+        left = float(1.4826 * np.median(np.abs(gaps)) / np.sqrt(2))
         if number == STIFF - 1:
-            field = max(spread, 1e-4)
-        sigma = max(spread, FLOOR * pixel, 0.0 if stiff else SHARE * field)
-        covariance = np.linalg.inv(answer.jac.T @ answer.jac)
+            field = max(left, 1e-4)  # what stiff terms leave over is the field's
+        sigma = max(left, 0.1 * pixel, UNEVEN * field if number >= STIFF else 0.0)
+        # How large tilts are: their posterior second moment, the mean over the views (MacKay's evidence).
         moment = theta**2 + np.diag(covariance).reshape(theta.shape)
-        own = moment if EM else theta**2 + 1e-6
-        spread_of = np.concatenate([
-            [WIDE[0]], np.full(2, np.sqrt(own[:, 1:3].mean())), [RELIEF],
-            np.full(size - LOW, field),
-        ])
-        if TELL: print("   ", number, "sigma %.4f" % sigma, np.round(spread_of[:5], 4), "links", problem.data, "cost", round(answer.cost), "nfev", answer.nfev)
-        gate = float(np.clip(5 * spread, 4 * pixel, 0.10))
+        tilt = float(np.sqrt(moment[:, 1:3].mean()))
+        gate = float(np.clip(5 * left, 4 * pixel, GATE))
     # Rows that share a knot share an error, and count once.
-    covariance = covariance * max(1.0, problem.data / (len(looks) * KNOTS * KNOTS))
-    corrected, spread_map = np.array(depth), np.full(depth.shape, np.nan)
-    for s, (look, view) in enumerate(zip(looks, views, strict=True)):
+    covariance = covariance * max(1.0, rows / (len(looks) * KNOTS * KNOTS))
+    return _corrected(depth, looks, theta, covariance, sigma)
+
+
+def _corrected(
+    depth: FloatArray, looks: Sequence[Look | None], theta: FloatArray, covariance: FloatArray, sigma: float
+) -> Aligned:
+    corrected, std = np.full(depth.shape, np.nan), np.full(depth.shape, np.nan)
+    size = theta.shape[1]
+    for s, look in enumerate(looks):
         if look is None:
-            corrected[s] = np.nan
             continue
         known = np.isfinite(depth[s])
-        uv = view.camera.pixel_centres()[known]
         log = np.log(depth[s][known])
-        design = look.basis.at(uv, log)
-        corrected[s][known] = np.exp(log + design @ theta[s])
+        design = look.basis.at(look.camera.pixel_centres()[known], log)
         own = covariance[s * size : (s + 1) * size, s * size : (s + 1) * size]
-        spread_map[s][known] = np.sqrt(np.einsum("np,pq,nq->n", design, own, design) + sigma**2)
-    return Aligned(corrected, spread_map, sigma, theta)
-
-
-def _look(view, depth, solid, front, back) -> _Look | None:
-    _, rays = view.camera.rays()
-    normals = surface_normals(depth, rays)
-    usable = solid & np.isfinite(depth) & np.isfinite(front) & np.isfinite(back)
-    rows, columns = np.nonzero(usable)
-    if len(rows) < 30:
-        return None
-    chosen = np.linspace(0, len(rows) - 1, min(SAMPLES, len(rows))).astype(int)
-    rows, columns = rows[chosen], columns[chosen]
-    basis = _Basis(depth)
-    uv = np.stack([columns, rows], axis=1) + 0.5
-    at = np.log(depth[rows, columns])
-    return _Look(
-        view.camera, np.where(solid, np.log(depth), np.nan), normals, basis, rays,
-        np.stack([columns, rows], axis=1), at, rays[rows, columns],
-        normals[rows, columns], basis.at(uv, at), np.log(front[rows, columns]), np.log(back[rows, columns]),
-    )  # fmt: skip
-
-
-def _turned(look: _Look, theta: FloatArray) -> _Look:
-    """The look with the normals of its corrected surface."""
-    known = np.isfinite(look.log_depth)
-    depth = np.full(known.shape, np.nan)
-    log = look.log_depth[known]
-    design = look.basis.at(look.camera.pixel_centres()[known], log)
-    depth[known] = np.exp(log + design @ theta)
-    normals = surface_normals(depth, look.all_rays)
-    at = look.pixels
-    return replace(look, normals=normals, normal=normals[at[:, 1], at[:, 0]])
-
-
-def surface_normals(depth: FloatArray, rays: FloatArray) -> FloatArray:
-    """(H, W, 3) unit normals towards the camera of a depth map (H, W) on ``rays`` (H, W, 3); NaN at its rim."""
-    points = rays * depth[..., None]
-    across, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
-    across[:, 1:-1] = points[:, 2:] - points[:, :-2]
-    down[1:-1] = points[2:] - points[:-2]
-    normals = np.cross(down, across)  # v points down: this one looks back at the camera
-    return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
-
-
-def _within(look: _Look) -> float:
-    """The log scale that puts most of a view's depth into the hull, nearest to its front."""
-    low, high = look.nearest - look.at, look.farthest - look.at
-    tried = np.linspace(np.quantile(low, 0.02), np.quantile(high, 0.98), 200)
-    cost = [
-        np.minimum(np.maximum(low - t, 0) + np.maximum(t - high, 0), 0.05).mean()
-        + 0.05 * np.minimum(np.abs(low - t), 0.1).mean()
-        for t in tried
-    ]
-    return float(tried[int(np.argmin(cost))])
-
-
-@dataclass(frozen=True)
-class _Link:
-    """Samples of view i and the pixels of view j that see the same surface: planes through the latter's points."""
-
-    i: int
-    j: int
-    which: NDArray[np.int64]  # (N,) samples of i
-    at: FloatArray  # (N,) log depth in j
-    rays: FloatArray  # (N, 3) of j
-    design: FloatArray  # (N, P) of j
-    normal: FloatArray  # (N, 3)
-
-
-def _links(looks, theta, gate) -> list[_Link]:
-    links = []
-    for i, a in enumerate(looks):
-        for j, b in enumerate(looks):
-            if i == j or a is None or b is None:
-                continue
-            link = _link(i, j, a, b, theta)
-            gap, weight = _gap(link, a, b, theta)
-            alike = np.einsum("nk,nk->n", a.normal[link.which], link.normal)
-            kept = (np.abs(gap * weight) < gate) & (alike > ALIKE)
-            if kept.any():
-                links.append(_Link(i, j, *(x[kept] for x in (link.which, link.at, link.rays, link.design, link.normal))))
-    return links
-
-
-def _link(i, j, a, b, theta) -> _Link:
-    points = a.camera.position + a.rays * np.exp(a.at + a.design @ theta[i])[:, None]
-    uv, z = b.camera.project(points)
-    pixel = np.where((b.camera.inside(uv) & (z > 0))[:, None], np.nan_to_num(uv), 0).astype(np.intp)
-    there = b.log_depth[pixel[:, 1], pixel[:, 0]]
-    known = np.isfinite(there) & b.camera.inside(uv) & (z > 0)
-    known &= np.isfinite(b.normals[pixel[:, 1], pixel[:, 0], 0]) & np.isfinite(a.normal[:, 0])
-    which = np.flatnonzero(known)
-    pixel, there = pixel[known], there[known]
-    design = b.basis.at(pixel + 0.5, there)
-    return _Link(i, j, which, there, b.all_rays[pixel[:, 1], pixel[:, 0]], design, b.normals[pixel[:, 1], pixel[:, 0]])
-
-
-def _gap(k, a, b, theta):
-    """Distances of the samples from the planes, in relative depth, and (N,) factor ..."""
-    far = np.exp(a.at[k.which] + a.design[k.which] @ theta[k.i])
-    near = np.exp(k.at + k.design @ theta[k.j])
-    slope_a = np.einsum("nk,nk->n", k.normal, a.rays[k.which]) * far
-    slope_b = np.einsum("nk,nk->n", k.normal, k.rays) * near
-    apart = slope_a - slope_b + k.normal @ (a.camera.position - b.camera.position)
-    weight = np.sqrt(np.maximum(slope_a**2, (STEEP * far) ** 2) + np.maximum(slope_b**2, (STEEP * near) ** 2)) / np.sqrt(2)
-    return apart / weight, np.ones(len(far))
+        corrected[s][known] = np.exp(log + design @ theta[s])
+        std[s][known] = np.sqrt(np.einsum("np,np->n", design @ own, design) + sigma**2)
+    return Aligned(corrected, std, theta)
 
 
 class _Problem:
-    def __init__(self, looks, links, sigma, tau, tolerance, shape) -> None:
-        self.looks, self.links, self.shape = looks, links, shape
-        self.sigma, self.tolerance = sigma, tolerance
-        self.prior = np.tile(1 / tau, shape[0])
-        self.data = sum(len(k.which) for k in links)
-        self.hinges = 2 * sum(len(k.at) for k in looks if k is not None)
+    """Residuals of all unknowns theta (S * P,), their Jacobian and their loss.
 
-    def residuals(self, x):
+    ``sigma`` relative noise of depth; ``edge`` relative width of the hull's surface; ``spread`` (P,) of the unknowns.
+    """
+
+    def __init__(
+        self, looks: Sequence[Look | None], links: Sequence[Link], sigma: float, edge: float, spread: FloatArray
+    ) -> None:
+        self.shape = len(looks), len(spread)
+        self._looks = [(s, look) for s, look in enumerate(looks) if look is not None]
+        self._links, self._sigma, self._edge = links, np.sqrt(2) * sigma, edge
+        self.prior = np.tile(1 / spread, len(looks))
+        self.data = sum(len(link.which) for link in links)
+        self._hull = 2 * sum(len(look.at) for _, look in self._looks)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
         theta = x.reshape(self.shape)
-        parts = []
-        for k in self.links:
-            gap, _ = _gap(k, self.looks[k.i], self.looks[k.j], theta)
-            parts.append(gap / (np.sqrt(2) * self.sigma))
-        for s, a in enumerate(self.looks):
-            if a is None:
-                continue
-            now = a.at + a.design @ theta[s]
-            parts.append((now - a.nearest) / self._width(a, now))
-            parts.append(HULL * np.maximum(now - a.farthest, 0) / self.tolerance)
+        parts = [link.gap(theta) / self._sigma for link in self._links]
+        for s, look in self._looks:
+            now = look.at + look.design @ theta[s]
+            parts += [(now - look.nearest) / self._width(look, now)]
+            parts += [np.maximum(now - look.farthest, 0) / self._edge]
         return np.concatenate([*parts, x * self.prior])
 
-    def _width(self, a, now):
-        thick = np.maximum(GAP * (a.farthest - a.nearest), self.tolerance)
-        return np.where(now < a.nearest, self.tolerance / HULL, thick / DRAW)
-
-    def jacobian(self, x):
-        theta = x.reshape(self.shape)
-        size = self.shape[1]
-        J = np.zeros((self.data + self.hinges + len(x), len(x)))
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        theta, size = x.reshape(self.shape), self.shape[1]
+        made = np.zeros((self.data + self._hull + len(x), len(x)))
         row = 0
-        for k in self.links:
-            a, b = self.looks[k.i], self.looks[k.j]
-            far = np.exp(a.at[k.which] + a.design[k.which] @ theta[k.i])
-            near = np.exp(k.at + k.design @ theta[k.j])
-            slope_a = np.einsum("nk,nk->n", k.normal, a.rays[k.which]) * far
-            slope_b = np.einsum("nk,nk->n", k.normal, k.rays) * near
-            weight = np.sqrt(np.maximum(slope_a**2, (STEEP * far) ** 2) + np.maximum(slope_b**2, (STEEP * near) ** 2))
-            weight = weight * self.sigma
-            rows = slice(row, row + len(k.which))
-            J[rows, k.i * size : (k.i + 1) * size] = (slope_a / weight)[:, None] * a.design[k.which]
-            J[rows, k.j * size : (k.j + 1) * size] = -(slope_b / weight)[:, None] * k.design
-            row += len(k.which)
-        for s, a in enumerate(self.looks):
-            if a is None:
-                continue
-            now = a.at + a.design @ theta[s]
-            for weight in (1 / self._width(a, now), HULL * (now > a.farthest) / self.tolerance):
-                J[row : row + len(now), s * size : (s + 1) * size] = weight[:, None] * a.design
+        for link in self._links:
+            rows = slice(row, row + len(link.which))
+            of_i, of_j = link.slopes(theta)
+            made[rows, link.i * size : (link.i + 1) * size] = of_i / self._sigma
+            made[rows, link.j * size : (link.j + 1) * size] = of_j / self._sigma
+            row = rows.stop
+        for s, look in self._looks:
+            now = look.at + look.design @ theta[s]
+            for weight in (1 / self._width(look, now), (now > look.farthest) / self._edge):
+                made[row : row + len(now), s * size : (s + 1) * size] = weight[:, None] * look.design
                 row += len(now)
-        J[row:] = np.diag(self.prior)
-        return J
+        made[row:] = np.diag(self.prior)
+        return made
 
-    def loss(self, z):
-        """Cauchy for what views say, squares for what errors are like."""
-        rho = np.empty((3, len(z)))
-        told = self.data + self.hinges
-        rho[0], rho[1], rho[2] = z, 1.0, 0.0
-        c = np.concatenate([np.full(self.data, CAUCHY**2), np.ones(self.hinges)])
-        rho[0, :told] = c * np.log1p(z[:told] / c)
-        rho[1, :told] = 1 / (1 + z[:told] / c)
-        # Without the second derivative each step is a reweighted least squares, which never overshoots.
+    def _width(self, look: Look, now: FloatArray) -> FloatArray:
+        """Relative depth that counts as one deviation: little before the hull's front, much behind it."""
+        behind = np.maximum(GAP * (look.farthest - look.nearest), self._edge) / DRAW
+        return np.where(now < look.nearest, self._edge, behind)
+
+    def loss(self, z: FloatArray) -> FloatArray:
+        """Cauchy for what pairs and hull say, squares for what errors are like.
+
+        Without the second derivative each step is a reweighted least squares, which never overshoots.
+        """
+        told = self.data + self._hull
+        width = np.concatenate([np.full(self.data, CAUCHY**2), np.ones(self._hull)])
+        rho = np.stack([z, np.ones_like(z), np.zeros_like(z)])
+        rho[0, :told] = width * np.log1p(z[:told] / width)
+        rho[1, :told] = 1 / (1 + z[:told] / width)
         return rho
 
-    def gaps(self, theta):
-        found = [_gap(k, self.looks[k.i], self.looks[k.j], theta)[0] for k in self.links]
-        return np.concatenate(found) if found else np.zeros(0)
+    def gaps(self, theta: FloatArray) -> FloatArray:
+        """Relative distances of all pairs."""
+        return np.concatenate([link.gap(theta) for link in self._links] or [np.zeros(0)])

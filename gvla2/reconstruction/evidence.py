@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
-from gvla2.reconstruction.depth_alignment import Aligned, align, surface_normals
+from gvla2.reconstruction.depth_alignment import Aligned, align
+from gvla2.reconstruction.depth_looks import surface_normals
 from gvla2.reconstruction.sim3 import align_cameras
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.zbuffer import depth_map
@@ -24,6 +25,8 @@ LEAST_COVERAGE = 0.05
 """Least share of the masks' pixels that must have depth."""
 GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
+_THROUGH = 4.0
+"""Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
 _NODES = np.linspace(-3.0, 3.0, 25)
 
 
@@ -67,14 +70,17 @@ def gather(estimate: GeometryEstimate, views: Views, hull: Mesh) -> DepthEvidenc
     if usable.sum() < 2:
         # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
         depth = depth / np.where(usable, rough, 1.0)[:, None, None]
-        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan), np.zeros((len(depth), 1)), 1e-3)
+        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan), np.zeros((len(depth), 1)))
     else:
         aligned = align(depth, solid_pixels(depth, jump), views, front, back)
     believed = _within_hull(aligned, front, back)
     rays = [view.camera.rays()[1] for view in views]
     normals = np.stack([surface_normals(d, r) for d, r in zip(believed, rays, strict=True)])
+    sight = looked_through(believed, aligned.std, views)
     with np.errstate(divide="ignore", invalid="ignore"):
-        weight = np.nan_to_num(confidence / aligned.std**2)
+        weight = np.where(sight, 0.0, np.nan_to_num(confidence / aligned.std**2))
+    if not (weight > 0).any():
+        raise GeometryError("No depth of the prior agrees with another view's.")
     typical = float(np.median(weight[weight > 0]))
     spread = float(np.nanmedian(aligned.std))
     told = f"{int(usable.sum())} of {len(views)} views used, depth right to {100 * spread:.2f} %."
@@ -101,8 +107,33 @@ def solid_pixels(depth: FloatArray, jump: float) -> NDArray[np.bool_]:
     bend[:, :, 1:-1] = np.abs(depth[:, :, 2:] + depth[:, :, :-2] - 2 * depth[:, :, 1:-1])
     bend[:, 1:-1] = np.fmax(bend[:, 1:-1], np.abs(depth[:, 2:] + depth[:, :-2] - 2 * depth[:, 1:-1]))
     known = np.isfinite(depth)
-    inner = np.stack([binary_erosion(k, np.ones((3, 3))) for k in known])
+    inner = np.stack([binary_erosion(k, np.ones((3, 3), dtype=np.bool_)) for k in known])
     return np.asarray(inner & ~(bend >= jump))
+
+
+def looked_through(depth: FloatArray, std: FloatArray, views: Views) -> NDArray[np.bool_]:
+    """(S, H, W) pixels that look through more points of other views' surfaces than they agree with.
+
+    They would carve away what the others see: outliers that lie too deep. Beyond an edge nothing is seen through.
+    """
+    found = np.zeros(depth.shape, dtype=np.bool_)
+    usual = float(np.nanmedian(std))
+    points = [view.camera.backproject(d) for view, d in zip(views, depth, strict=True)]
+    height, width = depth.shape[1:]
+    for s, view in enumerate(views):
+        least = minimum_filter(np.where(np.isfinite(depth[s]), depth[s], np.inf), 3)
+        balance = np.zeros(height * width)
+        for t in range(len(depth)):
+            if t == s:
+                continue
+            uv, z = view.camera.project(points[t][np.isfinite(depth[t])])
+            column, row = uv[view.camera.inside(uv)].astype(np.intp).T
+            z = z[view.camera.inside(uv)]
+            apart = z / least[row, column] - 1
+            vote = np.where(apart < -_THROUGH * usual - 0.02, 1.0, np.where(apart < _THROUGH * usual + 0.02, -1.0, 0.0))
+            balance += np.bincount(row * width + column, vote * np.isfinite(least[row, column]), height * width)
+        found[s] = uniform_filter(balance.reshape(height, width), 3) > 0.1
+    return found
 
 
 def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, FloatArray]:

@@ -47,9 +47,15 @@ def _cross(vertices: FloatArray, faces: NDArray[np.int64], crossings: NDArray[np
             continue
         sign = 1 if area < 0 else -1
         # A hair's breadth off the lines: vertices of marching cubes lie on them.
-        for i in range(max(int(np.ceil(min(a[0], b[0], c[0]))) - 1, 0), min(int(np.floor(max(a[0], b[0], c[0]))) + 1, nx - 1) + 1):
+        for i in range(
+            max(int(np.ceil(min(a[0], b[0], c[0]))) - 1, 0),
+            min(int(np.floor(max(a[0], b[0], c[0]))) + 1, nx - 1) + 1,
+        ):
             x = i + 1.234e-5
-            for j in range(max(int(np.ceil(min(a[1], b[1], c[1]))) - 1, 0), min(int(np.floor(max(a[1], b[1], c[1]))) + 1, ny - 1) + 1):
+            for j in range(
+                max(int(np.ceil(min(a[1], b[1], c[1]))) - 1, 0),
+                min(int(np.floor(max(a[1], b[1], c[1]))) + 1, ny - 1) + 1,
+            ):
                 y = j + 2.345e-5
                 p = ((b[0] - x) * (c[1] - y) - (b[1] - y) * (c[0] - x)) / area
                 q = ((c[0] - x) * (a[1] - y) - (c[1] - y) * (a[0] - x)) / area

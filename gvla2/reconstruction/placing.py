@@ -23,7 +23,12 @@ _SLANT = 0.15
 
 
 def place(
-    old: Gaussians, worn: Mesh | None, mesh: Mesh, normals: FloatArray, shown: Sequence[Silhouette], tolerance: float
+    old: Gaussians,
+    worn: Mesh | None,
+    mesh: Mesh,
+    normals: FloatArray,
+    shown: Sequence[Silhouette],
+    tolerance: float,
 ) -> Gaussians:
     """As many Gaussians as ``old``, within a few per cent, evenly spread over ``mesh``.
 
@@ -66,9 +71,9 @@ def _sources(
 ) -> NDArray[np.int64]:
     """(N,) the old Gaussian whose attributes each point takes."""
     there = old.centres.astype(np.float64)
-    _, source = cKDTree(there).query(points, workers=cores())
+    source = np.asarray(cKDTree(there).query(points, workers=cores())[1], dtype=np.int64)
     if worn is None or not len(worn.faces):
-        return np.asarray(source, dtype=np.int64)
+        return source
     best = np.full(len(points), _SLANT)
     for s in shown:
         towards = s.camera.position - points
@@ -82,7 +87,7 @@ def _sources(
         _, near = cKDTree(old_uv[candidates]).query(uv[chosen], workers=cores())
         source[chosen] = candidates[near]
         best[chosen] = facing[chosen]
-    return np.asarray(source, dtype=np.int64)
+    return source
 
 
 def _visible(
@@ -94,4 +99,3 @@ def _visible(
     pixel = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp)
     depth = depth_map(mesh, s.camera)[pixel[:, 1], pixel[:, 0]]
     return uv, np.asarray(inside & (z <= depth + tolerance))
-

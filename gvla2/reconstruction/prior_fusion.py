@@ -19,7 +19,9 @@ from gvla2.reconstruction.zbuffer import depth_map
 STAGE = "prior"
 
 
-def fuse_prior(thing: Reconstruction, seen: ViewSet, prior: GeometryPrior) -> tuple[Reconstruction, StageReport]:
+def fuse_prior(
+    thing: Reconstruction, seen: ViewSet, prior: GeometryPrior
+) -> tuple[Reconstruction, StageReport]:
     """``thing`` with the surface that masks, depth and itself agree on, and its Gaussians on that surface.
 
     Depth is corrected view by view (:mod:`~gvla2.reconstruction.depth_alignment`), fused with masks and G0 in one
@@ -36,7 +38,9 @@ def fuse_prior(thing: Reconstruction, seen: ViewSet, prior: GeometryPrior) -> tu
         if not (posterior.field.values > 0).any():
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:
-        return thing, StageReport(STAGE, "rejected", f"{error} G0 stays.", seconds=time.perf_counter() - began)
+        return thing, StageReport(
+            STAGE, "rejected", f"{error} G0 stays.", seconds=time.perf_counter() - began
+        )
     vertices, faces, normals = surface_of(posterior.field)
     mesh, step = Mesh(vertices, faces), 2 * posterior.field.step
     depths = [depth_map(mesh, s.camera) for s in seen.silhouettes]

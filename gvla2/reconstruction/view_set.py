@@ -31,7 +31,9 @@ class ViewSet:
         names = [view.name for view in self.views]
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:
-            raise GeometryError(f"Views are told apart by their names, and {', '.join(doubled)} stands twice.")
+            raise GeometryError(
+                f"Views are told apart by their names, and {', '.join(doubled)} stands twice."
+            )
 
     def __iter__(self) -> Iterator[View]:
         return iter(self.views)

@@ -41,7 +41,9 @@ class Posterior:
     confidence: NDArray[np.float32]
 
 
-def fuse_volume(hull: Field, evidence: DepthEvidence, views: Views, g0: Mesh | None, surface: Mesh) -> Posterior:
+def fuse_volume(
+    hull: Field, evidence: DepthEvidence, views: Views, g0: Mesh | None, surface: Mesh
+) -> Posterior:
     """The object within ``hull`` (its ``surface`` as a mesh) as the depth maps see it.
 
     Voxels of which no map tells are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be
@@ -73,7 +75,17 @@ def fuse_volume(hull: Field, evidence: DepthEvidence, views: Views, g0: Mesh | N
     for s, view in enumerate(views):
         _, rays = view.camera.rays()
         ends = np.nan_to_num(front[s]), np.nan_to_num(back[s])
-        _cover(values, hull.values, hull.origin, hull.step, view.camera.position, rays, *ends, mask_of(view), SOLID)
+        _cover(
+            values,
+            hull.values,
+            hull.origin,
+            hull.step,
+            view.camera.position,
+            rays,
+            *ends,
+            mask_of(view),
+            SOLID,
+        )
     cavities = binary_fill_holes(values > 0) & (values <= 0)
     values[cavities] = hull.step
     return Posterior(Field(values, hull.origin, hull.step), confidence)
@@ -127,11 +139,15 @@ def _fuse(
                         d00, d01 = depth[a, top, left], depth[a, top, left + 1]
                         d10, d11 = depth[a, top + 1, left], depth[a, top + 1, left + 1]
                         low, high = min(min(d00, d01), min(d10, d11)), max(max(d00, d01), max(d10, d11))
-                        if low > 0 and high - low < jump:  # one surface: between its pixels, not across an edge
+                        if (
+                            low > 0 and high - low < jump
+                        ):  # one surface: between its pixels, not across an edge
                             p, q = u - 0.5 - left, v - 0.5 - top
                             d = (1 - q) * ((1 - p) * d00 + p * d01) + q * ((1 - p) * d10 + p * d11)
                     n = normals[a, row, column]
-                    slope = n[0] * (x - centres[a, 0]) + n[1] * (y - centres[a, 1]) + n[2] * (z - centres[a, 2])
+                    slope = (
+                        n[0] * (x - centres[a, 0]) + n[1] * (y - centres[a, 1]) + n[2] * (z - centres[a, 2])
+                    )
                     cosine = -slope / far
                     # Along the surface's normal: so the maps of one surface measure alike.
                     away = (far - d) * max(cosine, 0.3)
@@ -197,9 +213,9 @@ def _cover(
                 i = int(np.round((centre[0] + ray[0] * t - origin[0]) / step))
                 j = int(np.round((centre[1] + ray[1] * t - origin[1]) / step))
                 k = int(np.round((centre[2] + ray[2] * t - origin[2]) / step))
-                if 0 <= i < nx and 0 <= j < ny and 0 <= k < nz and hull[i, j, k] > -0.5 * step:
-                    if values[i, j, k] > best:
-                        best, bi, bj, bk = values[i, j, k], i, j, k
+                within = 0 <= i < nx and 0 <= j < ny and 0 <= k < nz
+                if within and hull[i, j, k] > -0.5 * step and values[i, j, k] > best:
+                    best, bi, bj, bk = values[i, j, k], i, j, k
                 t += stride
             if best <= 0 and bi >= 0:
                 values[bi, bj, bk] = 0.3 * step

@@ -68,4 +68,6 @@ def _rasterise(
                 if wa >= -1e-9 and wb >= -1e-9 and wc >= -1e-9:
                     # Its inverse, not depth itself, is linear in the image.
                     d = 1.0 / (wa * ia + wb * ib + wc * ic)
-                    depth[row, column] = max(depth[row, column], d) if farthest else min(depth[row, column], d)
+                    depth[row, column] = (
+                        max(depth[row, column], d) if farthest else min(depth[row, column], d)
+                    )

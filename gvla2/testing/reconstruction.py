@@ -91,7 +91,9 @@ def check_axis(axis: AxisCompensation) -> None:
         moved = require_array(fit.apply(given), (len(given), 3), f"The fit applied to {what}")
         off = float(np.linalg.norm(moved - given, axis=1).max())
         require(off < inputs.RED.side, f"The fit moves {what} by {off:.3f} m: farther than it is wide.")
-        require(fit.accepted or off == 0.0, "A fit that is not accepted must leave all points where they are.")
+        require(
+            fit.accepted or off == 0.0, "A fit that is not accepted must leave all points where they are."
+        )
 
 
 def check_fusion(fusion: FusionStrategy) -> None:

@@ -36,7 +36,7 @@ class DepthPrior:
             raise ConfigurationError(f"prior.slope must be a number >= 0, got {config.slope}.")
         if config.noise not in NOISES:
             raise ConfigurationError(f"prior.noise is '{config.noise}'; available: {', '.join(NOISES)}.")
-        parts = {k: v for k, v in vars(config.learned).items()} | {
+        parts = dict(vars(config.learned)) | {
             k: v for k, v in vars(config).items() if k.startswith("sensor_")
         }
         wrong = [k for k, v in parts.items() if not 0 <= v < float("inf")]

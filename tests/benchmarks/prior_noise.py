@@ -11,7 +11,6 @@ import argparse
 import pickle
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned, sensor
 
-CLEAN = dict(global_scale=0.0, low_frequency=0.0, pose_degrees=0.0, pose_shift=0.0, edge_blur=0.0)
+CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
 NOISES = {
     "exact": None,
     "low1": {**CLEAN, "low_frequency": 0.01},
@@ -66,7 +65,7 @@ def prepared(item, dataset):
 
 
 def main() -> None:
-    from gvla2.reconstruction.carving import hull_field, surface_of
+    from gvla2.reconstruction.carving import hull_field
     from gvla2.reconstruction.evidence import gather
     from gvla2.reconstruction.volume import fuse_volume
 
@@ -102,11 +101,22 @@ def main() -> None:
                 spent = time.perf_counter() - began
                 found[row] = cd(made, truth) if made is not None and len(made.faces) else found["g0"]
             table.append(list(found.values()))
-            print(f"{item.name:20s} " + "  ".join(f"{k} {v:6.2f}" for k, v in found.items()), f"{spent:.1f}s", flush=True)
+            print(
+                f"{item.name:20s} " + "  ".join(f"{k} {v:6.2f}" for k, v in found.items()),
+                f"{spent:.1f}s",
+                flush=True,
+            )
         t = np.array(table)
         change = 100 * (t.mean(0) / t.mean(0)[0] - 1)
         worst = 100 * (t / t[:, :1] - 1).max(0)
-        print("MEAN                 " + "  ".join(f"{k} {v:6.2f} {c:+.0f}% (worst {w:+.0f}%)" for k, v, c, w in zip(found, t.mean(0), change, worst)), flush=True)
+        print(
+            "MEAN                 "
+            + "  ".join(
+                f"{k} {v:6.2f} {c:+.0f}% (worst {w:+.0f}%)"
+                for k, v, c, w in zip(found, t.mean(0), change, worst, strict=True)
+            ),
+            flush=True,
+        )
         if "carve" in found and "ours" in found:
             names = list(found)
             wins = (t[:, names.index("ours")] <= t[:, names.index("carve")]).mean()

@@ -29,7 +29,6 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.appearance import fit_affine
-from gvla2_plugins.axes.axis import AxisOptions, compensate
 from gvla2.reconstruction.branch import refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
@@ -38,6 +37,7 @@ from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.visual_hull import object_centre, soft_hull
+from gvla2_plugins.axes.axis import AxisOptions, compensate
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"
