@@ -93,8 +93,8 @@ def measure_object(
     """Measure cells of one object and one baseline, in their order.
 
     ``parts_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor that is the same
-    object for two of them is run once. The seconds of the baseline row are those of the reconstruction, those of any other row the branch's alone.
-    A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
+    object for two of them is run once. The seconds of the baseline row are those of the reconstruction, those of any
+    other row its own alone. A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
     """
     judge: Judge | None = None
     first: dict[int, tuple[Reconstruction, float]] = {}

@@ -4,18 +4,19 @@ Depth of view i is believed up to a smooth factor exp(B_i(u) theta_i): a scale, 
 and a coarse field. The unknowns of all views are found together (scipy's least squares, Cauchy loss) from
 
     r_pair   = n . (p_i - q_j) / sigma          samples of one view against planes through another's points
-    r_hull   = log d - log d_front, d_back      no surface lies before or behind the visual hull, most lie near its front
+    r_hull   = log d - log d_front, d_back      surfaces lie within the visual hull, most of them near its front
     r_prior  = theta / spread                   how large such errors are
 
 The noise sigma and the spread of tilts are estimated from what is left over, round by round: first with stiff terms
-alone, then with the field. An estimate's poses are calibrated away before (see ``evidence``): with masks and depth on the
-same pixels, what a wrong pose does to depth is a tilt, a scale and a field, so that no pose is solved for.
+alone, then with the field. An estimate's poses are dropped before (see ``evidence``): with masks and depth on the same
+pixels, what a wrong pose does to depth is a tilt, a scale and a field, so that no pose is solved for.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,7 +78,7 @@ def align(
         spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(size - LOW, field)])
         problem = _Problem(looks, linked(looks, theta, gate), sigma, max(pixel, sigma), spread)
         answer = least_squares(
-            problem.residuals, theta.ravel(), problem.jacobian, loss=problem.loss,
+            problem.residuals, theta.ravel(), problem.jacobian, loss=cast(Any, problem.loss),
             max_nfev=6, x_scale=1 / problem.prior, ftol=1e-4, xtol=1e-5,
         )  # fmt: skip
         theta = answer.x.reshape(theta.shape)
@@ -123,7 +124,12 @@ class _Problem:
     """
 
     def __init__(
-        self, looks: Sequence[Look | None], links: Sequence[Link], sigma: float, edge: float, spread: FloatArray
+        self,
+        looks: Sequence[Look | None],
+        links: Sequence[Link],
+        sigma: float,
+        edge: float,
+        spread: FloatArray,
     ) -> None:
         self.shape = len(looks), len(spread)
         self._looks = [(s, look) for s, look in enumerate(looks) if look is not None]

@@ -130,8 +130,12 @@ def looked_through(depth: FloatArray, std: FloatArray, views: Views) -> NDArray[
             column, row = uv[view.camera.inside(uv)].astype(np.intp).T
             z = z[view.camera.inside(uv)]
             apart = z / least[row, column] - 1
-            vote = np.where(apart < -_THROUGH * usual - 0.02, 1.0, np.where(apart < _THROUGH * usual + 0.02, -1.0, 0.0))
-            balance += np.bincount(row * width + column, vote * np.isfinite(least[row, column]), height * width)
+            vote = np.where(
+                apart < -_THROUGH * usual - 0.02, 1.0, np.where(apart < _THROUGH * usual + 0.02, -1.0, 0.0)
+            )
+            balance += np.bincount(
+                row * width + column, vote * np.isfinite(least[row, column]), height * width
+            )
         found[s] = uniform_filter(balance.reshape(height, width), 3) > 0.1
     return found
 

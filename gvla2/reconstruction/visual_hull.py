@@ -120,6 +120,6 @@ def _shrink(
             continue
         # A huge exponent would only make the sigmoid 0, as it should be.
         sigmoid = 1.0 / (1.0 + np.exp(min((s - tau) / eta, 700.0)))
-        keep = 1.0 - lambda_max * sigmoid * sigmoid
+        strength = lambda_max * sigmoid * sigmoid
         for k in range(3):
-            moved[n, k] = c[k] + (points[n, k] - c[k]) * keep
+            moved[n, k] = points[n, k] - (points[n, k] - c[k]) * strength

@@ -17,7 +17,8 @@ from gvla2.reconstruction.mask_distance import Silhouette, mask_iou
 def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3, farthest: bool = False) -> NDArray[np.float32]:
     """(H, W) float32 depth along the camera's z of the nearest surface at each pixel's centre, inf where none is.
 
-    ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than ``near`` (metres) to the camera's plane are left out.
+    ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than ``near``
+    (metres) to the camera's plane are left out.
     """
     depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
     local = transform_points(camera.camera_from_world, mesh.vertices)
