@@ -58,10 +58,11 @@ class Entry:
     """
 
     mean: float | None
-    deviation: float = 0.0
+    deviation: float | None = None
     change: Change | None = None
     worst: float | None = None
     worst_object: str = ""
+    worse: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,9 @@ class Table:
         """The suite's title and what the cells have in common."""
         return f"{self.layout.title}: " + ", ".join(f"{name} {value}" for name, value in self.group.items())
 
+
+NOTABLE = 2.0
+"""Per cent by which an object must lose to be named among those made worse."""
 
 RECONSTRUCTION = Layout(
     suite="reconstruction",
@@ -177,6 +181,7 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     if not by_seed:
         return Entry(None)
     mean, deviation = mean_and_deviation([_mean(values) for values in by_seed.values()])
+    deviation = deviation if len(by_seed) > 1 else None  # of one seed nothing is known
     ours = {pair: _mean(v) for pair, v in _values(measure, cells, layout.pair).items()}
     theirs = {pair: _mean(v) for pair, v in _values(measure, reference, layout.pair).items()}
     both = [pair for pair in ours if pair in theirs]
@@ -186,7 +191,14 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     sign = 1 if measure.better == "lower" else -1
     losses = {pair: sign * 100 * (ours[pair] / theirs[pair] - 1) for pair in both if theirs[pair] != 0}
     worst = max(losses, key=losses.__getitem__) if losses else None
-    return Entry(mean, deviation, change, None if worst is None else losses[worst], worst or "")
+    # The change of the measure itself, like the one of the mean: a loss of PSNR is negative.
+    changed = None if worst is None else sign * losses[worst]
+    return Entry(mean, deviation, change, changed, worst or "", _worse(losses))
+
+
+def _worse(losses: Mapping[str, float]) -> tuple[str, ...]:
+    """Objects that lost more than :data:`NOTABLE` per cent, the worst first."""
+    return tuple(sorted((n for n, loss in losses.items() if loss > NOTABLE), key=lambda n: -losses[n]))
 
 
 def _values(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, list[float]]:

@@ -56,7 +56,7 @@ def test_exact_depth_stays_as_it_is(views, hull):
     [
         ({"view_scale": 0.1}, 0.6),
         ({"view_shift": 0.05}, 0.6),
-        ({"slope": 0.1}, 1.0),
+        ({"slope": 0.1}, 1.3),
         ({"global_scale": 0.3, "pose_degrees": 1.0, "pose_shift": 0.01}, 0.6),
     ],
 )

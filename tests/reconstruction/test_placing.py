@@ -41,7 +41,9 @@ def placed(g0, views, factor=1.0):
 def test_they_lie_on_the_new_surface_with_attributes_of_the_old(g0, views):
     mesh, made = placed(g0, views, 0.9)
     assert abs(len(made) / len(g0.gaussians) - 1) < 0.1
-    nearest = np.linalg.norm(made.centres[:200, None] - mesh.vertices[None].astype(np.float32), axis=2).min(axis=1)
+    nearest = np.linalg.norm(made.centres[:200, None] - mesh.vertices[None].astype(np.float32), axis=2).min(
+        axis=1
+    )
     assert nearest.max() < 0.05
     for name in ("opacity_logits", "sh_dc", "sh_rest"):
         old = {row.tobytes() for row in getattr(g0.gaussians, name)}
@@ -50,7 +52,9 @@ def test_they_lie_on_the_new_surface_with_attributes_of_the_old(g0, views):
 
 def test_scales_follow_the_spacing(g0, views):
     _, made = placed(g0, views, 0.5)
-    assert np.median(made.log_scales) - np.median(g0.gaussians.log_scales) == pytest.approx(np.log(0.5), abs=0.1)
+    assert np.median(made.log_scales) - np.median(g0.gaussians.log_scales) == pytest.approx(
+        np.log(0.5), abs=0.1
+    )
 
 
 def test_flat_ones_lie_flat(g0, views):
