@@ -106,7 +106,10 @@ def _reconstruct(
     recorder.numbers(record)
 
     with steps.step("measure"):
-        measures = measure(result, views, parts["renderer"], given.held_out, given.truth)
+        # Held-out views cost more than the branch: they are measured when somebody asks.
+        asked = config.measure or config.targets is not None or config.truth is not None
+        held_out, truth = (given.held_out, given.truth) if asked else (None, None)
+        measures = measure(result, views, parts["renderer"], held_out, truth)
     record = replace(record, measures=measures)
     steps.tell("measure", ", ".join(measures.groups).replace("_", " "))
     with steps.step("draw"):

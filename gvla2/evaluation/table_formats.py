@@ -51,7 +51,8 @@ def footnote(table: Table) -> str:
     for row in table.rows:
         for entry, measure in zip(row.entries, table.layout.measures, strict=True):
             if entry.worse:
-                told += f" Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {', '.join(entry.worse)}."
+                names = ", ".join(entry.worse)
+                told += f" Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {names}."
     return told
 
 

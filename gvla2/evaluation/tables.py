@@ -53,8 +53,8 @@ class Entry:
     """One number of a table; None where nothing was measured.
 
     ``mean`` over objects, then over seeds; ``deviation`` over seeds; ``change`` against the reference row, paired by
-    object; ``worst`` the per cent by which the object that lost most got worse (negative: every object gained), and
-    ``worst_object`` its name.
+    object; ``worst`` the change in per cent of the object that fared worst, ``worst_object`` its name, and ``worse``
+    all that lost more than :data:`NOTABLE` per cent. ``deviation`` is None of one seed.
     """
 
     mean: float | None

@@ -28,6 +28,13 @@ class ViewSet:
             raise GeometryError("The branch checks geometry against masks: give every view one.")
         for view in self.views:
             mask_of(view)
+        for view in self.views:
+            u, v = view.camera.K[:2, 2]
+            if not (0 <= u <= view.camera.width and 0 <= v <= view.camera.height):
+                raise GeometryError(
+                    f"View '{view.name}': the principal point ({u:g}, {v:g}) lies outside its picture of "
+                    f"{view.camera.width}x{view.camera.height} pixels. Was it cropped or resized, and K not?"
+                )
         names = [view.name for view in self.views]
         doubled = sorted({name for name in names if names.count(name) > 1})
         if doubled:

@@ -158,3 +158,11 @@ def test_a_prior_makes_a_new_surface_and_takes_the_gaussians_along(g0, views):
     assert abs(len(result.out.gaussians) / len(g0.gaussians) - 1) < 0.15
     assert set(np.unique(result.out.gaussians.opacity_logits)) <= set(np.unique(g0.gaussians.opacity_logits))
     assert len(result.out.mesh.faces) != len(g0.mesh.faces)
+
+
+def test_a_principal_point_outside_the_picture_is_refused(g0, views):
+    K = views[0].camera.K.copy()
+    K[0, 2] = 1000.0
+    odd = replace(views[0], camera=replace(views[0].camera, K=K))
+    with pytest.raises(GeometryError, match="principal point"):
+        refine(g0, Views((odd, *views.views[1:])))
