@@ -38,7 +38,7 @@ class Basis:
         stiff = [np.ones(len(uv)), 2 * t[:, 0] - 1, 2 * t[:, 1] - 1, log_depth - self._middle]
         hats = [np.maximum(0, 1 - np.abs(t[:, a, None] * (KNOTS - 1) - np.arange(KNOTS))) for a in (0, 1)]
         across, down = (hat * hat * (3 - 2 * hat) for hat in hats)
-        field = (across[:, :, None] * down[:, None, :]).reshape(len(uv), -1)
+        field = (across[:, :, None] * down[:, None, :]).reshape(len(uv), KNOTS * KNOTS)
         return np.concatenate([np.stack(stiff, axis=1), field], axis=1)
 
 
