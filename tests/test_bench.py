@@ -21,6 +21,7 @@ from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.commands.data import take_stock
 from gvla2.commands.data_config import DataCommandConfig
 from gvla2.commands.primary import PRIMARY
+from gvla2.commands.run_config import DepthNoiseConfig
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, Gvla2Error
