@@ -345,7 +345,9 @@ def test_a_new_surface_of_other_points_is_told_as_a_change(registry, renderer, v
     g0 = carve(views, 24).to_reconstruction(1500)
     choices = {"prior": "depth", "axis": "none", "fusion": "residual"}
     parts = registry.build_all({kind: {"name": name} for kind, name in choices.items()}, choices)
-    rgbd = Views(tuple(replace(v, depth=np.where(v.mask > 0.5, 0.9, np.nan).astype(np.float32)) for v in views))
+    rgbd = Views(
+        tuple(replace(v, depth=np.where(v.mask > 0.5, 0.9, np.nan).astype(np.float32)) for v in views)
+    )
     result = refine_geometry(g0, rgbd, BranchParts(*parts.values(), renderer))
     made = ReconstructionRecord("cube", "a/folder", rgbd, {}, {}, result, timings={})
     assert made.displacement >= 0

@@ -25,7 +25,10 @@ STATES: Mapping[str, State] = {
 
 MEANINGS: Mapping[str, tuple[str, str]] = {
     "drift": ("", "A drift of the whole object is set right first: a prior moves only the sides it sees."),
-    "prior": ("A", "A prior’s depth, corrected view by view, makes a new surface with masks and G0 in one volume."),
+    "prior": (
+        "A",
+        "A prior’s depth, corrected view by view, makes a new surface with masks and G0 in one volume.",
+    ),
     "appearance": ("A", "One affine of all base colours, so that renders can be compared with the pictures."),
     "soft_hull": ("A", "Points that the masks support little move a little towards the object’s centre."),
     "axis": ("B", "Each axis is scaled and shifted a little, until the silhouettes meet the masks’ edges."),
