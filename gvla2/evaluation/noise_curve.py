@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.evaluation.prior_noise import CURVE, PER_CENT
-from gvla2.evaluation.tables import Change, Table
+from gvla2.evaluation.statistics import Change
+from gvla2.evaluation.tables import Table
 
 _ROWS = {"carving": "#b5651d", "aligned_tsdf": "#5a7d2a", "ab_fusion": "#1f5fa8"}
 _WIDTH, _HEIGHT, _LEFT, _TOP, _RIGHT, _BOTTOM = 640, 380, 64, 34, 20, 52

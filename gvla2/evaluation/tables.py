@@ -180,8 +180,8 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     by_seed = _values(measure, cells, layout.repeat)
     if not by_seed:
         return Entry(None)
-    mean, deviation = mean_and_deviation([_mean(values) for values in by_seed.values()])
-    deviation = deviation if len(by_seed) > 1 else None  # of one seed nothing is known
+    mean, spread = mean_and_deviation([_mean(values) for values in by_seed.values()])
+    deviation = spread if len(by_seed) > 1 else None  # of one seed nothing is known
     ours = {pair: _mean(v) for pair, v in _values(measure, cells, layout.pair).items()}
     theirs = {pair: _mean(v) for pair, v in _values(measure, reference, layout.pair).items()}
     both = [pair for pair in ours if pair in theirs]

@@ -54,7 +54,7 @@ class ReconstructionRecord:
         """
         before, after = points_of(self.result.g0), points_of(self.result.out)
         if before.shape != after.shape:
-            return float(cKDTree(before).query(after)[0].mean())
+            return float(np.mean(cKDTree(before).query(after)[0]))
         return float(np.linalg.norm(after - before, axis=1).mean())
 
     @property
