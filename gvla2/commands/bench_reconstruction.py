@@ -123,7 +123,7 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                             "variant": variant,
                             "seed": seed,
                             "prior": config.prior.name,
-                            "noise": noise,
+                            "noise": _noise_name(config.prior.name, noise),
                             "axis": config.axis.name,
                             "fusion": config.fusion.name,
                             "renderer": config.renderer.name,
@@ -143,6 +143,11 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                         )
                         wanted.append(Wanted(key, factors))
             yield Unit(dataset, item, baseline, tuple(wanted), config)
+
+
+def _noise_name(prior: str, noise: str) -> str:
+    """What a caption says of a prior's noise: its name where it was drawn."""
+    return {"depth": noise, "none": "none"}.get(prior, "its own")
 
 
 def _without(unit: Unit, known: Mapping[str, Cell]) -> Unit:
