@@ -14,7 +14,7 @@ from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
 from gvla2.plugins import load_plugins
-from gvla2.reconstruction.branch import refine_geometry
+from gvla2.reconstruction.branch import BranchParts, refine_geometry
 
 # A mallet, one unit long, seen by five cameras that look at it from all around.
 head = trimesh.creation.cylinder(radius=0.17, height=0.62, sections=40)
@@ -34,7 +34,9 @@ views = Views(
 )
 
 # Any mapping with a choice for each kind will do, as on the command line.
-choices = {"reconstructor": "hull", "prior": "none", "fusion": "residual", "renderer": "numba"}
+choices = {
+    "reconstructor": "hull", "prior": "none", "axis": "contours", "fusion": "residual", "renderer": "numba",
+}  # fmt: skip
 parts = load_plugins().build_all({kind: {"name": name} for kind, name in choices.items()}, choices)
 
 carved = parts["reconstructor"].reconstruct(views)
@@ -51,7 +53,8 @@ g0 = replace(
     gaussians=carved.gaussians.with_centres(drifted(carved.gaussians.centres)),
     mesh=carved.mesh.with_vertices(drifted(carved.mesh.vertices)),
 )
-refined = refine_geometry(g0, views, parts["prior"], parts["fusion"], parts["renderer"])
+chosen = BranchParts(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
+refined = refine_geometry(g0, views, chosen)
 for stage in refined.stages:
     print(f"  {stage.stage:<11} {stage.status:<9} {stage.reason}")
 

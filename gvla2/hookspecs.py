@@ -20,7 +20,13 @@ if TYPE_CHECKING:
     from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
     from gvla2.planning.contracts import Perceiver, Planner
-    from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor, Renderer
+    from gvla2.reconstruction.contracts import (
+        AxisCompensation,
+        FusionStrategy,
+        GeometryPrior,
+        Reconstructor,
+        Renderer,
+    )
     from gvla2.robot.backend import RobotBackend
     from gvla2.robot.camera import Camera
     from gvla2.robot.task import Task
@@ -60,6 +66,12 @@ def gvla2_reconstructors() -> Iterable[Component[Reconstructor]]:
 @hookspec
 def gvla2_geometry_priors() -> Iterable[Component[GeometryPrior]]:
     """Return geometry priors: depth for the views from outside knowledge (Hydra group ``prior``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_axis_compensations() -> Iterable[Component[AxisCompensation]]:
+    """Return axis compensations: a scale an axis and a shift from masks alone (Hydra group ``axis``)."""
     raise AssertionError("specification only")
 
 

@@ -58,6 +58,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("perceiver", "gvla2_perceivers", "gvla2.planning.contracts:Perceiver"),
             Kind("reconstructor", "gvla2_reconstructors", "gvla2.reconstruction.contracts:Reconstructor"),
             Kind("prior", "gvla2_geometry_priors", "gvla2.reconstruction.contracts:GeometryPrior"),
+            Kind("axis", "gvla2_axis_compensations", "gvla2.reconstruction.contracts:AxisCompensation"),
             Kind("fusion", "gvla2_fusion_strategies", "gvla2.reconstruction.contracts:FusionStrategy"),
             Kind("renderer", "gvla2_renderers", "gvla2.reconstruction.contracts:Renderer"),
             Kind("memory", "gvla2_memories", "gvla2.memory.contracts:Memory"),

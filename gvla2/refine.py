@@ -12,6 +12,7 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.reconstruction.contracts import (
+    AxisCompensation,
     FusionStrategy,
     GeometryPrior,
     Reconstruction,
@@ -33,6 +34,7 @@ class GeometryParts:
 
     reconstructor: Reconstructor
     prior: GeometryPrior
+    axis: AxisCompensation
     fusion: FusionStrategy
     renderer: Renderer
 
@@ -79,9 +81,10 @@ def _refined(thing: SceneObject, views: Views, parts: GeometryParts) -> SceneObj
     if g0 is None:
         return None
     # Compiled code is imported only when something is reconstructed.
-    from gvla2.reconstruction.branch import refine_geometry
+    from gvla2.reconstruction.branch import BranchParts, refine_geometry
 
-    return fit_box(thing, refine_geometry(g0, views, parts.prior, parts.fusion, parts.renderer).out)
+    chosen = BranchParts(parts.prior, parts.axis, parts.fusion, parts.renderer)
+    return fit_box(thing, refine_geometry(g0, views, chosen).out)
 
 
 def masked_views(observation: Observation, thing: SceneObject) -> Views | None:

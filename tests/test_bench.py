@@ -21,13 +21,14 @@ from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.commands.data import take_stock
 from gvla2.commands.data_config import DataCommandConfig
 from gvla2.commands.primary import PRIMARY
+from gvla2.commands.run_config import DepthNoiseConfig
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
 from gvla2.hydra_bridge import register
 from gvla2.reconstruction.rasteriser import render
-from gvla2_plugins import depth_prior, fusions, hull
+from gvla2_plugins import axes, depth_prior, fusions, hull
 
 PLUGIN = Plugin("tests")
 FACTORS = {"object", "baseline", "drift", "variant", "seed"}
@@ -50,6 +51,7 @@ def parts() -> Registry:
     offers = {
         "reconstructor": hull.gvla2_reconstructors(),
         "prior": depth_prior.gvla2_geometry_priors(),
+        "axis": axes.gvla2_axis_compensations(),
         "fusion": fusions.gvla2_fusion_strategies(),
         "renderer": [Component("raster", PlainConfig, lambda config: Rasterised())],
     }
@@ -85,6 +87,7 @@ def config_for(meshes: Path, tmp_path: Path, **changes) -> BenchConfig:
         "seeds": [0],
         "surface_samples": 5000,
         "prior": depth_prior.DepthPriorConfig(name="depth"),
+        "axis": axes.ContoursConfig(name="contours"),
         "fusion": fusions.ResidualConfig(name="residual"),
         "renderer": PlainConfig(name="raster"),
         "results": ResultsConfig(f"sqlite:///{tmp_path / 'results.sqlite'}"),
@@ -99,10 +102,12 @@ def rows_of(folder: Path) -> list[dict]:
 
 
 def test_every_cell_of_the_design_is_a_row_and_is_measured_once(meshes, parts, tmp_path, capsys):
-    config = config_for(meshes, tmp_path)
+    variants = ["baseline", "carving", "aligned_tsdf", "ab_fusion"]  # the others only switch stages off
+    assert set(variants) < set(VARIANTS)
+    config = config_for(meshes, tmp_path, variants=variants)
     assert run_bench(config, parts, tmp_path / "first") == 1
     rows = rows_of(tmp_path / "first")
-    assert len(rows) == 2 * 2 * len(VARIANTS)
+    assert len(rows) == 2 * 2 * len(variants)
     cells = {tuple(str(row[name]) for name in sorted(FACTORS)) for row in rows}
     assert len(cells) == len(rows)
     for row in rows:
@@ -246,3 +251,16 @@ def test_data_says_what_is_here_and_what_is_not(meshes, tmp_path, monkeypatch, c
         take_stock(DataCommandConfig(roots={"x": "y"}), out)
     with pytest.raises(ConfigurationError, match="Cannot fetch ycb"):
         DataCommandConfig(fetch=["ycb"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"noise": ["low3"]}, "No noise 'low3'. Available: exact"),
+        ({"noise": ["low1"], "prior": PlainConfig(name="none")}, "needs prior=depth, not none"),
+        ({"depth_noise": DepthNoiseConfig(kind="l515")}, r"noise=\[...\] says what the prior has wrong"),
+    ],
+)
+def test_an_option_that_does_not_apply_is_an_error(meshes, parts, tmp_path, changes, words):
+    with pytest.raises(ConfigurationError, match=words):
+        run_bench(config_for(meshes, tmp_path, **changes), parts, tmp_path / "out")

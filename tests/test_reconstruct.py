@@ -116,6 +116,7 @@ def test_the_result_tells_choices_stages_and_measures(run: Path):
     assert told["choices"] == {
         "reconstructor": "hull",
         "prior": "depth",
+        "axis": "contours",
         "fusion": "residual",
         "renderer": "numba",
     }
@@ -205,16 +206,23 @@ def test_a_robot_runs_views_are_read(tmp_path: Path, registry: Registry):
 
 def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry):
     write_gso(tmp_path / "mallet" / "render_mvs_25" / "model", seen(mallet(), 12, 64))
-    record = reconstruct(composed(f"views={tmp_path / 'mallet'}", "size=64"), registry, tmp_path / "out")
+    asked = composed(f"views={tmp_path / 'mallet'}", "size=64", "measure=true")
+    record = reconstruct(asked, registry, tmp_path / "out")
     assert [view.name for view in record.views] == ["000", "001", "002", "003", "004"]
     assert record.measures.held_out == ("010", "011")
-    without = composed(f"views={tmp_path / 'mallet'}", "size=64", "targets=none")
+    without = composed(f"views={tmp_path / 'mallet'}", "size=64")
     assert reconstruct(without, registry, tmp_path / "bare").measures.held_out == ()
 
 
 @pytest.mark.skipif(not (DATA / "gso30_elephant").is_dir(), reason="needs gso30_elephant in GVLA2_DATA")
 def test_a_real_scan(tmp_path: Path):
-    words = [f"views={DATA / 'gso30_elephant'}", "quiet=true", "frames=2", f"hydra.run.dir={tmp_path}"]
+    words = [
+        f"views={DATA / 'gso30_elephant'}",
+        "quiet=true",
+        "frames=2",
+        "measure=true",
+        f"hydra.run.dir={tmp_path}",
+    ]
     assert cli.main(["reconstruct", *words]) == 0
     told = json.loads((tmp_path / "result.json").read_text())
     assert told["metrics"]["inputs"]["after"]["symmetric_iou"] > 0.95
@@ -323,8 +331,8 @@ def test_a_prior_of_too_few_views_is_a_typed_fallback(folder: Path, tmp_path: Pa
     register(short, PRIMARY)
     record = reconstruct(composed(f"views={folder}", "prior=own"), short, tmp_path)
     (stage,) = [stage for stage in record.result.stages if stage.stage == "prior"]
-    assert stage.status == "fallback"
-    assert stage.reason
+    assert stage.status == "rejected"
+    assert "views, height, width" in stage.reason
 
 
 class _Blind:

@@ -20,6 +20,7 @@ from gvla2.refine import (
     objects_of_interest,
     refine_scene,
 )
+from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing.choices import NoPrior, NoReconstructor
 from gvla2_plugins.reference_renderer import ReferenceRendererConfig
@@ -73,7 +74,11 @@ class Failing:
 
 def parts(reconstructor):
     return GeometryParts(
-        reconstructor, NoPrior(), Residual(0.5), ReferenceRenderer(ReferenceRendererConfig())
+        reconstructor,
+        NoPrior(),
+        Contours(10, 400, 5e-4),
+        Residual(0.5),
+        ReferenceRenderer(ReferenceRendererConfig()),
     )
 
 

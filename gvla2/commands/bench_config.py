@@ -63,7 +63,8 @@ class MemoryBenchConfig:
 
 @dataclass
 class BenchConfig:
-    """One benchmark. Of the suite ``reconstruction``: every baseline x drift x variant x seed on every object.
+    """One benchmark. Of the suite ``reconstruction``: every baseline x drift x noise x variant x seed on every
+    object; ``noise`` is what the depth prior has wrong, by name.
 
     ``baseline_options`` configures reconstructors by name (``baseline_options.splat.iterations=200``); ``mode`` and
     ``compat`` are the branch's; ``lpips_weights`` is a weight file of your own;
@@ -95,10 +96,12 @@ class BenchConfig:
     baseline_options: dict[str, Any] = field(default_factory=dict)
     drifts: list[str] = field(default_factory=lambda: ["none", "planted"])
     variants: list[str] = field(default_factory=list)
+    noise: list[str] = field(default_factory=lambda: ["exact"])
     seeds: list[int] = field(default_factory=lambda: [0])
     mode: str = "default"
     compat: str = "none"
     prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     lpips_weights: str | None = None
@@ -142,8 +145,8 @@ class BenchConfig:
             raise ConfigurationError(f"mode is '{self.mode}'; it is default or paper.")
         if self.compat not in ("none", "official"):
             raise ConfigurationError(f"compat is '{self.compat}'; it is none or official.")
-        if not (self.baselines and self.drifts and self.seeds):
-            raise ConfigurationError("baselines, drifts and seeds must each name at least one.")
+        if not (self.baselines and self.drifts and self.seeds and self.noise):
+            raise ConfigurationError("baselines, drifts, noise and seeds must each name at least one.")
         if self.surface_samples < 100:
             raise ConfigurationError("surface_samples must be at least 100.")
         if self.workers < 0 or min((*self.seeds, *self.layouts)) < 0:

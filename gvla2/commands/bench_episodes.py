@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gvla2.record.contents import EpisodeRecord, Stage
 
 LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
-GEOMETRY = ("reconstructor", "prior", "fusion", "renderer")
+GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY, "language")
 RARELY = 0.05

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
+
+from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.bench_config import BenchConfig
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
     from gvla2.evaluation.lpips import Lpips
     from gvla2.reconstruction.contracts import Renderer
 
-KINDS = ("reconstructor", "prior", "fusion", "renderer")
+KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 
 
 @dataclass(frozen=True)
@@ -32,18 +35,33 @@ class Unit:
     config: BenchConfig
 
 
-def chosen_parts(config: BenchConfig, registry: Registry, baseline: str, seed: int) -> dict[str, Any]:
-    """What to build for a baseline and a seed; a reconstructor that has a ``seed`` option gets it."""
+def chosen_parts(
+    config: BenchConfig, registry: Registry, baseline: str, seed: int, noise: str
+) -> dict[str, Any]:
+    """What to build; a reconstructor and a prior that have a ``seed`` option get it, ``depth`` its noise."""
+    from gvla2.evaluation.prior_noise import NOISES
+
     options = {"name": baseline, **dict(config.baseline_options.get(baseline) or {})}
     names = {field.name for field in fields(registry.get("reconstructor", baseline).config)}
     if "seed" in names:
         options["seed"] = seed
+    prior: Any = config.prior
+    if config.prior.name == "depth":
+        prior = merged(config.prior, {**NOISES[noise][1], "seed": seed})
     return {
         "reconstructor": options,
-        "prior": config.prior,
+        "prior": prior,
+        "axis": config.axis,
         "fusion": config.fusion,
         "renderer": config.renderer,
     }
+
+
+def merged(config: Any, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A component's options as a plain dict, with changes."""
+    plain = OmegaConf.to_container(OmegaConf.structured(config) if is_dataclass(config) else config)
+    assert isinstance(plain, dict)
+    return {**plain, **changes}
 
 
 def lpips_of(path: str | None) -> Lpips | None:
@@ -102,15 +120,18 @@ class _PartsBySeed:
 
     def __init__(self, unit: Unit, registry: Registry) -> None:
         self._unit, self._registry = unit, registry
-        self._built: dict[str, Parts] = {}
+        self._built: dict[tuple[str, str], Parts] = {}
 
-    def __call__(self, seed: int) -> Parts:
+    def __call__(self, seed: int, noise: str) -> Parts:
         from gvla2.evaluation.ablation import Parts
 
-        root = chosen_parts(self._unit.config, self._registry, self._unit.baseline, seed)
-        which = repr(root["reconstructor"])
+        root = chosen_parts(self._unit.config, self._registry, self._unit.baseline, seed, noise)
+        which = repr(root["reconstructor"]), repr(root["prior"])
         if which not in self._built:
-            self._built[which] = Parts(**self._registry.build_all(root, KINDS))
+            parts = Parts(**self._registry.build_all(root, KINDS))
+            # One reconstructor serves all priors, so that it runs once.
+            same = [kept for (name, _), kept in self._built.items() if name == which[0]]
+            self._built[which] = replace(parts, reconstructor=same[0].reconstructor) if same else parts
         return self._built[which]
 
 

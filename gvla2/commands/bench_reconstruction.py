@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +27,8 @@ MEASURING_CODE = (
     *(
         f"gvla2.evaluation.{name}"
         for name in (
-            "ablation", "datasets", "drift", "gso_truth", "judge", "lpips", "metrics", "protocol",
-            "textured_mesh", "textured_raycast", "texturing",
+            "ablation", "datasets", "drift", "gso_truth", "judge", "lpips", "metrics", "prior_noise", "protocol",
+            "textured_mesh", "textured_raycast", "texturing", "volume_baselines",
         )
     ),
 )  # fmt: skip
@@ -68,8 +69,21 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
 def _check_names(config: BenchConfig) -> None:
     from gvla2.evaluation.ablation import VARIANTS
     from gvla2.evaluation.drift import DRIFTS
+    from gvla2.evaluation.prior_noise import NOISES
 
-    for what, asked, there in (("variant", config.variants, VARIANTS), ("drift", config.drifts, DRIFTS)):
+    if config.prior.name != "depth" and list(config.noise) != ["exact"]:
+        raise ConfigurationError(
+            f"noise={config.noise} is drawn on the views' own depth: it needs prior=depth, not {config.prior.name}."
+        )
+    if config.depth_noise.kind != "none":
+        raise ConfigurationError(
+            "depth_noise is the robot's cameras'; of the suite reconstruction, noise=[...] says what the prior has "
+            f"wrong. Available: {', '.join(NOISES)}."
+        )
+    lists = (
+        ("variant", config.variants, VARIANTS), ("drift", config.drifts, DRIFTS), ("noise", config.noise, NOISES),
+    )  # fmt: skip
+    for what, asked, there in lists:
         for name in asked:
             if name not in there:
                 raise ConfigurationError(f"No {what} '{name}'. Available: {', '.join(there)}.")
@@ -87,19 +101,18 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
         log.warning(
             "LPIPS is not measured: its weights are absent. Fetch them with: gvla2 data fetch=[lpips]"
         )
-    chosen: dict[tuple[str, int], tuple[dict[str, Any], str]] = {}
+    chosen: dict[tuple[str, int, str], tuple[dict[str, Any], str]] = {}
     for baseline in dict.fromkeys(config.baselines):
-        for seed in dict.fromkeys(config.seeds):
-            typed = [
-                registry.configure(chosen_parts(config, registry, baseline, seed), kind)[0] for kind in KINDS
-            ]
+        for seed, noise in product(dict.fromkeys(config.seeds), dict.fromkeys(config.noise)):
+            root = chosen_parts(config, registry, baseline, seed, noise)
+            typed = [registry.configure(root, kind)[0] for kind in KINDS]
             code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
-            chosen[baseline, seed] = dict(zip(KINDS, map(asdict, typed), strict=True)), code
+            chosen[baseline, seed, noise] = dict(zip(KINDS, map(asdict, typed), strict=True)), code
     for item in dataset.items:
         print_of_files = item.fingerprint()
         for baseline in dict.fromkeys(config.baselines):
             wanted = []
-            for seed in dict.fromkeys(config.seeds):
+            for seed, noise in product(dict.fromkeys(config.seeds), dict.fromkeys(config.noise)):
                 for drift in dict.fromkeys(config.drifts):
                     for variant in dict.fromkeys(config.variants or VARIANTS):
                         factors: dict[str, str | int] = {
@@ -110,6 +123,8 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                             "variant": variant,
                             "seed": seed,
                             "prior": config.prior.name,
+                            "noise": _noise_name(config.prior.name, noise),
+                            "axis": config.axis.name,
                             "fusion": config.fusion.name,
                             "renderer": config.renderer.name,
                             "mode": config.mode,
@@ -123,9 +138,16 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
                             config.lpips_weights,
                             config.surface_samples,
                         )
-                        key = cell_key(SUITE, factors, chosen[baseline, seed], protocol, print_of_files)
+                        key = cell_key(
+                            SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files
+                        )
                         wanted.append(Wanted(key, factors))
             yield Unit(dataset, item, baseline, tuple(wanted), config)
+
+
+def _noise_name(prior: str, noise: str) -> str:
+    """What a caption says of a prior's noise: its name where it was drawn."""
+    return {"depth": noise, "none": "none"}.get(prior, "its own")
 
 
 def _without(unit: Unit, known: Mapping[str, Cell]) -> Unit:
@@ -150,6 +172,6 @@ def _keep_picture(measured: Measured, unit: Unit, folder: Path) -> Cell:
     if measured.picture is None:
         return cell
     factors = cell.factors
-    name = "-".join(str(factors[part]) for part in ("object", "baseline", "drift", "variant"))
+    name = "-".join(str(factors[part]) for part in ("object", "baseline", "drift", "noise", "variant"))
     path = write_bytes(folder / "pictures" / f"{name}.png", measured.picture)
     return replace(cell, notes={**cell.notes, "picture": str(path.absolute())})

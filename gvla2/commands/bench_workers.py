@@ -6,6 +6,8 @@ import logging
 import multiprocessing
 import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -95,9 +97,17 @@ def _core_shares(workers: int) -> list[list[int]]:
 def _begin(shares: Any) -> None:
     """In a new worker: keep to its cores, and end quietly on Ctrl-C (the terminal tells all processes)."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     share = shares.get()
     if share and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, share)
+
+
+def _end_with(parent: int) -> None:
+    """End this process when its parent is gone: SIGTERM and SIGKILL are told to the bench alone."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gvla2.record.progress import Progress
     from gvla2.record.reconstruction.contents import ReconstructionRecord
 
-KINDS = ("reconstructor", "prior", "fusion", "renderer")
+KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +70,7 @@ def _reconstruct(
     config: ReconstructConfig, registry: Registry, folder: Path, steps: _Steps
 ) -> ReconstructionRecord:
     from gvla2.commands.reconstruct_inputs import read_inputs
-    from gvla2.reconstruction.branch import refine_geometry
+    from gvla2.reconstruction.branch import BranchParts, refine_geometry
     from gvla2.record.reconstruction.contents import ReconstructionRecord
     from gvla2.record.reconstruction.measures import measure
     from gvla2.record.reconstruction.recorder import ReconstructionRecorder
@@ -89,7 +89,8 @@ def _reconstruct(
     steps.tell("reconstruct", _made(g0), g0.status == "ok")
     with steps.step("refine"):
         options = branch_options(config.branch)
-        result = refine_geometry(g0, views, parts["prior"], parts["fusion"], parts["renderer"], options)
+        chosen = BranchParts(*(parts[kind] for kind in ("prior", "axis", "fusion", "renderer")))
+        result = refine_geometry(g0, views, chosen, options)
     _tell_stages(result, steps)
     recorder.geometry(result.out)
     record = ReconstructionRecord(
@@ -105,7 +106,10 @@ def _reconstruct(
     recorder.numbers(record)
 
     with steps.step("measure"):
-        measures = measure(result, views, parts["renderer"], given.held_out, given.truth)
+        # Held-out views cost more than the branch: they are measured when somebody asks.
+        asked = config.measure or config.targets is not None or config.truth is not None
+        held_out, truth = (given.held_out, given.truth) if asked else (None, None)
+        measures = measure(result, views, parts["renderer"], held_out, truth)
     record = replace(record, measures=measures)
     steps.tell("measure", ", ".join(measures.groups).replace("_", " "))
     with steps.step("draw"):

@@ -28,9 +28,10 @@ def publish(
     out: Console | None = None,
 ) -> list[Path]:
     """Make the tables of these cells in every format asked for; returns the files written into ``folder``."""
+    from gvla2.evaluation.noise_curve import noise_curve
     from gvla2.evaluation.report_page import render_report
     from gvla2.evaluation.table_formats import to_latex, to_markdown
-    from gvla2.evaluation.tables import tables_of
+    from gvla2.evaluation.tables import Table, tables_of
     from gvla2.record.files import write_text
 
     tables = tables_of(cells, layout)
@@ -41,8 +42,11 @@ def publish(
         written.append(write_text(folder / "report.md", to_markdown(tables)))
     if "latex" in formats:
         written.append(write_text(folder / "report.tex", to_latex(tables)))
+    curve = noise_curve([table for table in tables if isinstance(table, Table)])
+    if curve and formats:
+        written.append(write_text(folder / "curve.svg", curve))
     if "html" in formats:
-        page = render_report(tables, cells, runs, f"gvla2: {layout.title}")
+        page = render_report(tables, cells, runs, f"gvla2: {layout.title}", curve)
         written.append(write_text(folder / "index.html", page))
     return written
 

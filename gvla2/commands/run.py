@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 CHOICES = (
-    "robot", "camera", "task", "perceiver", "reconstructor", "prior", "fusion", "renderer",
+    "robot", "camera", "task", "perceiver", "reconstructor", "prior", "axis", "fusion", "renderer",
     "memory", "retriever", "embedder", "inducer", "judge", "planner", "fallback", "verifier",
 )  # fmt: skip
 """The Hydra groups of a run, whose choices are part of its result; so is the language model where one is asked."""
@@ -122,7 +122,7 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
     from gvla2.refine import GeometryParts
 
     loop = ("robot", "task", "perceiver", "memory", "planner", "fallback", "verifier")
-    geometry = ("reconstructor", "prior", "fusion", "renderer")
+    geometry = ("reconstructor", "prior", "axis", "fusion", "renderer")
     built: dict[str, Any] = {}
     registry.build_all(config, (*loop, *geometry), built)
     chosen = (*CHOICES, "language") if "language" in built else CHOICES

@@ -59,6 +59,7 @@ class RunConfig:
     perceiver: ComponentConfig = field(default_factory=ComponentConfig)
     reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
     prior: ComponentConfig = field(default_factory=ComponentConfig)
+    axis: ComponentConfig = field(default_factory=ComponentConfig)
     fusion: ComponentConfig = field(default_factory=ComponentConfig)
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     memory: ComponentConfig = field(default_factory=ComponentConfig)

@@ -1,4 +1,4 @@
-"""The reconstruction suite: the five rows of the ablation, measured on one object."""
+"""The reconstruction suite: the rows of the ablation, measured on one object."""
 
 from __future__ import annotations
 
@@ -17,9 +17,14 @@ from gvla2.evaluation.drift import DRIFTS, Drift
 from gvla2.evaluation.judge import MEASURES, Judge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.evaluation.results import Cell
-from gvla2.reconstruction.branch import BranchOptions, BranchResult, refine_geometry
+from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.branch import BranchOptions, BranchParts, BranchResult, refine_geometry
 from gvla2.reconstruction.contracts import (
+    AxisCompensation,
     FusionStrategy,
+    GeometryEstimate,
     GeometryPrior,
     Reconstruction,
     Reconstructor,
@@ -32,13 +37,20 @@ REFERENCE = "baseline"
 VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
     {
         "baseline": None,
+        "carving": None,
+        "aligned_tsdf": None,
         "a_prior_appearance": {"soft_hull": False, "axis": False, "fusion": False},
         "a_soft_hull": {"axis": False, "fusion": False},
         "b_axis": {"prior": False, "appearance": False, "soft_hull": False, "fusion": False},
         "ab_fusion": {},
     }
 )
-"""The rows by name, with the stages that each switches off; None is G0 itself."""
+"""The rows by name, with the stages that each switches off; None is no branch: G0 itself, or a plain use of depth."""
+
+PLAIN: Mapping[str, Callable[[Views, GeometryEstimate], Mesh | None]] = MappingProxyType(
+    {"carving": carved, "aligned_tsdf": aligned_tsdf}
+)
+"""Rows that use the very prior of the branch without it."""
 
 PICTURED = ("baseline", "ab_fusion")
 """Rows that a report shows pictures of: the first target view, with the true view left of the reference's."""
@@ -50,6 +62,7 @@ class Parts:
 
     reconstructor: Reconstructor
     prior: GeometryPrior
+    axis: AxisCompensation
     fusion: FusionStrategy
     renderer: Renderer
 
@@ -73,27 +86,28 @@ class Measured:
 def measure_object(
     views: ObjectViews,
     wanted: Sequence[Wanted],
-    parts_for: Callable[[int], Parts],
+    parts_for: Callable[[int, str], Parts],
     judge_for: Callable[[Renderer], Judge],
     options: BranchOptions,
 ) -> Iterator[Measured]:
     """Measure cells of one object and one baseline, in their order.
 
-    ``parts_for(seed)`` gives the components for a seed; a reconstructor that is the same object for two seeds is run
-    once. The seconds of the baseline row are those of the reconstruction, those of any other row the branch's alone.
-    A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
+    ``parts_for(seed, noise)`` gives the components for a seed and a prior's noise; a reconstructor that is the same
+    object for two of them is run once. The seconds of the baseline row are those of the reconstruction, those of any
+    other row its own alone. A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
     """
     judge: Judge | None = None
     first: dict[int, tuple[Reconstruction, float]] = {}
     pictured: set[tuple[Any, ...]] = set()
     for want in wanted:
+        noise = str(want.factors["noise"])
         drift, variant, seed = (
             str(want.factors["drift"]),
             str(want.factors["variant"]),
             int(want.factors["seed"]),
         )
         try:
-            parts = parts_for(seed)
+            parts = parts_for(seed, noise)
             judge = judge or judge_for(parts.renderer)
             name = id(parts.reconstructor)
             if name not in first:
@@ -104,20 +118,22 @@ def measure_object(
             thing = start
             notes: dict[str, Any] = {"g0_status": g0.status}
             switches = VARIANTS[variant]
-            if switches is not None:
+            if variant in PLAIN:
+                began = time.perf_counter()
+                thing = _plain(variant, start, views.inputs, parts)
+                seconds = time.perf_counter() - began
+            elif switches is not None:
                 began = time.perf_counter()
                 refined = refine_geometry(
                     start,
                     views.inputs,
-                    parts.prior,
-                    parts.fusion,
-                    parts.renderer,
+                    BranchParts(parts.prior, parts.axis, parts.fusion, parts.renderer),
                     replace(options, **cast(dict[str, Any], switches)),
                 )
                 seconds = time.perf_counter() - began
                 thing, notes = refined.out, {"stages": _stages(refined)}
             verdict = judge.measure(thing)
-            place = (drift, variant)
+            place = (drift, noise, variant)
             picture = None
             if variant in PICTURED and place not in pictured and thing.gaussians is not None:
                 pictured.add(place)
@@ -128,6 +144,17 @@ def measure_object(
         measures = {**verdict.measures, "seconds": seconds}
         notes = {"status": "ok", "cd_points": verdict.cd_points, **notes}
         yield Measured(Cell(want.key, want.factors, measures, notes), picture)
+
+
+def _plain(variant: str, g0: Reconstruction, views: Views, parts: Parts) -> Reconstruction:
+    """What a plain use of the prior's depth makes, in colours from the views; G0 where there is no prior."""
+    estimate = parts.prior.predict(views)
+    if estimate is None:
+        return g0
+    mesh = PLAIN[variant](views, estimate)
+    if mesh is None:
+        raise Gvla2Error("Nothing is left of the object.")
+    return dressed(mesh, views, 15_000 if g0.gaussians is None else len(g0.gaussians), parts.renderer)
 
 
 def failed(want: Wanted, error: Exception) -> Cell:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
 from gvla2.evaluation.perception.table import PerceptionTable
 from gvla2.evaluation.results import Cell, Run
@@ -21,8 +22,10 @@ MOST_PICTURES = 60
 """Objects shown below one table: the page stays small enough to be sent by mail."""
 
 
-def render_report(tables: Sequence[AnyTable], cells: Sequence[Cell], runs: Sequence[Run], title: str) -> str:
-    """The page. Pictures that the cells name and that are still on disk are put into it."""
+def render_report(
+    tables: Sequence[AnyTable], cells: Sequence[Cell], runs: Sequence[Run], title: str, curve: str = ""
+) -> str:
+    """The page, ``curve`` (SVG) on top. Pictures that the cells name and that are still on disk are put into it."""
     environment = Environment(
         loader=PackageLoader("gvla2.evaluation", "."),
         autoescape=True,
@@ -32,6 +35,7 @@ def render_report(tables: Sequence[AnyTable], cells: Sequence[Cell], runs: Seque
     used = {number for table in tables for number in table.runs}
     page = environment.get_template("report.html.jinja").render(
         title=title,
+        curve=Markup(curve),
         explanation=explanations([sheet_of(table) for table in tables]) or EXPLANATION,
         tables=[_table(table, cells) for table in tables],
         runs=[_run(run) for run in runs if run.id in used],

@@ -8,12 +8,13 @@ from gvla2.evaluation.figures import FigureTable
 from gvla2.evaluation.perception.table import PerceptionTable, sheet_of_perception
 from gvla2.evaluation.robot.tables import RobotTable
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone, explanations, sheet_of_figures
-from gvla2.evaluation.tables import Entry, Measure, Table, TableRow
+from gvla2.evaluation.tables import NOTABLE, Entry, Measure, Table, TableRow
 
 NOT_MEASURED = "not measured"
 EXPLANATION = (
-    "Mean over objects ± standard deviation over seeds; change of the mean against the first row in per cent "
-    "[95 % interval, bootstrap over objects]; worst: the object that lost most (negative: even it gained)."
+    "Mean over objects ± standard deviation over seeds, where there are several; change of the mean against the first "
+    "row in per cent [95 % interval, bootstrap over objects]; worst: the change of the object that fared worst. "
+    "Every row but the first and B has the prior that the title names."
 )
 
 
@@ -21,7 +22,8 @@ def lines_of(entry: Entry, measure: Measure) -> list[str]:
     """An entry as up to three lines: the number, its change, the worst object."""
     if entry.mean is None:
         return [NOT_MEASURED]
-    lines = [f"{entry.mean:.{measure.digits}f} ± {entry.deviation:.{measure.digits}f}"]
+    spread = "" if entry.deviation is None else f" ± {entry.deviation:.{measure.digits}f}"
+    lines = [f"{entry.mean:.{measure.digits}f}{spread}"]
     if entry.change is not None:
         change = entry.change
         lines.append(f"{change.percent:+.2f} % [{change.low:+.2f}, {change.high:+.2f}]")
@@ -45,7 +47,13 @@ def footnote(table: Table) -> str:
     objects = max((row.objects for row in table.rows), default=0)
     seeds = max((row.seeds for row in table.rows), default=0)
     runs = ", ".join(map(str, table.runs))
-    return f"{objects} objects, {seeds} seeds; runs {runs} of the results database."
+    told = f"{objects} objects, {seeds} {'seed' if seeds == 1 else 'seeds'}; runs {runs} of the results database."
+    for row in table.rows:
+        for entry, measure in zip(row.entries, table.layout.measures, strict=True):
+            if entry.worse:
+                names = ", ".join(entry.worse)
+                told += f" Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {names}."
+    return told
 
 
 AnyTable = Table | FigureTable | RobotTable | PerceptionTable

@@ -53,15 +53,16 @@ class Entry:
     """One number of a table; None where nothing was measured.
 
     ``mean`` over objects, then over seeds; ``deviation`` over seeds; ``change`` against the reference row, paired by
-    object; ``worst`` the per cent by which the object that lost most got worse (negative: every object gained), and
-    ``worst_object`` its name.
+    object; ``worst`` the change in per cent of the object that fared worst, ``worst_object`` its name, and ``worse``
+    all that lost more than :data:`NOTABLE` per cent. ``deviation`` is None of one seed.
     """
 
     mean: float | None
-    deviation: float = 0.0
+    deviation: float | None = None
     change: Change | None = None
     worst: float | None = None
     worst_object: str = ""
+    worse: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -91,15 +92,20 @@ class Table:
         return f"{self.layout.title}: " + ", ".join(f"{name} {value}" for name, value in self.group.items())
 
 
+NOTABLE = 2.0
+"""Per cent by which an object must lose to be named among those made worse."""
+
 RECONSTRUCTION = Layout(
     suite="reconstruction",
     title="Reconstruction",
     row="variant",
     labels={
-        "baseline": "G0 (baseline)",
+        "baseline": "G0 (baseline, no prior)",
+        "carving": "carving with the same prior",
+        "aligned_tsdf": "aligned TSDF with the same prior",
         "a_prior_appearance": "A: prior + appearance",
         "a_soft_hull": "A: + soft hull",
-        "b_axis": "B: axis only",
+        "b_axis": "B: axis only (no prior)",
         "ab_fusion": "A + B fusion",
     },
     reference="baseline",
@@ -111,7 +117,7 @@ RECONSTRUCTION = Layout(
         Measure("lpips", "LPIPS", "lower", 4),
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
-    groups=("data", "baseline", "drift", "prior", "fusion", "renderer", "mode", "compat"),
+    groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
 )
 AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout
 LAYOUTS: Mapping[str, AnyLayout] = {made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION)}
@@ -174,7 +180,8 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     by_seed = _values(measure, cells, layout.repeat)
     if not by_seed:
         return Entry(None)
-    mean, deviation = mean_and_deviation([_mean(values) for values in by_seed.values()])
+    mean, spread = mean_and_deviation([_mean(values) for values in by_seed.values()])
+    deviation = spread if len(by_seed) > 1 else None  # of one seed nothing is known
     ours = {pair: _mean(v) for pair, v in _values(measure, cells, layout.pair).items()}
     theirs = {pair: _mean(v) for pair, v in _values(measure, reference, layout.pair).items()}
     both = [pair for pair in ours if pair in theirs]
@@ -184,7 +191,14 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     sign = 1 if measure.better == "lower" else -1
     losses = {pair: sign * 100 * (ours[pair] / theirs[pair] - 1) for pair in both if theirs[pair] != 0}
     worst = max(losses, key=losses.__getitem__) if losses else None
-    return Entry(mean, deviation, change, None if worst is None else losses[worst], worst or "")
+    # The change of the measure itself, like the one of the mean: a loss of PSNR is negative.
+    changed = None if worst is None else sign * losses[worst]
+    return Entry(mean, deviation, change, changed, worst or "", _worse(losses))
+
+
+def _worse(losses: Mapping[str, float]) -> tuple[str, ...]:
+    """Objects that lost more than :data:`NOTABLE` per cent, the worst first."""
+    return tuple(sorted((n for n, loss in losses.items() if loss > NOTABLE), key=lambda n: -losses[n]))
 
 
 def _values(measure: Measure, cells: Sequence[Cell], by: str) -> dict[str, list[float]]:

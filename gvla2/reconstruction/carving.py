@@ -75,7 +75,7 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
     assert region is not None  # or the views would not agree
     field = _field(used, region, resolution)
     field = _without_crumbs(field, used)
-    vertices, faces, normals = _surface(field)
+    vertices, faces, normals = surface_of(field)
     mesh = Mesh(vertices, faces)
     depths = [depth_map(mesh, s.camera) for s in used]
     colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
@@ -84,6 +84,16 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
     return Carving(
         Mesh(vertices, faces, colours), normals, seen, tuple(s.name for s in used), iou, field.step, status
     )
+
+
+def hull_field(views: Views, resolution: int = 96) -> Field:
+    """The visual hull of the views' masks as :func:`carve` makes it, before a surface is taken."""
+    shown, _ = silhouettes(views)
+    depth = _measured_depth(views, shown[0])
+    used, _ = _agreeing(shown, None, depth)
+    region = _region(used, None, depth)
+    assert region is not None  # or the views would not agree
+    return _field(used, region, resolution)
 
 
 def _status(notes: Sequence[str], used: Sequence[Silhouette], dropped: Sequence[str], region: Region) -> str:
@@ -152,7 +162,7 @@ def _coarse_agreement(used: Sequence[Silhouette], bounds: FloatArray | None, dep
     if not (field.values > 0).any():
         # Thinner than a coarse voxel everywhere, but there.
         return _AGREEMENT
-    vertices, faces, _ = _surface(field)
+    vertices, faces, _ = surface_of(field)
     mesh = Mesh(vertices, faces)
     return mask_agreement(mesh, used)
 
@@ -231,7 +241,7 @@ def _footprint(points: FloatArray, s: Silhouette, step: float) -> NDArray[np.boo
     return np.asarray(gaussian_filter(covered.astype(np.float32), 0.5 * reach) > 1e-3) if reach else covered
 
 
-def _surface(field: Field) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+def surface_of(field: Field) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
     """Vertices (V, 3), faces (F, 3) and smooth outward normals (V, 3) of the field's zero."""
     from skimage.measure import marching_cubes
 

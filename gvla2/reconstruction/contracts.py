@@ -1,4 +1,4 @@
-"""What the reconstruction branch's plugins implement: reconstructor, geometry prior, fusion strategy, renderer."""
+"""What the reconstruction branch's plugins implement: reconstructor, prior, axis, fusion, renderer."""
 
 from __future__ import annotations
 
@@ -58,6 +58,33 @@ class GeometryEstimate:
     world_from_camera: FloatArray | None = None
 
 
+@dataclass(frozen=True)
+class AxisFit:
+    """T(p) = c + (p - c) * a + d (paper, axis compensation).
+
+    ``scale`` a (3,) and ``shift`` d (3,) metres about ``centre`` (3,) along the columns of ``axes`` (3, 3).
+    When not ``accepted``, a = 1 and d = 0 and ``reason`` says why; ``iou_before`` and ``iou_after`` are the
+    symmetric IoU of the input and of what was found (NaN when no mask shows anything).
+    """
+
+    scale: FloatArray
+    shift: FloatArray
+    accepted: bool
+    iou_before: float
+    iou_after: float
+    iterations: int
+    reason: str
+    centre: FloatArray
+    axes: FloatArray
+
+    def apply(self, points: FloatArray) -> FloatArray:
+        """T(p) of world points (N, 3), metres, for Gaussians and mesh alike; the points themselves if not accepted."""
+        if not self.accepted:
+            return points
+        moved = self.centre + ((points - self.centre) @ self.axes * self.scale + self.shift) @ self.axes.T
+        return np.ascontiguousarray(moved)
+
+
 class Reconstructor(Protocol):
     """Makes the first object G0 of the branch from masked views."""
 
@@ -71,6 +98,14 @@ class GeometryPrior(Protocol):
 
     def predict(self, views: Views) -> GeometryEstimate | None:
         """One depth map a view; None when there is no prior (``none``)."""
+        ...
+
+
+class AxisCompensation(Protocol):
+    """Finds one scale an axis and one shift that make a shape fill its masks: source B of the branch."""
+
+    def compensate(self, points: FloatArray, views: Views, centre: FloatArray) -> AxisFit:
+        """The fit for points (N, 3) of the surface, metres, world, about ``centre`` (3,)."""
         ...
 
 

@@ -43,7 +43,7 @@ def surfels(mesh: Mesh, normals: FloatArray | None = None, count: int = 15_000) 
     return Gaussians(
         centres=points.astype(np.float32),
         log_scales=np.log(np.tile([width, width, _FLATNESS * width], (n, 1))).astype(np.float32),
-        rotations=_turned_to(across),
+        rotations=turned_to(across),
         opacity_logits=np.full(n, _OPACITY_LOGIT, dtype=np.float32),
         sh_dc=np.broadcast_to((colours - 0.5) / SH_C0, (n, 3)).astype(np.float32),
     )
@@ -65,7 +65,7 @@ def barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> Floa
     return np.asarray(np.clip(np.stack([u, v, 1 - u - v], axis=1), 0.0, 1.0), dtype=np.float64)
 
 
-def _turned_to(normals: FloatArray) -> NDArray[np.float32]:
+def turned_to(normals: FloatArray) -> NDArray[np.float32]:
     """(N, 4) quaternions wxyz that turn z to the normals (N, 3) by the shortest way."""
     x, y, z = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).T
     quaternions = np.stack([1.0 + z, -y, x, np.zeros_like(x)], axis=1)

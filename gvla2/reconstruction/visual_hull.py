@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.compiled import compiled, run_chunks
 from gvla2.reconstruction.support import as_points
 
 TAU, ETA, LAMBDA_MAX = 0.45, 0.12, 0.008
@@ -34,17 +35,29 @@ def shrink_strength(
 
 
 def object_centre(points: ArrayLike) -> FloatArray:
-    """(3,) centre of the bounding box of the finite points (N, 3): the paper's object centre c.
+    """(3,) centre of the bounding box of points (N, 3): the paper's object centre c.
 
     The box's, not the mean: Gaussians and mesh vertices of one object are spread differently over it, yet must
     move alike. Take it once an object, from either, and pass it on to both.
-    Raises :class:`GeometryError` when no point is finite.
+    Raises :class:`GeometryError` for no points, and for any that is not finite.
     """
+    array = _finite(points)
+    if len(array) == 0:
+        raise GeometryError("No points: the object has no centre.")
+    return np.asarray(0.5 * (array.min(axis=0) + array.max(axis=0)))
+
+
+def released_centre(points: ArrayLike) -> FloatArray:
+    """(3,) mean of points (N, 3), in single precision: the centre of the released code, another one for each file."""
+    return np.asarray(_finite(points).astype(np.float32).mean(axis=0), dtype=np.float64)
+
+
+def _finite(points: ArrayLike) -> FloatArray:
     array = as_points(points)
-    finite = array[np.isfinite(array).all(axis=1)]
-    if len(finite) == 0:
-        raise GeometryError(f"None of {len(array)} points is finite: the object has no centre.")
-    return np.asarray(0.5 * (finite.min(axis=0) + finite.max(axis=0)))
+    lost = int((~np.isfinite(array)).any(axis=1).sum())
+    if lost:
+        raise GeometryError(f"{lost} of {len(array)} points are not finite: drop them first.")
+    return array
 
 
 def soft_hull(
@@ -58,15 +71,55 @@ def soft_hull(
     """P' = c + (p - c) (1 - lambda(p)) (N, 3) of world points (N, 3) with support (N,).
 
     ``centre`` (3,) is :func:`object_centre` of these points by default; give one centre for Gaussians and mesh
-    alike. Raises :class:`GeometryError` for shapes that do not match and as in :func:`shrink_strength`.
+    alike. Raises :class:`GeometryError` for points that are not finite, shapes that do not match and as in
+    :func:`shrink_strength`.
     """
     array = as_points(points)
-    strength = shrink_strength(support, tau, eta, lambda_max)
-    if strength.shape != (len(array),):
-        raise GeometryError(f"Soft hull: {len(array)} points but support of shape {strength.shape}.")
+    s = np.ascontiguousarray(support, dtype=np.float64)
+    shrink_strength(s[:0], tau, eta, lambda_max)  # refuses wrong constants
+    if s.shape != (len(array),):
+        raise GeometryError(f"Soft hull: {len(array)} points but support of shape {s.shape}.")
     if len(array) == 0:
         return array
     c = object_centre(array) if centre is None else np.asarray(centre, dtype=np.float64)
     if c.shape != (3,) or not np.isfinite(c).all():
         raise GeometryError(f"Soft hull: the centre must be three finite numbers, got {c}.")
-    return np.asarray(array - (array - c) * strength[:, None])
+    moved, wrong = np.empty_like(array), np.zeros(2, dtype=np.int64)
+
+    def part(start: int, stop: int) -> None:
+        _shrink(array, s, c, tau, eta, lambda_max, moved, wrong, start, stop)
+
+    run_chunks(part, len(array))
+    if wrong[0]:
+        raise GeometryError(f"Soft hull: points must be finite; at least {wrong[0]} of {len(array)} are not.")
+    if wrong[1]:
+        raise GeometryError("Soft hull: support must lie in [0, 1].")
+    return moved
+
+
+@compiled
+def _shrink(
+    points: FloatArray,
+    support: FloatArray,
+    c: FloatArray,
+    tau: float,
+    eta: float,
+    lambda_max: float,
+    moved: FloatArray,
+    wrong: NDArray[np.int64],
+    start: int,
+    stop: int,
+) -> None:
+    for n in range(start, stop):
+        s = support[n]
+        if not (s >= 0.0 and s <= 1.0):
+            wrong[1] += 1
+            continue
+        if not np.isfinite(points[n, 0] + points[n, 1] + points[n, 2]):
+            wrong[0] += 1
+            continue
+        # A huge exponent would only make the sigmoid 0, as it should be.
+        sigmoid = 1.0 / (1.0 + np.exp(min((s - tau) / eta, 700.0)))
+        strength = lambda_max * sigmoid * sigmoid
+        for k in range(3):
+            moved[n, k] = points[n, k] - (points[n, k] - c[k]) * strength

@@ -14,17 +14,18 @@ from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.mask_distance import Silhouette, mask_iou
 
 
-def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3) -> NDArray[np.float32]:
+def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3, farthest: bool = False) -> NDArray[np.float32]:
     """(H, W) float32 depth along the camera's z of the nearest surface at each pixel's centre, inf where none is.
 
-    Triangles that reach nearer than ``near`` (metres) to the camera's plane are left out.
+    ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than ``near``
+    (metres) to the camera's plane are left out.
     """
-    depth = np.full((camera.height, camera.width), np.inf, dtype=np.float32)
+    depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
     local = transform_points(camera.camera_from_world, mesh.vertices)
     image = local @ camera.K.T
     with np.errstate(divide="ignore", invalid="ignore"):
         uv = image[:, :2] / image[:, 2:3]
-    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, near)
+    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, near, farthest)
     return depth
 
 
@@ -36,7 +37,12 @@ def mask_agreement(mesh: Mesh, silhouettes: Sequence[Silhouette]) -> float:
 
 @compiled
 def _rasterise(
-    uv: FloatArray, z: FloatArray, faces: NDArray[np.int64], depth: NDArray[np.float32], near: float
+    uv: FloatArray,
+    z: FloatArray,
+    faces: NDArray[np.int64],
+    depth: NDArray[np.float32],
+    near: float,
+    farthest: bool,
 ) -> None:
     height, width = depth.shape
     for f in range(len(faces)):
@@ -63,4 +69,6 @@ def _rasterise(
                 if wa >= -1e-9 and wb >= -1e-9 and wc >= -1e-9:
                     # Its inverse, not depth itself, is linear in the image.
                     d = 1.0 / (wa * ia + wb * ib + wc * ic)
-                    depth[row, column] = min(depth[row, column], d)
+                    depth[row, column] = (
+                        max(depth[row, column], d) if farthest else min(depth[row, column], d)
+                    )

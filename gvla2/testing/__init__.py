@@ -13,7 +13,13 @@ from gvla2.testing.inducer import check_inducer
 from gvla2.testing.judge import check_judge
 from gvla2.testing.memory import candidates, check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
-from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
+from gvla2.testing.reconstruction import (
+    check_axis,
+    check_fusion,
+    check_prior,
+    check_reconstructor,
+    check_renderer,
+)
 from gvla2.testing.robot import check_robot, check_task
 from gvla2.testing.skill import check_skill
 
@@ -21,6 +27,7 @@ __all__ = [
     "CHECKS",
     "ConformanceError",
     "candidates",
+    "check_axis",
     "check_component",
     "check_embedder",
     "check_fusion",

@@ -20,7 +20,13 @@ from gvla2.testing.judge import check_judge
 from gvla2.testing.language_model import check_language
 from gvla2.testing.memory import check_embedder, check_memory, check_retriever, check_verifier
 from gvla2.testing.planning import check_perceiver, check_planner
-from gvla2.testing.reconstruction import check_fusion, check_prior, check_reconstructor, check_renderer
+from gvla2.testing.reconstruction import (
+    check_axis,
+    check_fusion,
+    check_prior,
+    check_reconstructor,
+    check_renderer,
+)
 from gvla2.testing.robot import check_robot, check_task
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
@@ -30,6 +36,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "perceiver": check_perceiver,
     "reconstructor": check_reconstructor,
     "prior": check_prior,
+    "axis": check_axis,
     "fusion": check_fusion,
     "renderer": check_renderer,
     "memory": check_memory,

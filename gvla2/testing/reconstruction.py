@@ -1,4 +1,4 @@
-"""Conformance of reconstructors, geometry priors, fusion strategies and renderers."""
+"""Conformance of reconstructors, geometry priors, axis compensations, fusion strategies and renderers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import look_along
 from gvla2.reconstruction.contracts import (
+    AxisCompensation,
+    AxisFit,
     FusionStrategy,
     GeometryEstimate,
     GeometryPrior,
@@ -73,6 +75,25 @@ def check_prior(prior: GeometryPrior) -> None:
             poses = require_array(answer.world_from_camera, (len(views), 4, 4), "world_from_camera")
             for i, pose in enumerate(poses):
                 require_rigid(pose, f"world_from_camera[{i}]")
+
+
+def check_axis(axis: AxisCompensation) -> None:
+    """A ball in three views, at its place and too large, and no points at all."""
+    require_members(axis, "axis")
+    views = inputs.views(masked=inputs.RED)
+    middle = inputs.RED.world_from_block[:3, 3]
+    points = middle + 0.5 * inputs.RED.side * np.random.default_rng(5).uniform(-1, 1, (2000, 3))
+    for what, given in {"a cube": points, "a swollen cube": middle + 1.05 * (points - middle)}.items():
+        with allowed(f"compensate() of {what}"):
+            fit = axis.compensate(given, views, middle)
+        require_type(fit, AxisFit, f"compensate()'s answer to {what}")
+        require(fit.reason, "An axis fit gives its reason, accepted or not.")
+        moved = require_array(fit.apply(given), (len(given), 3), f"The fit applied to {what}")
+        off = float(np.linalg.norm(moved - given, axis=1).max())
+        require(off < inputs.RED.side, f"The fit moves {what} by {off:.3f} m: farther than it is wide.")
+        require(
+            fit.accepted or off == 0.0, "A fit that is not accepted must leave all points where they are."
+        )
 
 
 def check_fusion(fusion: FusionStrategy) -> None:

@@ -1,11 +1,15 @@
-"""The views' own measured depth as a geometry prior: the RGB-D setting that the paper has and leaves unused."""
+"""The views' own measured depth as a geometry prior: the RGB-D setting that the paper has and leaves unused.
+
+Errors can be drawn on top of exact depth, to see what a sensor or a network would bring.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2_plugins.depth_prior.learned_noise import LearnedNoise
 
 if TYPE_CHECKING:
     from gvla2.reconstruction.contracts import GeometryPrior
@@ -22,6 +26,19 @@ class DepthPriorConfig(ComponentConfig):
     in pixel sizes a pixel: a surface seen at 76 degrees. 0 leaves the whole border out."""
     confidence: float = 1.0
     """Confidence of every measured pixel, > 0."""
+    noise: str = "exact"
+    """``exact``: the depth as it is; ``sensor``: as a time-of-flight camera measures it; ``learned``: as a network
+    predicts it."""
+    seed: int = 0
+    """Draws the noise, together with the cameras: one object has one draw."""
+    sensor_sigma: float = 0.0009
+    """Standard deviation of a sensor's depth, metres (L515 by its data sheet), plus ..."""
+    sensor_relative: float = 0.0016
+    """... this share of the depth."""
+    sensor_dropout: float = 0.01
+    """Share of pixels that a sensor loses."""
+    learned: LearnedNoise = field(default_factory=LearnedNoise)
+    """What a network's depth has wrong, part by part."""
 
 
 def _build(config: DepthPriorConfig) -> GeometryPrior:

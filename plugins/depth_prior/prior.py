@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +12,13 @@ from scipy.ndimage import binary_erosion, distance_transform_edt
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2_plugins.depth_prior.noise import learned, sensor
 
 if TYPE_CHECKING:
     from gvla2_plugins.depth_prior import DepthPriorConfig
+
+
+NOISES = ("exact", "sensor", "learned")
 
 
 class DepthPrior:
@@ -29,6 +34,15 @@ class DepthPrior:
             raise ConfigurationError(f"prior.confidence must be a number above 0, got {config.confidence}.")
         if not 0 <= config.slope < float("inf"):
             raise ConfigurationError(f"prior.slope must be a number >= 0, got {config.slope}.")
+        if config.noise not in NOISES:
+            raise ConfigurationError(f"prior.noise is '{config.noise}'; available: {', '.join(NOISES)}.")
+        parts = dict(vars(config.learned)) | {
+            k: v for k, v in vars(config).items() if k.startswith("sensor_")
+        }
+        wrong = [k for k, v in parts.items() if not 0 <= v < float("inf")]
+        if wrong:
+            raise ConfigurationError(f"prior: {', '.join(wrong)} must be a number >= 0.")
+        self._config = config
         self._slope = config.slope
         self._erode, self._confidence = config.erode, config.confidence
 
@@ -45,8 +59,30 @@ class DepthPrior:
         for slot, view in zip(depth, views, strict=True):
             if view.depth is not None:
                 slot[: view.camera.height, : view.camera.width] = self._trusted(view.depth, view)
-        confidence = np.where(np.isfinite(depth), self._confidence, 0.0).astype(np.float32)
-        return GeometryEstimate(depth, confidence)
+        poses = None
+        sure = np.where(np.isfinite(depth), self._confidence, 0.0)
+        if self._config.noise == "sensor":
+            c = self._config
+            noisy = sensor(
+                depth.astype(np.float64),
+                c.sensor_sigma,
+                c.sensor_relative,
+                c.sensor_dropout,
+                self._rng(views),
+            )
+            depth, sure = noisy.astype(np.float32), np.where(np.isfinite(noisy), sure, 0.0)
+        elif self._config.noise == "learned":
+            given = np.stack([view.camera.world_from_camera for view in views])
+            noisy, told, poses = learned(
+                depth.astype(np.float64), given, self._config.learned, self._rng(views)
+            )
+            depth, sure = noisy.astype(np.float32), sure * told
+        return GeometryEstimate(depth, sure.astype(np.float32), poses)
+
+    def _rng(self, views: Views) -> np.random.Generator:
+        """One draw for one set of cameras and a seed, wherever it is made."""
+        cameras = np.stack([view.camera.world_from_camera for view in views])
+        return np.random.default_rng([self._config.seed, zlib.crc32(np.round(cameras, 6).tobytes())])
 
     def _trusted(self, depth: NDArray[np.float32], view: View) -> NDArray[np.float32]:
         keep = _measured(depth)

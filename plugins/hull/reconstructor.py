@@ -9,7 +9,7 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.rim import inset
+from gvla2.reconstruction.inset import inset
 
 if TYPE_CHECKING:
     from gvla2_plugins.hull import HullConfig

@@ -8,7 +8,12 @@ from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Memory
-    from gvla2.reconstruction.contracts import FusionStrategy, GeometryPrior, Reconstructor
+    from gvla2.reconstruction.contracts import (
+        AxisCompensation,
+        FusionStrategy,
+        GeometryPrior,
+        Reconstructor,
+    )
     from gvla2.robot.camera import Camera
 
 
@@ -24,6 +29,13 @@ def _build_prior(config: ComponentConfig) -> GeometryPrior:
     from gvla2_plugins.nothing.choices import NoPrior
 
     return NoPrior()
+
+
+def _build_axis(config: ComponentConfig) -> AxisCompensation:
+    """Compensates nothing: the shape stays as wide as it is."""
+    from gvla2_plugins.nothing.choices import NoAxis
+
+    return NoAxis()
 
 
 def _build_fusion(config: ComponentConfig) -> FusionStrategy:
@@ -63,6 +75,12 @@ def gvla2_reconstructors() -> list[Component[Reconstructor]]:
 def gvla2_geometry_priors() -> list[Component[GeometryPrior]]:
     """``prior=none``."""
     return [Component("none", ComponentConfig, _build_prior)]
+
+
+@hookimpl
+def gvla2_axis_compensations() -> list[Component[AxisCompensation]]:
+    """``axis=none``."""
+    return [Component("none", ComponentConfig, _build_axis)]
 
 
 @hookimpl

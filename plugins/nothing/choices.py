@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import Learned, MemoryContext, MemoryEpisode, MemoryTask, Verdict
+from gvla2.reconstruction.contracts import AxisFit
 from gvla2.robot.camera import CameraFrames
 
 _OFF = "memory is off"
@@ -38,6 +41,17 @@ class NoPrior:
 
     def predict(self, views: Views) -> None:
         """Always None."""
+
+
+class NoAxis:
+    """Leaves every axis as it is."""
+
+    def compensate(self, points: FloatArray, views: Views, centre: FloatArray) -> AxisFit:
+        """The identity."""
+        none = float("nan")
+        return AxisFit(
+            np.ones(3), np.zeros(3), False, none, none, 0, "There is no axis compensation.", centre, np.eye(3)
+        )
 
 
 class NoFusion:

@@ -8,9 +8,9 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.rim import fill_masks
-from gvla2.reconstruction.splatting import SplatOptions, carry, optimise
+from gvla2.reconstruction.inset import fill_masks
 from gvla2_plugins.splat import SplatConfig
+from gvla2_plugins.splat.splatting import SplatOptions, carry, optimise
 
 _SHARP = (
     0.02  # low-pass for the shape, square pixels: surfels overlap, so that little is needed to close holes

@@ -29,8 +29,7 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.appearance import fit_affine
-from gvla2.reconstruction.axis import AxisOptions, compensate
-from gvla2.reconstruction.branch import refine_geometry
+from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.gate import accept
@@ -38,6 +37,7 @@ from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.visual_hull import object_centre, soft_hull
+from gvla2_plugins.axes.axis import AxisOptions, compensate
 
 SIZE, FOCAL = 256, 1.09375
 SCRIPT = "GeoFuse-MV3D/scripts/soft_visual_hull_refine.py"
@@ -140,7 +140,7 @@ def scripts(count: int, views: Views, mesh: trimesh.Trimesh, peer: ModuleType | 
 def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     """From G0 to the output with the depth of the views as prior, and what rendering costs."""
     closed = Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-    names = {"prior": "depth", "fusion": "residual", "renderer": "numba"}
+    names = {"prior": "depth", "axis": "contours", "fusion": "residual", "renderer": "numba"}
     parts = load_plugins().build_all({kind: {"name": name} for kind, name in names.items()}, tuple(names))
     g0 = Reconstruction(surfels(closed, count=count), closed, "ok")
     centre = object_centre(np.asarray(closed.vertices))
@@ -151,7 +151,7 @@ def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     )
 
     def whole() -> None:
-        result = refine_geometry(swollen, views, parts["prior"], parts["fusion"], parts["renderer"])
+        result = refine_geometry(swollen, views, BranchParts(*parts.values()))
         whole.stages = ", ".join(f"{s.stage} {s.status}" for s in result.stages)
 
     show(f"whole branch, {len(g0.gaussians)} Gaussians", milliseconds(whole, 3), None)

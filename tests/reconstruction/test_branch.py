@@ -6,9 +6,11 @@ import pytest
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction import rasteriser
-from gvla2.reconstruction.branch import BranchOptions, object_centre, refine_geometry
+from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
+from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
+from gvla2.reconstruction.things import object_centre
+from gvla2_plugins.axes.compensations import Contours, MaskEnergy
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing.choices import NoPrior
 
@@ -56,7 +58,9 @@ def drifted(thing: Reconstruction) -> Reconstruction:
 
 
 def refine(thing, views, given=None, **options):
-    return refine_geometry(thing, views, given or NoPrior(), Residual(0.5), Fast(), BranchOptions(**options))
+    axis = MaskEnergy(10) if options.get("mode") == "paper" else Contours(10, 400, 5e-4)
+    parts = BranchParts(given or NoPrior(), axis, Residual(0.5), Fast())
+    return refine_geometry(thing, views, parts, BranchOptions(**options))
 
 
 def status(result):
@@ -71,9 +75,9 @@ def test_a_drift_of_the_whole_object_is_undone(g0, views):
     assert after < 0.3 * before
 
 
-def test_only_positions_change(g0, views):
+def test_without_a_prior_only_positions_change(g0, views):
     start = drifted(g0)
-    out = refine(start, views, Depth(), appearance=False).out
+    out = refine(start, views, appearance=False).out
     for name in ("log_scales", "rotations", "opacity_logits", "sh_dc"):
         np.testing.assert_array_equal(getattr(out.gaussians, name), getattr(start.gaussians, name))
     np.testing.assert_array_equal(out.mesh.faces, start.mesh.faces)
@@ -105,7 +109,8 @@ def test_sources_of_other_topology_fall_back_to_a(g0, views):
         def fuse(self, a, b, support_a, support_b):
             return np.concatenate([a, b])
 
-    result = refine_geometry(g0, views, NoPrior(), Growing(), Fast(), BranchOptions(appearance=False))
+    parts = BranchParts(NoPrior(), Contours(10, 400, 5e-4), Growing(), Fast())
+    result = refine_geometry(drifted(g0), views, parts, BranchOptions(appearance=False, mode="paper"))
     assert status(result)["fusion"] == "fallback"
     np.testing.assert_array_equal(result.out.gaussians.centres, result.a.gaussians.centres)
 
@@ -120,13 +125,18 @@ def test_paper_mode_puts_both_sources_beside_each_other(g0, views):
 
 
 def test_the_masks_may_refuse_all_of_it(g0, views):
+    class Swelling:
+        def compensate(self, points, views, centre):
+            return AxisFit(np.full(3, 1.01), np.zeros(3), True, 0.9, 0.9, 1, "said so", centre, np.eye(3))
+
     class Bulging:
         def fuse(self, a, b, support_a, support_b):
             return a * 1.5
 
-    result = refine_geometry(g0, views, NoPrior(), Bulging(), Fast())
+    parts = BranchParts(NoPrior(), Swelling(), Bulging(), Fast())
+    result = refine_geometry(g0, views, parts)
     assert status(result)["fusion"] == "rejected"
-    np.testing.assert_allclose(result.out.mesh.vertices, g0.mesh.vertices, atol=0.012)
+    np.testing.assert_allclose(result.out.mesh.vertices, result.a.mesh.vertices)
 
 
 def test_views_without_masks_and_empty_reconstructions_are_refused(g0, views):
@@ -134,3 +144,25 @@ def test_views_without_masks_and_empty_reconstructions_are_refused(g0, views):
         refine(g0, Views(tuple(replace(v, mask=None) for v in views)))
     with pytest.raises(GeometryError, match="empty"):
         refine(Reconstruction(None, None), views)
+
+
+def test_names_that_stand_twice_are_refused(g0, views):
+    first = replace(views[1], camera=replace(views[1].camera, name=views[0].name))
+    with pytest.raises(GeometryError, match="stands twice"):
+        refine(g0, Views((views[0], first, *views.views[2:])))
+
+
+def test_a_prior_makes_a_new_surface_and_takes_the_gaussians_along(g0, views):
+    result = refine(g0, views, Depth())
+    assert status(result)["prior"] == "applied"
+    assert abs(len(result.out.gaussians) / len(g0.gaussians) - 1) < 0.15
+    assert set(np.unique(result.out.gaussians.opacity_logits)) <= set(np.unique(g0.gaussians.opacity_logits))
+    assert len(result.out.mesh.faces) != len(g0.mesh.faces)
+
+
+def test_a_principal_point_outside_the_picture_is_refused(g0, views):
+    K = views[0].camera.K.copy()
+    K[0, 2] = 1000.0
+    odd = replace(views[0], camera=replace(views[0].camera, K=K))
+    with pytest.raises(GeometryError, match="principal point"):
+        refine(g0, Views((odd, *views.views[1:])))

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.contour import mask_contour
 from gvla2.reconstruction.outline import closing_radius, outline
 from gvla2.reconstruction.silhouette import coverage, e_mask, silhouettes, symmetric_iou
+from gvla2_plugins.axes.contour import mask_contour
 
 
 @pytest.fixture(scope="module")

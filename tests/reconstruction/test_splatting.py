@@ -14,9 +14,9 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.rasteriser import render
-from gvla2.reconstruction.splatting import SplatOptions, carry, neighbour_graph, optimise
-from gvla2.reconstruction.splatting_targets import MARGIN, targets
 from gvla2.reconstruction.surfels import surfels
+from gvla2_plugins.splat.splatting import SplatOptions, carry, neighbour_graph, optimise
+from gvla2_plugins.splat.targets import MARGIN, targets
 
 RADIUS = 0.4
 QUICK = SplatOptions(iterations=60, smooth_centres=0.1)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
-from gvla2.reconstruction.visual_hull import object_centre, shrink_strength, soft_hull
+from gvla2.reconstruction.visual_hull import object_centre, released_centre, shrink_strength, soft_hull
 
 
 def test_strength_is_the_papers_formula():
@@ -44,7 +44,6 @@ def test_one_centre_for_uneven_samplings_of_one_object():
     dense, sparse = np.random.default_rng(0), np.array([[0.0, 0, 0], [1, 1, 1]])
     crowded = np.vstack([sparse, dense.uniform(0, 0.2, (500, 3))])
     np.testing.assert_allclose(object_centre(crowded), object_centre(sparse))
-    np.testing.assert_allclose(object_centre(np.vstack([sparse, [[np.nan] * 3]])), [0.5] * 3)
 
 
 def test_no_points():
@@ -67,9 +66,21 @@ def test_errors(arguments, words):
         soft_hull(**{"points": np.ones((4, 3)), "support": np.ones(4), **arguments})
 
 
-def test_nothing_finite_has_no_centre():
-    with pytest.raises(GeometryError, match="None of 2 points"):
-        object_centre(np.full((2, 3), np.nan))
+@pytest.mark.parametrize("lost", [np.nan, np.inf])
+def test_points_that_are_not_finite_are_refused(lost):
+    points = np.ones((4, 3))
+    points[2, 1] = lost
+    with pytest.raises(GeometryError, match="not finite"):
+        object_centre(points)
+    with pytest.raises(GeometryError, match="must be finite"):
+        soft_hull(points, np.ones(4), [0, 0, 0])
+
+
+def test_the_released_centre_is_the_mean_of_each_file():
+    points = np.random.default_rng(0).uniform(size=(1000, 3)) ** 3
+    single = points.astype(np.float32)
+    np.testing.assert_array_equal(released_centre(points), np.mean(single, axis=0).astype(np.float64))
+    assert np.abs(released_centre(points) - object_centre(points)).max() > 0.1
 
 
 def test_the_pieces_are_exported_by_the_package():

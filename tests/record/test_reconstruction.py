@@ -11,7 +11,7 @@ from PIL import Image
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.branch import BranchResult, refine_geometry
+from gvla2.reconstruction.branch import BranchParts, BranchResult, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction, StageReport
 from gvla2.record.files import plain
@@ -56,9 +56,9 @@ def enlarged(thing: Reconstruction, factor: float) -> Reconstruction:
 def record(registry, renderer, views) -> ReconstructionRecord:
     """The cube, first made a tenth too large."""
     g0 = enlarged(carve(views, 24).to_reconstruction(1500), 1.1)
-    choices = {"prior": "none", "fusion": "residual"}
+    choices = {"prior": "none", "axis": "contours", "fusion": "residual"}
     parts = registry.build_all({kind: {"name": name} for kind, name in choices.items()}, choices)
-    result = refine_geometry(g0, views, parts["prior"], parts["fusion"], renderer)
+    result = refine_geometry(g0, views, BranchParts(*parts.values(), renderer))
     return ReconstructionRecord(
         "red cube",
         "a/folder",
@@ -339,3 +339,16 @@ def test_only_unusual_options_are_told(record):
 
 def test_shares_of_time_add_up(record):
     assert sum(step.share for step in sections.steps(record)) == pytest.approx(100)
+
+
+def test_a_new_surface_of_other_points_is_told_as_a_change(registry, renderer, views):
+    g0 = carve(views, 24).to_reconstruction(1500)
+    choices = {"prior": "depth", "axis": "none", "fusion": "residual"}
+    parts = registry.build_all({kind: {"name": name} for kind, name in choices.items()}, choices)
+    rgbd = Views(
+        tuple(replace(v, depth=np.where(v.mask > 0.5, 0.9, np.nan).astype(np.float32)) for v in views)
+    )
+    result = refine_geometry(g0, rgbd, BranchParts(*parts.values(), renderer))
+    made = ReconstructionRecord("cube", "a/folder", rgbd, {}, {}, result, timings={})
+    assert made.displacement >= 0
+    assert made.summary()["displacement"] == made.displacement

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
@@ -47,8 +48,13 @@ class ReconstructionRecord:
 
     @property
     def displacement(self) -> float:
-        """Mean distance that points moved by, in the views' unit; 0 when nothing moved."""
+        """Mean distance that points moved by, in the views' unit; 0 when nothing moved.
+
+        Of a new surface, whose points are others, the mean distance from the nearest point of the first one.
+        """
         before, after = points_of(self.result.g0), points_of(self.result.out)
+        if before.shape != after.shape:
+            return float(np.mean(cKDTree(before).query(after)[0]))
         return float(np.linalg.norm(after - before, axis=1).mean())
 
     @property

@@ -25,11 +25,15 @@ STATES: Mapping[str, State] = {
 
 MEANINGS: Mapping[str, tuple[str, str]] = {
     "drift": ("", "A drift of the whole object is set right first: a prior moves only the sides it sees."),
-    "prior": ("A", "A prior’s depth moves points along the cameras’ rays, where masks and views allow it."),
+    "prior": (
+        "A",
+        "A prior’s depth, corrected view by view, makes a new surface with masks and G0 in one volume.",
+    ),
     "appearance": ("A", "One affine of all base colours, so that renders can be compared with the pictures."),
     "soft_hull": ("A", "Points that the masks support little move a little towards the object’s centre."),
     "axis": ("B", "Each axis is scaled and shifted a little, until the silhouettes meet the masks’ edges."),
     "fusion": ("A+B", "Positions of the two sources become one; colours, sizes and opacity stay those of A."),
+    "inset": ("", "Gaussians go as far inside their surface that what they paint ends where the masks do."),
     "output": ("", "The last word of the input views: what explains them worse is not kept."),
 }
 """The source that each stage belongs to, and what it does."""

@@ -1,4 +1,4 @@
-"""What an axis compensation is asked to do, and what it answers."""
+"""What an axis compensation is asked to do."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.support import as_points
 
 
 @dataclass(frozen=True)
@@ -56,30 +54,6 @@ class AxisOptions:
         scale = default if self.rho_scale is None else self.rho_scale
         shift = default if self.rho_shift is None else self.rho_shift
         return np.array([scale] * 3 + [shift] * 3)
-
-
-@dataclass(frozen=True)
-class AxisFit:
-    """``scale`` a (3,) and ``shift`` d (3,) metres about ``centre`` (3,) along the columns of ``axes`` (3, 3).
-
-    When not ``accepted``, a = 1 and d = 0 and ``reason`` says why; ``iou_before`` and ``iou_after`` are the
-    symmetric IoU of the input and of what was found (NaN when no mask shows anything).
-    """
-
-    scale: FloatArray
-    shift: FloatArray
-    accepted: bool
-    iou_before: float
-    iou_after: float
-    iterations: int
-    reason: str
-    centre: FloatArray
-    axes: FloatArray
-
-    def apply(self, points: ArrayLike) -> FloatArray:
-        """T(p) of world points (N, 3), metres, for Gaussians and mesh alike; the points themselves if not accepted."""
-        array = as_points(points)
-        return transform(array, self.centre, self.axes, self.scale, self.shift) if self.accepted else array
 
 
 def transform(

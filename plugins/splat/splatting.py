@@ -28,7 +28,7 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import StageReport
 from gvla2.reconstruction.rasteriser import Frame, RasterOptions, backward, forward
 from gvla2.reconstruction.rasteriser_kernel import Floats
-from gvla2.reconstruction.splatting_targets import Target, targets
+from gvla2_plugins.splat.targets import Target, targets
 
 _LEARNT = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")
 _NEIGHBOURS = 8

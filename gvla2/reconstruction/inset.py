@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,36 +18,17 @@ from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction, Renderer, StageReport
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import barycentric
 
-STAGE = "rim"
+STAGE = "inset"
 LEAST_GAIN = 0.002
 """Rise of the agreement with the masks for which points are moved at all."""
 MOST = 2.0
 """Farthest that points are moved, pixels of the views."""
-
-
-@dataclass(frozen=True)
-class Shell:
-    """Gaussians seen from the surface of their mesh: ``feet`` (N, 3) on it, world, metres; ``heights`` (N,) of the
-    centres over their feet, negative inside; ``normals`` (N, 3) outward, unit.
-    """
-
-    feet: FloatArray
-    normals: FloatArray
-    heights: FloatArray
-
-    @classmethod
-    def of(cls, centres: FloatArray, mesh: Mesh) -> Shell:
-        """The shell of centres (N, 3) about a mesh with faces."""
-        surface, normals = _dense(mesh, len(centres))
-        _, near = cKDTree(surface).query(centres, workers=-1)
-        across = normals[near]
-        heights = np.einsum("nc,nc->n", centres - surface[near], across)
-        return cls(centres - heights[:, None] * across, across, heights)
 
 
 def outward_normals(mesh: Mesh) -> FloatArray:
@@ -67,15 +48,16 @@ def outward_normals(mesh: Mesh) -> FloatArray:
     return np.asarray(normals / np.maximum(length, 1e-300) * (1.0 if volume >= 0 else -1.0))
 
 
-def _dense(mesh: Mesh, count: int) -> tuple[FloatArray, FloatArray]:
-    """Points (P, 3) of the surface with outward normals (P, 3): the vertices, and more where these lie far apart."""
-    normals = outward_normals(mesh)
-    if len(mesh.vertices) >= min(count, _ENOUGH) or not mesh.areas.sum() > 0:
-        return mesh.vertices, normals
-    points, face = mesh.sample(_ENOUGH, np.random.default_rng(0))
-    across = np.einsum("pk,pkc->pc", barycentric(points, mesh, face), normals[mesh.faces[face]])
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    return points, across / np.maximum(length, 1e-300)
+def normals_at(centres: FloatArray, mesh: Mesh) -> FloatArray:
+    """(N, 3) outward unit normals of the mesh where it lies nearest to the centres (N, 3)."""
+    surface, normals = mesh.vertices, outward_normals(mesh)
+    if len(surface) < min(len(centres), _ENOUGH) and mesh.areas.sum() > 0:
+        # Where the vertices lie far apart, points between them.
+        surface, face = mesh.sample(_ENOUGH, np.random.default_rng(0))
+        normals = np.einsum("pk,pkc->pc", barycentric(surface, mesh, face), normals[mesh.faces[face]])
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    _, near = cKDTree(surface).query(centres, workers=cores())
+    return np.asarray(normals[near])
 
 
 _ENOUGH = 60_000
@@ -92,7 +74,7 @@ def inset(thing: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reco
     if gaussians is None or len(gaussians) == 0 or mesh is None or len(mesh.faces) == 0:
         return thing, StageReport(STAGE, "skipped", "It takes Gaussians and a mesh.")
     centres = np.asarray(gaussians.centres, dtype=np.float64)
-    step = Shell.of(centres, mesh).normals * pixel_sizes(centres, views)[:, None]
+    step = normals_at(centres, mesh) * pixel_sizes(centres, views)[:, None]
     judges = largest(views)
 
     def at(pixels: float) -> Gaussians:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled
-from gvla2.reconstruction.contour import Contour
 from gvla2.reconstruction.outline import Field, Outline
 from gvla2.reconstruction.support import projection
+from gvla2_plugins.axes.contour import Contour
 
 _STEP = 0.5  # pixels between two looks along a normal
 

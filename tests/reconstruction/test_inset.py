@@ -6,14 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gvla2.geometry.mesh import Mesh
 from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.rim import (
-    Shell,
+from gvla2.reconstruction.inset import (
     alpha_iou,
     fill_masks,
     inset,
@@ -81,12 +78,3 @@ def test_normals_point_outwards_whatever_the_winding(carved):
     np.testing.assert_allclose(outward_normals(turned), outward_normals(mesh), atol=1e-9)
     top = mesh.vertices[:, 2].argmax()
     assert outward_normals(mesh)[top, 2] > 0.5
-
-
-@given(st.floats(-0.02, 0.02))
-@settings(max_examples=15, deadline=None)
-def test_feet_and_heights_give_the_centres_back(carved, height):
-    mesh = carved.mesh
-    centres = mesh.vertices + height * outward_normals(mesh)
-    shell = Shell.of(centres, mesh)
-    np.testing.assert_allclose(shell.feet + shell.heights[:, None] * shell.normals, centres, atol=1e-12)

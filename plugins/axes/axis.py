@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.axis_options import AxisFit, AxisOptions
-from gvla2.reconstruction.axis_search import LEAST_RESIDUALS, AxisSearch
+from gvla2.reconstruction.contracts import AxisFit
 from gvla2.reconstruction.support import as_points, mask_of
+from gvla2_plugins.axes.options import AxisOptions
+from gvla2_plugins.axes.search import LEAST_RESIDUALS, AxisSearch
 
 __all__ = ["AxisFit", "AxisOptions", "compensate"]
 

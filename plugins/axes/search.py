@@ -9,13 +9,14 @@ from scipy.optimize import minimize
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.axis_options import AxisFit, AxisOptions, transform
 from gvla2.reconstruction.compiled import run_together
-from gvla2.reconstruction.contour import Contour, mask_contour
+from gvla2.reconstruction.contracts import AxisFit
 from gvla2.reconstruction.outline import outline
-from gvla2.reconstruction.residuals import Residuals, outline_residuals
 from gvla2.reconstruction.silhouette import coverage
 from gvla2.reconstruction.support import MaskStack, mask_of
+from gvla2_plugins.axes.contour import Contour, mask_contour
+from gvla2_plugins.axes.options import AxisOptions, transform
+from gvla2_plugins.axes.residuals import Residuals, outline_residuals
 
 LEAST_RESIDUALS = 30
 """With fewer contour points that find an outline, six numbers are not estimated."""

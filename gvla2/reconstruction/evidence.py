@@ -1,0 +1,190 @@
+"""A prior's depth maps as evidence: brought to the views, corrected jointly, each pixel with an error of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion, minimum_filter, uniform_filter
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.reconstruction.depth_alignment import Aligned, align
+from gvla2.reconstruction.depth_looks import surface_normals
+from gvla2.reconstruction.sim3 import align_cameras
+from gvla2.reconstruction.support import mask_of
+from gvla2.reconstruction.zbuffer import depth_map
+
+EDGE = 0.025
+"""Share of the object's size by which depth bends from pixel to pixel where it jumps between surfaces."""
+LEAST_COVERAGE = 0.05
+"""Least share of the masks' pixels that must have depth."""
+GAP = 0.03
+"""Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
+_THROUGH = 4.0
+"""Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
+_NODES = np.linspace(-3.0, 3.0, 25)
+
+
+@dataclass(frozen=True)
+class DepthEvidence:
+    """Depth of S views that agrees as well as the views allow.
+
+    ``depth`` (S, H, W) metres along each camera's z, NaN where nothing is known; ``std`` (S, H, W) its relative
+    standard deviation; ``weight`` (S, H, W) > 0 where known: confidence over variance; ``normals`` (S, H, W, 3) world,
+    unit, towards the camera, 0 where there is none; ``told`` what was found, as a sentence.
+    """
+
+    depth: FloatArray
+    std: FloatArray
+    weight: FloatArray
+    normals: FloatArray
+    told: str
+
+
+def gather(estimate: GeometryEstimate, views: Views, hull: Mesh) -> DepthEvidence:
+    """What a prior says of the object within ``hull``, the surface of the masks' visual hull.
+
+    An estimate with poses is scaled by Sim(3) between its cameras and the calibrated ones; its poses are then dropped
+    (VGGT's depth times a scale is nearer to the truth than its point map), and what they had wrong is a part of each
+    view's own error. Views without usable depth are left out. Raises :class:`GeometryError` when nothing can be used.
+    """
+    depth, confidence = _checked(estimate, views)
+    depth = depth * camera_scale(estimate, views)
+    masks = np.stack([mask_of(view) for view in views])
+    depth = np.where((masks > 0.5) & np.isfinite(depth) & (depth > 0) & (confidence > 0), depth, np.nan)
+    coverage = float(np.isfinite(depth).sum() / max(int((masks > 0.5).sum()), 1))
+    if coverage < LEAST_COVERAGE:
+        raise GeometryError(f"The prior has depth for {coverage:.0%} of the masks' pixels.")
+    front, back = hull_interval(hull, views)
+    jump = EDGE * float(np.linalg.norm(np.ptp(hull.vertices, axis=0)))
+    rough = np.array([_first_scale(d, f) for d, f in zip(depth, front, strict=True)])
+    usable = np.isfinite(rough)
+    if not usable.any():
+        raise GeometryError("The prior's depth and the visual hull have no pixel in common.")
+    depth = np.where(usable[:, None, None], depth * rough[:, None, None], np.nan)
+    if usable.sum() < 2:
+        # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
+        depth = depth / np.where(usable, rough, 1.0)[:, None, None]
+        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan), np.zeros((len(depth), 1)))
+    else:
+        aligned = align(depth, solid_pixels(depth, jump), views, front, back)
+    believed = _within_hull(aligned, front, back)
+    rays = [view.camera.rays()[1] for view in views]
+    normals = np.stack([surface_normals(d, r) for d, r in zip(believed, rays, strict=True)])
+    sight = looked_through(believed, aligned.std, views)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = np.where(sight, 0.0, np.nan_to_num(confidence / aligned.std**2))
+    if not (weight > 0).any():
+        raise GeometryError("No depth of the prior agrees with another view's.")
+    typical = float(np.median(weight[weight > 0]))
+    spread = float(np.nanmedian(aligned.std))
+    told = f"{int(usable.sum())} of {len(views)} views used, depth right to {100 * spread:.2f} %."
+    return DepthEvidence(
+        believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), told
+    )
+
+
+def hull_interval(hull: Mesh, views: Views) -> tuple[FloatArray, FloatArray]:
+    """Depths (S, H, W) of a mesh's nearest and farthest surface on each pixel's ray, NaN where it is missed."""
+    front = np.stack([depth_map(hull, view.camera) for view in views]).astype(np.float64)
+    back = np.stack([depth_map(hull, view.camera, farthest=True) for view in views]).astype(np.float64)
+    missed = ~np.isfinite(front)
+    front[missed], back[missed] = np.nan, np.nan
+    return front, back
+
+
+def solid_pixels(depth: FloatArray, jump: float) -> NDArray[np.bool_]:
+    """(S, H, W) pixels inside a surface: neither on a step of more than ``jump`` metres nor at the depth's rim.
+
+    A slope has no second difference, however steep; an edge and a flying pixel have.
+    """
+    bend = np.zeros_like(depth)
+    bend[:, :, 1:-1] = np.abs(depth[:, :, 2:] + depth[:, :, :-2] - 2 * depth[:, :, 1:-1])
+    bend[:, 1:-1] = np.fmax(bend[:, 1:-1], np.abs(depth[:, 2:] + depth[:, :-2] - 2 * depth[:, 1:-1]))
+    known = np.isfinite(depth)
+    inner = np.stack([binary_erosion(k, np.ones((3, 3), dtype=np.bool_)) for k in known])
+    return np.asarray(inner & ~(bend >= jump))
+
+
+def looked_through(depth: FloatArray, std: FloatArray, views: Views) -> NDArray[np.bool_]:
+    """(S, H, W) pixels that look through more points of other views' surfaces than they agree with.
+
+    They would carve away what the others see: outliers that lie too deep. Beyond an edge nothing is seen through.
+    """
+    found = np.zeros(depth.shape, dtype=np.bool_)
+    usual = float(np.nanmedian(std))
+    points = [view.camera.backproject(d) for view, d in zip(views, depth, strict=True)]
+    height, width = depth.shape[1:]
+    for s, view in enumerate(views):
+        least = minimum_filter(np.where(np.isfinite(depth[s]), depth[s], np.inf), 3)
+        balance = np.zeros(height * width)
+        for t in range(len(depth)):
+            if t == s:
+                continue
+            uv, z = view.camera.project(points[t][np.isfinite(depth[t])])
+            column, row = uv[view.camera.inside(uv)].astype(np.intp).T
+            z = z[view.camera.inside(uv)]
+            apart = z / least[row, column] - 1
+            vote = np.where(
+                apart < -_THROUGH * usual - 0.02, 1.0, np.where(apart < _THROUGH * usual + 0.02, -1.0, 0.0)
+            )
+            balance += np.bincount(
+                row * width + column, vote * np.isfinite(least[row, column]), height * width
+            )
+        found[s] = uniform_filter(balance.reshape(height, width), 3) > 0.1
+    return found
+
+
+def _checked(estimate: GeometryEstimate, views: Views) -> tuple[FloatArray, FloatArray]:
+    depth = np.asarray(estimate.depth, dtype=np.float64)
+    confidence = np.nan_to_num(np.asarray(estimate.confidence, dtype=np.float64), posinf=0.0)
+    sizes = {(view.camera.height, view.camera.width) for view in views}
+    if len(sizes) > 1:
+        raise GeometryError(f"Depth maps of one prior need views of one size, these have {sorted(sizes)}.")
+    expected = (len(views), *sizes.pop())
+    if depth.shape != expected or confidence.shape != expected:
+        raise GeometryError(
+            f"The prior's depth {depth.shape} and confidence {confidence.shape} must be {expected}: "
+            "views, height, width."
+        )
+    return depth, confidence
+
+
+def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
+    """From the prior's unit to metres, by its cameras; 1 where it has none, or one."""
+    if estimate.world_from_camera is None:
+        return 1.0
+    calibrated = np.stack([view.camera.world_from_camera for view in views])
+    fit = align_cameras(estimate.world_from_camera, calibrated)
+    return fit.sim3.scale if fit.status == "ok" else 1.0
+
+
+def _first_scale(depth: FloatArray, front: FloatArray) -> float:
+    """The factor that puts a depth map near the hull's front; NaN when too few pixels tell."""
+    both = np.isfinite(depth) & np.isfinite(front)
+    return float(np.median(front[both] / depth[both])) if both.sum() >= 30 else float("nan")
+
+
+def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> FloatArray:
+    """Posterior mean of depth (S, H, W): what was told, a Gaussian, times where surfaces lie behind a hull.
+
+    Sure depth stays as it is; unsure depth comes near the hull, so that what nobody knows is left as the masks
+    have it. Pixels that the hull misses keep what was told.
+    """
+    far = np.maximum(back - front, 1e-9)
+    told, sigma = aligned.depth - front, np.maximum(aligned.std * aligned.depth, 1e-9)
+    top, bottom = np.zeros_like(told), np.zeros_like(told)
+    with np.errstate(invalid="ignore"):
+        for node in _NODES:
+            gap = told + sigma * node
+            share = np.exp(-0.5 * node * node) / (1 + (gap / (GAP * far)) ** 2)
+            share = np.where((gap >= 0) & (gap <= far), share, 0.0)
+            top += share * np.nan_to_num(gap)
+            bottom += share
+        mean = np.where(bottom > 1e-9, top / np.maximum(bottom, 1e-12), np.clip(told, 0, far))
+    return np.where(np.isfinite(front), front + mean, aligned.depth)

@@ -1,0 +1,56 @@
+"""Source A's first stage: what a geometry prior says, made into the object's surface where it can be believed."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import Mesh
+from gvla2.reconstruction.carving import surface_of
+from gvla2.reconstruction.colouring import vertex_colours
+from gvla2.reconstruction.contracts import GeometryPrior, Reconstruction, StageReport
+from gvla2.reconstruction.evidence import gather
+from gvla2.reconstruction.placing import place
+from gvla2.reconstruction.view_set import ViewSet
+from gvla2.reconstruction.volume import fuse_volume
+from gvla2.reconstruction.zbuffer import depth_map
+
+STAGE = "prior"
+
+
+def fuse_prior(
+    thing: Reconstruction, seen: ViewSet, prior: GeometryPrior
+) -> tuple[Reconstruction, StageReport]:
+    """``thing`` with the surface that masks, depth and itself agree on, and its Gaussians on that surface.
+
+    Depth is corrected view by view (:mod:`~gvla2.reconstruction.depth_alignment`), fused with masks and G0 in one
+    volume (:mod:`~gvla2.reconstruction.volume`), the surface coloured from the views, and the Gaussians placed on it
+    with their attributes. Skipped without a prior; an unusable one is a ``rejected`` stage with its reason.
+    """
+    began = time.perf_counter()
+    estimate = prior.predict(seen.views)
+    if estimate is None:
+        return thing, StageReport(STAGE, "skipped", "There is no geometry prior.")
+    try:
+        evidence = gather(estimate, seen.views, seen.hull_surface)
+        posterior = fuse_volume(seen.hull, evidence, seen.views, thing.mesh, seen.hull_surface)
+        if not (posterior.field.values > 0).any():
+            raise GeometryError("The prior leaves nothing of the object.")
+    except GeometryError as error:
+        return thing, StageReport(
+            STAGE, "rejected", f"{error} G0 stays.", seconds=time.perf_counter() - began
+        )
+    vertices, faces, normals = surface_of(posterior.field)
+    mesh, step = Mesh(vertices, faces), 2 * posterior.field.step
+    depths = [depth_map(mesh, s.camera) for s in seen.silhouettes]
+    colours, _ = vertex_colours(mesh, normals, seen.silhouettes, depths, step)
+    mesh = Mesh(vertices, faces, colours)
+    gaussians = thing.gaussians
+    if gaussians is not None and len(gaussians):
+        gaussians = place(gaussians, thing.mesh, mesh, normals, seen.silhouettes, step)
+    told = float((posterior.confidence > 0).mean())
+    report = StageReport(
+        STAGE, "applied", evidence.told, {}, {"voxels_told": told}, time.perf_counter() - began
+    )
+    return replace(thing, gaussians=gaussians, mesh=mesh), report

@@ -1,0 +1,70 @@
+"""The input views with what all stages ask of them, computed once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import View, Views
+from gvla2.reconstruction.carving import hull_field, surface_of
+from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
+from gvla2.reconstruction.occupancy import Field
+from gvla2.reconstruction.support import Compat, MaskStack, as_points, mask_of
+
+
+@dataclass(frozen=True, eq=False)
+class ViewSet:
+    """Views D = {(I_i, M_i, K_i, T_i)} that all have masks; raises :class:`GeometryError` where one has none."""
+
+    views: Views
+    compat: Compat = "none"
+
+    def __post_init__(self) -> None:
+        if any(view.mask is None for view in self.views):
+            raise GeometryError("The branch checks geometry against masks: give every view one.")
+        for view in self.views:
+            mask_of(view)
+        for view in self.views:
+            u, v = view.camera.K[:2, 2]
+            if not (0 <= u <= view.camera.width and 0 <= v <= view.camera.height):
+                raise GeometryError(
+                    f"View '{view.name}': the principal point ({u:g}, {v:g}) lies outside its picture of "
+                    f"{view.camera.width}x{view.camera.height} pixels. Was it cropped or resized, and K not?"
+                )
+        names = [view.name for view in self.views]
+        doubled = sorted({name for name in names if names.count(name) > 1})
+        if doubled:
+            raise GeometryError(
+                f"Views are told apart by their names, and {', '.join(doubled)} stands twice."
+            )
+
+    def __iter__(self) -> Iterator[View]:
+        return iter(self.views)
+
+    @cached_property
+    def _stack(self) -> MaskStack:
+        return MaskStack.of(self.views, self.compat)
+
+    def support(self, points: FloatArray) -> FloatArray:
+        """s(p) (N,) of points (N, 3) (paper, mask-consistency score)."""
+        return self._stack.support(as_points(points))
+
+    @cached_property
+    def silhouettes(self) -> tuple[Silhouette, ...]:
+        """The masks as signed distances, less the empty ones."""
+        return silhouettes(self.views)[0]
+
+    @cached_property
+    def hull(self) -> Field:
+        """The masks' visual hull."""
+        return hull_field(self.views)
+
+    @cached_property
+    def hull_surface(self) -> Mesh:
+        """The zero of :attr:`hull`."""
+        vertices, faces, _ = surface_of(self.hull)
+        return Mesh(vertices, faces)

@@ -1,0 +1,221 @@
+"""One volume for all that is known: masks, free space and surface from each depth map, and G0 where nobody looked.
+
+Each depth map says of a voxel how far it lies behind the surface. Maps that see one surface, by their normals, are
+averaged; what different surfaces say is cut: solid is what lies behind all of them (a directional TSDF, Splietker and
+Behnke 2019, taken pairwise). A mean over all maps would let the front of a thin thing meet its back; a cut of single
+maps, which is carving, would take the worst error of all. With exact depth the two are the same and this is carving.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_fill_holes
+
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.compiled import compiled, run_chunks
+from gvla2.reconstruction.evidence import DepthEvidence, hull_interval
+from gvla2.reconstruction.mesh_field import mesh_field
+from gvla2.reconstruction.occupancy import Field
+from gvla2.reconstruction.support import mask_of, projection
+
+BAND = 3.0
+"""Voxels on either side of a depth map's surface of which it can tell how far away it is."""
+SURE = 3.0
+"""Standard deviations of depth that this band is wide at least."""
+SOLID = 0.75
+"""Mask value from which on something must lie on a pixel's ray."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """``field``: metres inside the object; ``confidence`` (X, Y, Z) float32: the summed weight of the depth pixels
+    that told of each voxel, 0 where the masks and G0 alone speak.
+    """
+
+    field: Field
+    confidence: NDArray[np.float32]
+
+
+def fuse_volume(
+    hull: Field, evidence: DepthEvidence, views: Views, g0: Mesh | None, surface: Mesh
+) -> Posterior:
+    """The object within ``hull`` (its ``surface`` as a mesh) as the depth maps see it.
+
+    Voxels of which no map tells are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be
+    left without anything on its ray, the likeliest voxel of the ray is filled: thin things stay whole.
+    """
+    usual = float(np.nanmedian(evidence.depth) * np.nanmedian(evidence.std))
+    band = max(BAND * hull.step, SURE * usual)
+    values, confidence = hull.values.copy(), np.zeros(hull.values.shape, dtype=np.float32)
+    arrays = (
+        hull.origin,
+        hull.step,
+        np.stack([projection(view.camera) for view in views]),
+        np.stack([view.camera.position for view in views]),
+        np.nan_to_num(evidence.depth),
+        evidence.normals,
+        evidence.weight,
+        band,
+        8 * hull.step,
+    )
+
+    def part(start: int, stop: int) -> None:
+        _fuse(values, confidence, start, stop, *arrays)
+
+    run_chunks(part, len(values), least=16)
+    if g0 is not None and len(g0.faces):
+        unseen = (confidence == 0) & (hull.values > -hull.step)
+        values[unseen] = np.minimum(values, mesh_field(g0, hull, unseen))[unseen]
+    front, back = hull_interval(surface, views)
+    for s, view in enumerate(views):
+        _, rays = view.camera.rays()
+        ends = np.nan_to_num(front[s]), np.nan_to_num(back[s])
+        _cover(
+            values,
+            hull.values,
+            hull.origin,
+            hull.step,
+            view.camera.position,
+            rays,
+            *ends,
+            mask_of(view),
+            SOLID,
+        )
+    cavities = binary_fill_holes(values > 0) & (values <= 0)
+    values[cavities] = hull.step
+    return Posterior(Field(values, hull.origin, hull.step), confidence)
+
+
+@compiled
+def _fuse(
+    values: NDArray[np.float32],
+    confidence: NDArray[np.float32],
+    start: int,
+    stop: int,
+    origin: FloatArray,
+    step: float,
+    projections: FloatArray,
+    centres: FloatArray,
+    depth: FloatArray,
+    normals: FloatArray,
+    weights: FloatArray,
+    band: float,
+    jump: float,
+) -> None:
+    _, ny, nz = values.shape
+    count, height, width = depth.shape
+    behind, weight, known = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.int64)
+    facing = np.zeros((count, 3))
+    for i in range(start, stop):
+        for j in range(ny):
+            for k in range(nz):
+                if values[i, j, k] <= -step:
+                    continue
+                x, y, z = origin[0] + step * i, origin[1] + step * j, origin[2] + step * k
+                free = False
+                total = 0.0
+                for a in range(count):
+                    known[a] = 0
+                    P = projections[a]
+                    far = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
+                    if far <= 0:
+                        continue
+                    u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / far
+                    v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / far
+                    column, row = int(np.floor(u)), int(np.floor(v))
+                    if column < 0 or row < 0 or column >= width or row >= height:
+                        continue
+                    d = depth[a, row, column]
+                    w = weights[a, row, column]
+                    if d <= 0 or w <= 0:
+                        continue
+                    left, top = int(np.floor(u - 0.5)), int(np.floor(v - 0.5))
+                    if left >= 0 and top >= 0 and left + 1 < width and top + 1 < height:
+                        d00, d01 = depth[a, top, left], depth[a, top, left + 1]
+                        d10, d11 = depth[a, top + 1, left], depth[a, top + 1, left + 1]
+                        low, high = min(min(d00, d01), min(d10, d11)), max(max(d00, d01), max(d10, d11))
+                        if (
+                            low > 0 and high - low < jump
+                        ):  # one surface: between its pixels, not across an edge
+                            p, q = u - 0.5 - left, v - 0.5 - top
+                            d = (1 - q) * ((1 - p) * d00 + p * d01) + q * ((1 - p) * d10 + p * d11)
+                    n = normals[a, row, column]
+                    slope = (
+                        n[0] * (x - centres[a, 0]) + n[1] * (y - centres[a, 1]) + n[2] * (z - centres[a, 2])
+                    )
+                    cosine = -slope / far
+                    # Along the surface's normal: so the maps of one surface measure alike.
+                    away = (far - d) * max(cosine, 0.3)
+                    if away > band:
+                        continue  # hidden behind the surface: nothing is known
+                    total += w
+                    if away <= -band:
+                        free = True
+                    known[a] = 1
+                    behind[a], weight[a] = max(away, -band), w * max(cosine, 0.05)
+                    facing[a, 0], facing[a, 1], facing[a, 2] = n[0], n[1], n[2]
+                if total == 0.0:
+                    continue
+                confidence[i, j, k] = total
+                least = band
+                for a in range(count):
+                    if known[a] == 0 or free:
+                        continue
+                    above, below = 0.0, 0.0
+                    for b in range(count):
+                        if known[b] == 0:
+                            continue
+                        alike = 1.0
+                        if a != b:
+                            alike = (
+                                facing[a, 0] * facing[b, 0]
+                                + facing[a, 1] * facing[b, 1]
+                                + facing[a, 2] * facing[b, 2]
+                            )
+                        if alike > 0:
+                            share = weight[b] * alike**4
+                            above += share * behind[b]
+                            below += share
+                    least = min(least, above / below)
+                if free:
+                    least = -band
+                values[i, j, k] = min(values[i, j, k], least)
+
+
+@compiled
+def _cover(
+    values: NDArray[np.float32],
+    hull: NDArray[np.float32],
+    origin: FloatArray,
+    step: float,
+    centre: FloatArray,
+    rays: FloatArray,
+    front: FloatArray,
+    back: FloatArray,
+    mask: NDArray[np.float32],
+    solid: float,
+) -> None:
+    nx, ny, nz = values.shape
+    for row in range(mask.shape[0]):
+        for column in range(mask.shape[1]):
+            if mask[row, column] < solid or front[row, column] <= 0:
+                continue
+            ray = rays[row, column]
+            stride = 0.5 * step / np.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)
+            t = front[row, column] - 2 * stride
+            best, bi, bj, bk = -np.inf, -1, -1, -1
+            while t <= back[row, column] + 2 * stride and best <= 0:
+                i = int(np.round((centre[0] + ray[0] * t - origin[0]) / step))
+                j = int(np.round((centre[1] + ray[1] * t - origin[1]) / step))
+                k = int(np.round((centre[2] + ray[2] * t - origin[2]) / step))
+                within = 0 <= i < nx and 0 <= j < ny and 0 <= k < nz
+                if within and hull[i, j, k] > -0.5 * step and values[i, j, k] > best:
+                    best, bi, bj, bk = values[i, j, k], i, j, k
+                t += stride
+            if best <= 0 and bi >= 0:
+                values[bi, bj, bk] = 0.3 * step

@@ -1,0 +1,54 @@
+"""Axis compensations, source B of the branch: by silhouette contours, or by the paper's mask energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+
+if TYPE_CHECKING:
+    from gvla2.reconstruction.contracts import AxisCompensation
+
+
+@dataclass
+class ContoursConfig(ComponentConfig):
+    """Options of ``contours``."""
+
+    iterations: int = 10
+    """Gauss-Newton steps at most."""
+    contour_points: int = 400
+    """Points of each mask's contour that are looked at."""
+    least_gain: float = 5e-4
+    """Rise of the symmetric IoU below which the shape is left alone."""
+
+
+@dataclass
+class MaskEnergyConfig(ComponentConfig):
+    """Options of ``mask_energy``."""
+
+    iterations: int = 10
+    """A fifth of the steps of L-BFGS-B at most."""
+
+
+def _contours(config: ContoursConfig) -> AxisCompensation:
+    """Makes the outlines meet the masks' contours; kept when the symmetric IoU rises."""
+    from gvla2_plugins.axes.compensations import Contours
+
+    return Contours(config.iterations, config.contour_points, config.least_gain)
+
+
+def _mask_energy(config: MaskEnergyConfig) -> AxisCompensation:
+    """Lowers the paper's E_mask within the released bounds, which only rewards shrinking."""
+    from gvla2_plugins.axes.compensations import MaskEnergy
+
+    return MaskEnergy(config.iterations)
+
+
+@hookimpl
+def gvla2_axis_compensations() -> list[Component[AxisCompensation]]:
+    """``axis=contours``, ``axis=mask_energy``."""
+    return [
+        Component("contours", ContoursConfig, _contours),
+        Component("mask_energy", MaskEnergyConfig, _mask_energy),
+    ]

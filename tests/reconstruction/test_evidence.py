@@ -1,0 +1,122 @@
+"""A prior's depth with known errors: what is found, what is mended, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.reconstruction.evidence import gather, looked_through, solid_pixels
+from gvla2.reconstruction.view_set import ViewSet
+from gvla2_plugins.depth_prior.learned_noise import LearnedNoise
+from gvla2_plugins.depth_prior.noise import learned
+
+CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
+
+
+@pytest.fixture(scope="module")
+def views(masked_views, jug):
+    return masked_views(jug, size=128, seed=3)
+
+
+@pytest.fixture(scope="module")
+def hull(views):
+    return ViewSet(views).hull_surface
+
+
+def exact(views):
+    return np.stack([view.depth for view in views]).astype(np.float64)
+
+
+def estimate(views, seed=0, **parts):
+    depth, poses = exact(views), np.stack([view.camera.world_from_camera for view in views])
+    noise = LearnedNoise(**{**CLEAN, **parts})
+    found, sure, moved = learned(depth, poses, noise, np.random.default_rng(seed))
+    return GeometryEstimate(found.astype(np.float32), sure.astype(np.float32), moved)
+
+
+def error(depth, views):
+    """Root mean square of relative error, per cent."""
+    gap = np.log(depth / exact(views))
+    return 100 * float(np.sqrt(np.nanmean(np.clip(gap, -0.2, 0.2) ** 2)))
+
+
+def test_exact_depth_stays_as_it_is(views, hull):
+    found = gather(estimate(views), views, hull)
+    assert error(found.depth, views) < 0.6
+    assert np.nanmedian(found.std) < 0.006
+
+
+@pytest.mark.parametrize(
+    ("parts", "most"),
+    [
+        ({"view_scale": 0.1}, 0.6),
+        ({"view_shift": 0.05}, 0.6),
+        ({"slope": 0.1}, 1.3),
+        ({"global_scale": 0.3, "pose_degrees": 1.0, "pose_shift": 0.01}, 0.6),
+    ],
+)
+def test_stiff_errors_are_found_whatever_their_size(views, hull, parts, most):
+    given = estimate(views, **parts)
+    assert error(given.depth, views) > 1.5 * most
+    assert error(gather(given, views, hull).depth, views) < most
+
+
+def test_a_smooth_error_is_mended_in_part_and_told(views, hull):
+    given = estimate(views, low_frequency=0.02)
+    found = gather(given, views, hull)
+    assert error(found.depth, views) < 0.9 * error(given.depth, views)
+    assert np.nanmedian(found.std) > 1.5 * np.nanmedian(gather(estimate(views), views, hull).std)
+
+
+def test_a_view_without_depth_is_left_out_and_the_rest_is_used(views, hull):
+    given = estimate(views)
+    given.depth[1] = np.nan
+    found = gather(given, views, hull)
+    assert not np.isfinite(found.depth[1]).any()
+    assert error(found.depth, views) < 0.6
+    assert found.told.startswith("4 of 5 views used")
+
+
+def test_a_single_view_is_believed(views, hull):
+    one = Views(views.views[:1])
+    found = gather(estimate(one), one, hull)
+    assert error(found.depth, one) < 0.5
+
+
+def test_a_patch_that_looks_through_what_others_see_is_left_out(views):
+    depth = exact(views)
+    rows, columns = np.nonzero(np.isfinite(depth[0]))
+    middle = int(rows.mean()), int(columns.mean())
+    patch = np.zeros(depth[0].shape, dtype=bool)
+    patch[middle[0] - 4 : middle[0] + 5, middle[1] - 4 : middle[1] + 5] = True
+    depth[0][patch] *= 1.15
+    found = looked_through(depth, np.full(depth.shape, 1e-3), views)
+    assert found[0][patch].mean() > 0.3
+    assert found[0][~patch & np.isfinite(depth[0])].mean() < 0.03
+    assert looked_through(exact(views), np.full(depth.shape, 1e-3), views).mean() < 0.01
+
+
+def test_edges_and_flying_pixels_are_not_solid():
+    depth = np.full((1, 20, 20), 2.0)
+    depth[:, :, 10:] = 3.0
+    depth[0, 5, 5] = np.nan
+    solid = solid_pixels(depth, 0.1)[0]
+    assert not solid[:, 9:11].any()
+    assert not solid[4:7, 4:7].any()
+    assert solid[12, 3]
+
+
+def test_what_cannot_be_used_says_why(views, hull):
+    given = estimate(views)
+    for wrong, words in (
+        (replace(given, depth=given.depth[:2]), "views, height, width"),
+        (replace(given, depth=np.full_like(given.depth, np.nan)), "0% of the masks"),
+        (replace(given, confidence=0 * given.confidence), "0% of the masks"),
+    ):
+        with pytest.raises(GeometryError, match=words):
+            gather(wrong, views, hull)

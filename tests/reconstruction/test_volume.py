@@ -1,0 +1,95 @@
+"""One volume: what depth carves, what it leaves, and what nobody saw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.ndimage import binary_dilation
+from scipy.spatial import cKDTree
+
+from gvla2.geometry.mesh import Mesh
+from gvla2.reconstruction.carving import surface_of
+from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.reconstruction.evidence import gather
+from gvla2.reconstruction.mesh_field import mesh_field
+from gvla2.reconstruction.occupancy import Field
+from gvla2.reconstruction.view_set import ViewSet
+from gvla2.reconstruction.volume import fuse_volume
+
+
+def bowl() -> trimesh.Trimesh:
+    """A thick bowl: its hollow is in no silhouette."""
+    angles = np.linspace(0, np.pi / 2, 16)
+    outer = np.stack([0.5 * np.sin(angles), -0.5 * np.cos(angles)], axis=1)
+    inner = np.stack([0.42 * np.sin(angles), -0.42 * np.cos(angles)], axis=1)[::-1]
+    return trimesh.creation.revolve(np.concatenate([outer, inner]), sections=48)
+
+
+def from_depth(views):
+    depth = np.stack([view.depth for view in views])
+    return GeometryEstimate(depth, np.isfinite(depth).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def views(masked_views):
+    return masked_views(bowl(), size=128, seed=2)
+
+
+@pytest.fixture(scope="module")
+def seen(views):
+    return ViewSet(views)
+
+
+def fused(seen, evidence, g0=None):
+    post = fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
+    vertices, faces, _ = surface_of(post.field)
+    return post, Mesh(vertices, faces)
+
+
+def distance(mesh, truth):
+    points = mesh.sample(4000, np.random.default_rng(0))[0]
+    return float(cKDTree(truth.sample(40_000, seed=0)).query(points)[0].mean())
+
+
+def test_a_hollow_that_no_silhouette_shows_is_carved(seen, views):
+    post, mesh = fused(seen, gather(from_depth(views), views, seen.hull_surface))
+    assert distance(mesh, bowl()) < 0.5 * distance(seen.hull_surface, bowl())
+    assert (post.confidence > 0).any()
+
+
+def test_a_solid_mask_pixel_keeps_something_on_its_ray(seen, views):
+    evidence = gather(from_depth(views), views, seen.hull_surface)
+    # Every view believes that it looks straight through.
+    evidence.depth[:] = 10.0
+    post, _ = fused(seen, evidence)
+    inside = post.field.points(np.argwhere(post.field.values > 0))
+    for view in views:
+        uv, _ = view.camera.project(inside)
+        covered = np.zeros(view.mask.shape, dtype=bool)
+        column, row = uv[view.camera.inside(uv)].astype(int).T
+        covered[row, column] = True
+        grown = binary_dilation(covered, iterations=3)
+        assert grown[view.mask > 0.99].mean() > 0.98
+
+
+def test_without_evidence_the_first_reconstruction_stays(seen, views):
+    evidence = gather(from_depth(views), views, seen.hull_surface)
+    evidence.weight[:] = 0.0
+    truth = bowl()
+    post, mesh = fused(seen, evidence, Mesh(np.asarray(truth.vertices), np.asarray(truth.faces)))
+    assert (post.confidence == 0).all()
+    assert distance(mesh, truth) < 0.5 * seen.hull.step
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_depth_inside_a_ball(turn):
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
+    grid = Field(np.zeros((40, 40, 40), dtype=np.float32), np.full(3, -0.7), 1.4 / 39)
+    where = np.ones(grid.values.shape, dtype=bool)
+    found = mesh_field(Mesh(ball.vertices, ball.faces[:, ::turn]), grid, where)
+    points = grid.points(np.argwhere(where))
+    true = 0.5 - np.linalg.norm(points, axis=1).reshape(found.shape)
+    assert ((found > 0) == (true > 0)).mean() > 0.999
+    near = np.abs(true) < grid.step
+    assert np.abs(found - true)[near].max() < 0.5 * grid.step
