@@ -46,7 +46,9 @@ def meant(call: SkillCall, scene: Scene) -> Meant | Abstention:
     skill = suited(call.skill, theme, scene, aimed=goal is not None or call.xy is not None)
     skill, theme = unscrewed(skill, theme, scene)
     if skill == "twist" and closed_by(theme, scene) is None and not is_lid(theme, scene):
-        return Abstention("nothing_matches", f"The {theme.label} is no cap, and none is seen on it to unscrew.")
+        return Abstention(
+            "nothing_matches", f"The {theme.label} is no cap, and none is seen on it to unscrew."
+        )
     if goal is not None:
         skill = fitted(skill, theme, goal, call.relation, scene)
         if skill == "close":
