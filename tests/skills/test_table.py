@@ -15,7 +15,7 @@ from gvla2.skills.table import PARAMETERS, STANDARD, describe
 PICK = STANDARD["pick"]
 
 
-@pytest.mark.parametrize("skill", STANDARD.values(), ids=str)
+@pytest.mark.parametrize("skill", STANDARD.values(), ids=lambda s: s.name)
 def test_standard_skills_are_whole(skill: Skill):
     assert fault_of(skill) == ""
     assert skill.words
