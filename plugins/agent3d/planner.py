@@ -16,7 +16,7 @@ from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.skills.lifting import lift
 from gvla2_plugins.agent3d import Agent3dConfig
 from gvla2_plugins.agent3d.prompt import messages, rejected_path
-from gvla2_plugins.agent3d.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
+from gvla2.skills.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
 
 BACK = 2
 """So often the reasons why a path cannot be carried out go back to the model."""

@@ -15,9 +15,10 @@ from gvla2.skills.carry_out import carry_out
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
-from gvla2_plugins.code_policies.faithful import Named, doubts, named_things, ruled_out, unclear
-from gvla2_plugins.code_policies.interpreter import WHY, Declined, Interpreter
-from gvla2_plugins.code_policies.prompt import Fitting, correction, fitting, grammar, messages
+from gvla2.skills.faithful import Named, doubts, named_things, ruled_out, unclear
+from gvla2.skills.program import WHY, Declined, Interpreter
+from gvla2.skills.program_grammar import Fitting, fitting, grammar
+from gvla2_plugins.code_policies.prompt import correction, messages
 
 BACK = 2
 """So often the reasons why a program cannot be carried out go back to the model."""
