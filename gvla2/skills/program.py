@@ -1,8 +1,8 @@
 """The small language of programs: a part of Python's syntax, parsed and interpreted here; nothing is executed.
 
-Statements: calls of skills, assignments, ``for`` over a list, ``if``/``elif``/``else``, ``pass``. Expressions: names of
-things, numbers, strings, flat lists, ``not``/``and``/``or``, comparisons, ``in``, and the functions of :data:`QUESTIONS`
-about things of the scene. Statements, calls and the size of every value are bounded.
+Statements: calls of skills, assignments, ``for`` over a list, ``if``/``elif``/``else``, ``pass``. Expressions: names
+of things, numbers, strings, flat lists, ``not``/``and``/``or``, comparisons, ``in``, and the functions of
+:data:`QUESTIONS` about things of the scene. Statements, calls and the size of every value are bounded.
 """
 
 from __future__ import annotations
@@ -152,8 +152,8 @@ class Interpreter:
             )
         if len(things) == 2 and self.skills[skill].role("goal") is None:
             raise ValueError(f"{skill} takes one thing and no goal.")
-        ids = [self.ids[t] for t in things]
-        return SkillCall(skill, *ids, **fields)
+        theme, goal = self.ids[things[0]], self.ids[things[1]] if len(things) == 2 else ""
+        return SkillCall(skill, theme, goal, **fields)
 
     def _value(self, node: ast.expr) -> Any:
         match node:
@@ -222,6 +222,13 @@ def code_in(text: str) -> str:
         raise ValueError(f"It has {len(text)} characters; {LONGEST} are enough for any program.")
     fenced = re.search(r"```(?:\w+)?\n(.*?)```", text, re.DOTALL)
     return (fenced.group(1) if fenced else text).strip()
+
+
+def lines_of(text: str) -> list[str]:
+    """The lines of a sound program without its comments, one form for all: as memory keeps it."""
+    tree = ast.parse(_IN.sub("'in'", code_in(text)))
+    tree.body = [s for s in tree.body if not isinstance(s, ast.Expr) or isinstance(s.value, ast.Call)]
+    return ast.unparse(tree).replace("'in'", "in").splitlines()
 
 
 def written(call: SkillCall, names: Mapping[str, str]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from gvla2.language import Message
 from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import told
+from gvla2.planning.prompts import remembered
 from gvla2.planning.scene_brief import SceneBrief
 
 RELATIVE = """\
@@ -39,8 +40,8 @@ EXAMPLE_PATH = {
 def messages(request: PlanRequest, brief: SceneBrief, *, bare: bool, programs: int) -> list[Message]:
     """The question. Memory stands between marks, as data: it can advise, and the checks hold whatever it says."""
     blocks = [_block(EXAMPLE_THINGS[bare], EXAMPLE_TASK, EXAMPLE_PATH[bare])]
-    remembered, about = _remembered(request, brief, programs if not bare else 0)
-    things = "\n".join(filter(None, (_by_relevance(brief, request.instruction, about), remembered)))
+    memory, about = _remembered(request, brief, programs if not bare else 0)
+    things = "\n".join(filter(None, (_by_relevance(brief, request.instruction, about), memory)))
     blocks.append(_block(things, _one_line(request.instruction), ""))
     asked: list[Message] = [
         {"role": "system", "content": BARE if bare else RELATIVE},
@@ -70,10 +71,7 @@ def _remembered(request: PlanRequest, brief: SceneBrief, programs: int) -> tuple
             blocks.append(
                 f"Task: {_one_line(program.instruction)}\nPath (succeeded, with the names of now):\n{path}"
             )
-    text = request.advice.text.strip()
-    if not blocks and not text:
-        return "", []
-    return "\n".join(["<memory>", *([text] if text else []), *blocks, "</memory>"]), about
+    return remembered("\n".join(filter(None, (request.advice.text.strip(), *blocks)))), about
 
 
 def _by_relevance(brief: SceneBrief, instruction: str, about: Sequence[str]) -> str:
