@@ -258,10 +258,10 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
 
 
-def open_bank(tmp_path: Path) -> KnowledgeBank:
+def open_bank(tmp_path: Path, hints: int = 3) -> KnowledgeBank:
     return KnowledgeBank.open(
         f"sqlite:///{tmp_path / 'memory.db'}",
-        retriever=HybridRetriever(HybridConfig()),
+        retriever=HybridRetriever(HybridConfig(top_k=hints)),
         embedder=HashEmbedder(),
     )
 
@@ -443,8 +443,8 @@ def test_what_a_program_has_no_words_for_is_not_taught_as_calls() -> None:
 
 def test_programs_come_back_with_other_names_and_sizes_through_a_bank(tmp_path: Path) -> None:
     later = scene(thing("x1", 0.2, 0.0, "blue", size=0.08), thing("x2", 0.4, 0.2, "red", "region", 0.12))
-    asked = EpisodeRecord("run/9", "Place the blue cube on the red square", "", 9, {}, scene=later)
-    with open_bank(tmp_path) as bank:
+    asked = EpisodeRecord("run/9", "Put the blue box down on the red goal", "", 9, {}, scene=later)
+    with open_bank(tmp_path, hints=6) as bank:
         bank.learn(memory_episode(placed(), SUCCESS), SUCCESS)
         context, notes = with_sound_effects(bank.recall(memory_task(asked)))
     assert notes == ()

@@ -139,9 +139,10 @@ def unclear(calls: Sequence[SkillCall], instruction: str, scene: Scene) -> str:
         if _noun(thing) not in words:
             continue
         alike = [o for o in scene.objects if _noun(o) == _noun(thing) and o.shape == thing.shape]
+        own = said.keys() & _colours(thing, scene)  # told apart by its colour, or by having none that is said
         told = [
-            o for o in alike if said.keys() & {scene[i].colour for i in (o.id, root_of(o, scene).id)}
-        ] or alike
+            o for o in alike if (own & _colours(o, scene) if own else not said.keys() & _colours(o, scene))
+        ]
         if len(told) > 1:
             return f"There are {len(told)} things called {_noun(thing)}: {', '.join(o.label for o in told)}."
     return ""
@@ -151,6 +152,11 @@ def _meant(instruction: str, scene: Scene) -> dict[str, None]:
     """The colours of the scene that the wish means, in its order: "blue" is the azure thing where none is blue."""
     present = [o.colour for o in scene.objects if o.colour]
     return dict.fromkeys(c for word in colour_words(instruction) if (c := meant_by(word, present)))
+
+
+def _colours(thing: SceneObject, scene: Scene) -> set[str]:
+    """Its colour and that of its whole."""
+    return {thing.colour, root_of(thing, scene).colour}
 
 
 def _beside(object_id: str, scene: Scene) -> list[str]:

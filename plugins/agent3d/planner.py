@@ -53,6 +53,8 @@ class Agent3d:
             try:
                 steps, transcript = self._ask(asked, brief, turn)
             except UnusableAnswerError as error:
+                if not any(entry["answer"] for entry in error.transcript):
+                    raise  # nobody is there
                 refused = Abstention("other", f"The model wrote no path: {error}")
                 return replace(plan, abstention=refused, transcript=(*said, *error.transcript))
             said += transcript

@@ -73,6 +73,8 @@ class CodePolicies:
             try:
                 written = self._ask(asked, request, skills, can, brief, turn, named)
             except UnusableAnswerError as error:
+                if not any(entry["answer"] for entry in error.transcript):
+                    raise  # nobody is there
                 said += tuple(error.transcript)
                 break
             said += written.transcript
