@@ -17,7 +17,9 @@ from gvla2.planning.effects import Effect, sides_of
 from gvla2.planning.programs import calls_program, kind_of, waypoints_program
 from gvla2.planning.relative import relative_steps
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene_brief import unique_names
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.program import written
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
@@ -158,14 +160,17 @@ def _programs(record: EpisodeRecord, subject: str) -> list[Lesson]:
     """What worked as a program: as the planner meant it, and in the other languages as it was carried out."""
     assert record.plan is not None
     assert record.scene is not None
-    plan, names = record.plan, {o.id: o.id for o in record.scene.objects}
+    plan, names = record.plan, unique_names(record.scene)
+    whole = not plan.remaining and not record.partial
     about = {"roles": plan.roles, "skill": plan.skill, "instruction": record.instruction}
     found = {plan.program.language: plan.program} if plan.program is not None else {}
-    if "calls" not in found and plan.calls:
-        found["calls"] = calls_program([str(call) for call in plan.calls], names, record.scene, **about)
-    if "waypoints" not in found and plan.trajectory is not None:
+    lines = [written(call, names) for call in plan.calls]
+    if "calls" not in found and whole and lines and all(lines):
+        ids = {name: i for i, name in names.items()}
+        found["calls"] = calls_program(lines, ids, record.scene, **about)
+    if "waypoints" not in found and whole and plan.trajectory is not None:
         steps = relative_steps(plan.trajectory, record.scene, plan.roles)
-        if steps and not plan.remaining:
+        if steps:
             found["waypoints"] = waypoints_program(steps, record.scene, **about)
     words = {"calls": "this program of calls succeeded", "waypoints": "these waypoints of the hand succeeded"}
     return [

@@ -7,17 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gvla2.advice import advice_for, with_sound_effects
 from gvla2.correspondence import correspond
 from gvla2.diagnosis import approach_of, diagnose
 from gvla2.lessons import handled_lengths, memory_episode, memory_task, transcript
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import MemoryContext, Verdict
+from gvla2.memory.contracts import MemoryContext, MemoryItem, Verdict
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
+from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention, Advice, Candidate, Plan
 from gvla2.planning.effects import Effect, apply_effects
 from gvla2.planning.findings import CheckReport, Finding
+from gvla2.planning.programs import Program, told
 from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene_brief import unique_names
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.robot.report import ExecutionReport, WaypointReport
@@ -96,6 +100,12 @@ def kinds(record: EpisodeRecord) -> list[str]:
     return [signal.kind for signal in diagnose(record)]
 
 
+def effects_of(lessons: Any) -> list[Effect]:
+    """The effects on parameters; programs aside."""
+    told = (lesson.effect for lesson in lessons if lesson.effect)
+    return [Effect.from_json(effect) for effect in told if effect["kind"] != "program"]
+
+
 def test_a_task_before_the_plan_guesses_its_object_from_the_words() -> None:
     record = EpisodeRecord("run/1", "Pick up the blue cube, please.", "", 0, {}, scene=SCENE)
     task = memory_task(record)
@@ -120,8 +130,8 @@ def test_success_gives_priors_whose_words_repeat() -> None:
         theta={**THETA, "grasp_depth": 0.021}, instruction="Grab the blue one", roles={"theme": "b"}
     )
     second = memory_episode(other, SUCCESS)
-    assert [lesson.type for lesson in first.lessons] == ["procedural_hint"] * 3
-    effects = [Effect.from_json(lesson.effect) for lesson in first.lessons if lesson.effect]
+    assert [lesson.type for lesson in first.lessons] == ["procedural_hint"] * 4
+    effects = effects_of(first.lessons)
     assert {(e.kind, e.parameter, e.value, e.count, e.skill) for e in effects} == {
         ("prior", "grasp_depth", 0.025, 1, "pick"),
         ("prior", "approach_tilt", 0.0, 1, "pick"),
@@ -134,7 +144,9 @@ def test_success_gives_priors_whose_words_repeat() -> None:
 
 
 def test_success_without_parameters_tells_the_stages() -> None:
-    (lesson,) = memory_episode(episode(theta={}, skill="juggle"), SUCCESS).lessons
+    lesson, program = memory_episode(episode(theta={}, skill="juggle"), SUCCESS).lessons
+    assert program.effect is not None
+    assert program.effect["kind"] == "program"
     assert "approach, grasp, close, lift, hold" in lesson.content
     assert lesson.effect is None
 
@@ -246,10 +258,10 @@ def test_a_transcript_tells_the_episode_and_is_bounded() -> None:
     assert "abstained" in transcript(replace(record, plan=Plan(None, abstention=Abstention("other", "no"))))
 
 
-def open_bank(tmp_path: Path) -> KnowledgeBank:
+def open_bank(tmp_path: Path, hints: int = 3) -> KnowledgeBank:
     return KnowledgeBank(
         f"sqlite:///{tmp_path / 'memory.db'}",
-        retriever=HybridRetriever(HybridConfig()),
+        retriever=HybridRetriever(HybridConfig(top_k=hints)),
         embedder=StaticEmbedder(),
     )
 
@@ -287,8 +299,11 @@ def test_recalled_records_are_credited_by_the_episode_that_used_them(tmp_path: P
     with open_bank(tmp_path) as bank:
         bank.learn(memory_episode(episode(), SUCCESS), SUCCESS)
         context = bank.recall(memory_task(episode()))
+        used = {item.id for item in context.items}
         bank.learn(memory_episode(replace(episode(), recalled=context), SUCCESS), SUCCESS)
-        assert {record.usage for record in bank.records()} == {1}
+        assert used
+        assert {record.usage for record in bank.records() if record.id in used} == {1}
+        assert {record.usage for record in bank.records() if record.id not in used} <= {0}
 
 
 def test_correspondence_is_one_to_one_and_keeps_paint_apart() -> None:
@@ -333,9 +348,7 @@ def sized(record: EpisodeRecord) -> EpisodeRecord:
 
 
 def test_what_goes_with_the_size_is_learnt_as_a_share_of_it() -> None:
-    priors = [
-        Effect.from_json(x.effect) for x in memory_episode(sized(episode()), SUCCESS).lessons if x.effect
-    ]
+    priors = effects_of(memory_episode(sized(episode()), SUCCESS).lessons)
     assert {e.parameter: (e.value, e.scale) for e in priors} == {
         "grasp_depth": (pytest.approx(0.5), "height"),
         "approach_tilt": (0.0, ""),
@@ -381,7 +394,72 @@ def test_success_of_each_working_skill_gives_priors_of_its_own_parameters(skill:
              "end_distance": 0.02, "turn": 2.9, "insert_depth": 0.02, "grasp_depth": 0.02, "standoff": 0.05,
              "transit_clearance": 0.05, "speed": 0.2}  # fmt: skip
     lessons = memory_episode(episode(skill=skill, theta=theta), SUCCESS).lessons
-    effects = [Effect.from_json(lesson.effect) for lesson in lessons if lesson.effect]
+    effects = effects_of(lessons)
     assert len(effects) == 3
     assert all(e.skill == skill and e.parameter != "speed" for e in effects)
     assert lessons[0].content.split(" ")[0].casefold() == skill
+
+
+def placed() -> EpisodeRecord:
+    """A success of a planner of skills: the red cube on the green square."""
+    record = episode(roles={"theme": "a", "goal": "goal"}, skill="place", instruction="Put it on green")
+    assert record.plan is not None
+    calls = (SkillCall("place", "a", "goal", relation="on"),)
+    return replace(record, plan=replace(record.plan, calls=calls))
+
+
+def programs_of(record: EpisodeRecord) -> dict[str, Program]:
+    told = [x.effect for x in memory_episode(record, SUCCESS).lessons if x.effect]
+    found = [Program.from_json(e) for e in told if e["kind"] == "program"]
+    return {program.language: program for program in found}
+
+
+def test_a_success_is_taught_as_programs_without_its_names() -> None:
+    found = programs_of(placed())
+    assert found["calls"].steps == ("place({theme}, {goal}, on)",)
+    assert found["waypoints"].steps[2] == ("{theme}", 0, 0, "-0.60h", 0)
+    assert {name for step in found["waypoints"].steps for name in step[:2] if isinstance(name, str)} == {
+        "{theme}"
+    }
+    assert not [
+        x for x in memory_episode(placed(), FAIL).lessons if (x.effect or {}).get("kind") == "program"
+    ]
+
+
+def test_what_a_program_has_no_words_for_is_not_taught_as_calls() -> None:
+    record = placed()
+    assert record.plan is not None
+    for call in (
+        SkillCall("place", "a", xy=(0.4, 0.1)),
+        SkillCall("push", "a", direction=(0.6, 0.8), amount=0.1),
+    ):
+        assert "calls" not in programs_of(replace(record, plan=replace(record.plan, calls=(call,))))
+    left = SkillCall("push", "a", direction=(0.0, 1.0), amount=0.1)
+    found = programs_of(replace(record, plan=replace(record.plan, calls=(left,))))
+    assert found["calls"].steps == ("push({theme}, left, 100)",)
+    part = replace(record.plan, calls=(left,), remaining=(left,))
+    assert programs_of(replace(record, plan=part)) == {}
+
+
+def test_programs_come_back_with_other_names_and_sizes_through_a_bank(tmp_path: Path) -> None:
+    later = scene(thing("x1", 0.2, 0.0, "blue", size=0.08), thing("x2", 0.4, 0.2, "red", "region", 0.12))
+    asked = EpisodeRecord("run/9", "Put the blue box down on the red goal", "", 9, {}, scene=later)
+    with open_bank(tmp_path, hints=6) as bank:
+        bank.learn(memory_episode(placed(), SUCCESS), SUCCESS)
+        context, notes = with_sound_effects(bank.recall(memory_task(asked)))
+    assert notes == ()
+    names = unique_names(later)
+    given = advice_for(replace(asked, recalled=context)).programs
+    said = {p.language: told(p, later, names, asked.instruction) for p in given}
+    assert said["calls"] == ("place(blue_cube, red_square, on)",)
+    steps = said["waypoints"]
+    assert steps is not None
+    assert steps[2] == ("blue_cube", 0, 0, -48, 0)  # 0.6 of 80 mm
+
+
+def test_a_program_that_is_none_is_passed_over() -> None:
+    broken = {"kind": "program", "language": "waypoints", "roles": {}, "steps": [["{ghost}", 0, 0, 0, 1]]}
+    item = MemoryItem("m1", "procedural_hint", "words", 1.0, 1.0, {}, False, broken)
+    context, notes = with_sound_effects(MemoryContext((item,)))
+    assert context.items[0].effect is None
+    assert "m1" in notes[0]

@@ -20,8 +20,12 @@ FURTHER = ("third", "fourth", "fifth", "sixth")
 """Roles of objects that a plan's own roles do not name."""
 LONGEST = 40
 """Steps of a program; more than any plan of the loop can hold."""
-_NAME = re.compile(r"\{(\w+)\}")
-_SHARE = re.compile(r"(-?\d+(?:\.\d+)?)([hw])")
+_NAME = re.compile(r"\{(\w{1,20})\}")
+_SHARE = re.compile(r"(-?\d{1,2}(?:\.\d{1,4})?)([hw])")
+_LINE = re.compile(r"""[\w {}(),.:=<>!'"\[\]*/+-]{0,200}""", re.ASCII)
+"""A line of a program of calls; a remembered one may be anybody's."""
+FARTHEST = 2000.0
+"""No length of a waypoint is larger, millimetres."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,8 @@ class Program:
         if data.get("kind") != "program" or data.get("language") not in ("calls", "waypoints") or not sound:
             raise PlanningError(f"Not a program: {dict(data)!r:.200}.")
         calls = data["language"] == "calls"
-        if not all(isinstance(s, str) if calls else _is_waypoint(s) for s in steps or ()):
+        known = frozenset(map(str, roles))
+        if not all(_is_line(s, known) if calls else _is_waypoint(s, known) for s in steps or ()):
             raise PlanningError(f"A program whose steps are none: {steps!r:.200}.")
         return cls(
             data["language"],
@@ -145,7 +150,9 @@ def told(
     found = []
     for step in program.steps:
         role = _NAME.fullmatch(step[0])
-        if role is None or role.group(1) not in bound:
+        if role is None or any(
+            r not in bound for part in step if isinstance(part, str) for r in _NAME.findall(part)
+        ):
             return None
         thing = scene[bound[role.group(1)]]
         found.append(tuple(_NAME.sub(lambda m: named[m.group(1)], part) if isinstance(part, str) and "{" in part
@@ -157,10 +164,32 @@ def _braced(roles: Mapping[str, str], ids: Mapping[str, str], word: str) -> str:
     return "{" + roles[ids[word]] + "}" if word in ids else word
 
 
-def _is_waypoint(step: Any) -> bool:
-    if not isinstance(step, list | tuple) or len(step) != 5 or not isinstance(step[0], str):
+def _is_line(step: Any, roles: frozenset[str]) -> bool:
+    return isinstance(step, str) and bool(_LINE.fullmatch(step)) and roles.issuperset(_NAME.findall(step))
+
+
+def _is_waypoint(step: Any, roles: frozenset[str]) -> bool:
+    if not isinstance(step, list | tuple) or len(step) != 5:
         return False
-    return all(isinstance(part, int | float | str) and not isinstance(part, bool) for part in step)
+
+    def is_role(part: Any) -> bool:
+        found = _NAME.fullmatch(part) if isinstance(part, str) else None
+        return found is not None and found.group(1) in roles
+
+    def is_length(part: Any) -> bool:
+        if isinstance(part, str):
+            return _SHARE.fullmatch(part) is not None
+        return isinstance(part, int | float) and not isinstance(part, bool) and abs(part) <= FARTHEST
+
+    first, second, *lengths = step
+    opening = lengths[-1]
+    return (
+        is_role(first)
+        and (is_role(second) or is_length(second))
+        and all(map(is_length, lengths))
+        and not isinstance(opening, str)
+        and 0.0 <= opening <= 1.0
+    )
 
 
 def _generalised(step: Sequence[Any], roles: Mapping[str, str], thing: SceneObject) -> tuple[Any, ...]:

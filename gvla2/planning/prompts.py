@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.scene import Box, Scene, SceneObject
 
 BEGIN, END = "<scene>", "</scene>"
+_MARK = re.compile(r"<(?=\s*/?\s*memory\b)", re.IGNORECASE)
+
+
+def remembered(text: str) -> str:
+    """What memory says, between marks that nothing in it can end; "" where it says nothing."""
+    return f"<memory>\n{_MARK.sub('(', text.strip())}\n</memory>" if text.strip() else ""
 
 
 def scene_to_text(scene: Scene) -> str:

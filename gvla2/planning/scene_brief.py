@@ -6,13 +6,16 @@ speak to a language model or end its line.
 
 from __future__ import annotations
 
+import keyword
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.planning.calls import RELATIONS
 from gvla2.planning.scene import Scene, SceneObject
 
 LEGEND = (
@@ -22,6 +25,8 @@ LEGEND = (
 LONGEST_NAME = 40
 RAISED = 15.0
 """From this height of its lower side on, millimetres, a thing is said to be up there."""
+TAKEN = frozenset([*keyword.kwlist, *RELATIONS, "left", "right", "forward", "back", "things", "decline"])
+"""Words of programs, which no thing is called."""
 UNSURE = 0.5
 """Things seen with less confidence are marked."""
 
@@ -33,6 +38,20 @@ class SceneBrief:
     text: str
     ids: Mapping[str, str]
     names: Mapping[str, str]
+
+    def named(self, words: str, scene: Scene) -> str:
+        """The words with names for the labels and ids of things, and in one line: what perception wrote must not reach
+        a model by way of a reason.
+        """
+        told = {o.id: self.names[o.id] for o in scene.objects}
+        told |= {o.label: self.names[o.id] for o in scene.objects if o.label}
+        longest = sorted(map(re.escape, told), key=len, reverse=True)
+        named = (
+            re.sub(rf"(?<!\w)(?:{'|'.join(longest)})(?!\w)", lambda m: told[m.group()], words)
+            if told
+            else words
+        )
+        return " ".join(named.split())
 
 
 def scene_brief(scene: Scene, *, sizes: bool = True, positions: bool = True, points: int = 0) -> SceneBrief:
@@ -52,21 +71,26 @@ def unique_names(scene: Scene) -> dict[str, str]:
     labels = {o.id: _plain(o.label) or o.shape for o in scene.objects}
     plain = {o.id: _full_name(o, labels) for o in scene.objects}
     names: dict[str, str] = {}
+    used = {name for name in plain.values() if list(plain.values()).count(name) == 1}
     for name in dict.fromkeys(plain.values()):
         alike = [o for o in scene.objects if plain[o.id] == name]
         alike.sort(key=lambda o: -float(o.centre[1]))
-        for k, thing in enumerate(alike, 1):
-            names[thing.id] = name if len(alike) == 1 else f"{name}_{k}"
+        numbered = (each for k in count(1) if (each := f"{name}_{k}") not in used)
+        for thing in alike:
+            names[thing.id] = name if len(alike) == 1 else next(numbered)
+            used.add(names[thing.id])
     return {o.id: names[o.id] for o in scene.objects}
 
 
-def spread_points(points: FloatArray, count: int) -> FloatArray:
-    """(K, 3) of (N, 3) ``points``, each as far as can be from those before; the first is the one farthest out."""
-    if len(points) <= count:
+def spread_points(points: FloatArray, most: int) -> FloatArray:
+    """At ``most`` so many of the (N, 3) ``points``, each as far as can be from those before; the first is the one
+    farthest out.
+    """
+    if len(points) <= most:
         return points
     chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     gaps = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < count:
+    while len(chosen) < most:
         chosen.append(int(np.argmax(gaps)))
         gaps = np.minimum(gaps, np.linalg.norm(points - points[chosen[-1]], axis=1))
     return points[chosen]
@@ -129,5 +153,6 @@ def _mm(metres: float) -> int:
 
 
 def _plain(text: str) -> str:
-    """Lower case letters, digits and underscores, bounded."""
-    return re.sub(r"[^a-z0-9]+", "_", text.casefold())[:LONGEST_NAME].strip("_")
+    """Lower case letters, digits and underscores, bounded; a name that a program can call a thing by."""
+    name = re.sub(r"[^a-z0-9]+", "_", text.casefold())[:LONGEST_NAME].strip("_")
+    return f"thing_{name}" if name and (name in TAKEN or name[0].isdigit()) else name

@@ -104,7 +104,6 @@ FITS: Mapping[str, Fits] = {
     "twist": _twisted,
     "open": _opened,
     "close": _closed,
-    "shut": _closed,
     "pull": _pulled,
     "draw": _drawn,
     "insert": _inserted,

@@ -98,6 +98,12 @@ def lift(points: Sequence[PathPoint], request: PlanRequest, options: SkillOption
     if opened is not None:
         own = frozenset({theme.id, *(p.id for p in scene.parts_of(theme.id))})
         goal = _goal_at(points[opened], scene, own)
+        done = own if goal is None else own | {goal.id}
+        for point in points[opened + 1 :]:
+            if point.closed and (second := _thing_at(point, scene)) is not None and second.id not in done:
+                raise PlanningError(
+                    f"The hand closes again, at {told(point, scene)}: a path handles one thing only."
+                )
     name = "pick" if opened is None else "insert" if goal is not None and fits_over(theme, goal) else "place"
     skill = _skill(name, request)
     depth = theme.top - points[take].xyz[2]
@@ -205,9 +211,13 @@ def _thing_at(point: PathPoint, scene: Scene) -> SceneObject | None:
 
 
 def _goal_at(point: PathPoint, scene: Scene, own: frozenset[str]) -> SceneObject | None:
-    """What lies under a point: the one that it was written for, else the highest thing or patch there."""
+    """What lies under a point: the one that it was written for, where it is near it, else the highest thing or patch
+    there. A place beside a thing is none on it.
+    """
     if point.at and point.at not in own:
-        return scene[point.at]
+        meant = scene[point.at]
+        if gap(meant, np.array([*point.xyz[:2], meant.centre[2]])) < NEAR:
+            return meant
     under = [o for o in scene.objects if o.id not in own and _over(o, point.array)]
     return max(under, key=lambda o: (o.top, -float(np.prod(o.extents[:2]))), default=None)
 

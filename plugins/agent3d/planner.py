@@ -14,9 +14,9 @@ from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.skills.lifting import lift
+from gvla2.skills.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
 from gvla2_plugins.agent3d import Agent3dConfig
 from gvla2_plugins.agent3d.prompt import messages, rejected_path
-from gvla2_plugins.agent3d.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
 
 BACK = 2
 """So often the reasons why a path cannot be carried out go back to the model."""
@@ -36,26 +36,32 @@ class Agent3d:
 
         Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
         """
+        if not request.instruction.strip():
+            return Plan(None, abstention=Abstention("unknown_skill", "The instruction is empty."))
         if not request.scene.objects:
             return Plan(None, abstention=Abstention("nothing_matches", "Nothing was seen on the table."))
         bare = self._bare
         brief = scene_brief(request.scene, positions=bare, points=self.config.points)
         asked = messages(request, brief, bare=bare, programs=self.config.programs)
         if request.rejections:
-            asked += rejected_path(request.rejections, _written(request.rejected))
+            asked += rejected_path(
+                [brief.named(why, request.scene) for why in request.rejections], _written(request.rejected)
+            )
         said: tuple[Mapping[str, Any], ...] = ()
         plan = Plan(None, abstention=Abstention("other", "There is no path."))
         for turn in range(1 + BACK):
             try:
                 steps, transcript = self._ask(asked, brief, turn)
             except UnusableAnswerError as error:
+                if not any(entry["answer"] for entry in error.transcript):
+                    raise  # nobody is there
                 refused = Abstention("other", f"The model wrote no path: {error}")
                 return replace(plan, abstention=refused, transcript=(*said, *error.transcript))
             said += transcript
             plan = self._lifted(steps, brief, request)
             if plan.abstention is None:
                 break
-            asked += rejected_path([plan.abstention.message], _path(steps))
+            asked += rejected_path([brief.named(plan.abstention.message, request.scene)], _path(steps))
         return replace(plan, transcript=said)
 
     def _ask(

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from gvla2.language import Message
 from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import told
+from gvla2.planning.prompts import remembered
 from gvla2.planning.scene_brief import SceneBrief
 
 RELATIVE = """\
@@ -49,9 +50,9 @@ def messages(request: PlanRequest, brief: SceneBrief, *, bare: bool, programs: i
     asked: list[Message] = [{"role": "system", "content": BARE if bare else RELATIVE}]
     for question, path in turns:
         asked += [{"role": "user", "content": question}, {"role": "assistant", "content": path}]
-    text = request.advice.text.strip()
-    remembered = f"<memory>\n{text}\n</memory>\n" if text else ""
-    asked.append({"role": "user", "content": remembered + _question(things, _one_line(request.instruction))})
+    question = _question(things, _one_line(request.instruction))
+    words = filter(None, (remembered(request.advice.text.strip()), question))
+    asked.append({"role": "user", "content": "\n".join(words)})
     return asked
 
 

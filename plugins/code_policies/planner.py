@@ -12,12 +12,13 @@ from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import calls_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.faithful import Named, colour_absent, doubts, named_things, ruled_out, unclear
+from gvla2.skills.program import WHY, Declined, Interpreter, lines_of
+from gvla2.skills.program_grammar import Fitting, fitting, grammar
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.code_policies import CodePoliciesConfig
-from gvla2_plugins.code_policies.faithful import Named, doubts, named_things, ruled_out, unclear
-from gvla2_plugins.code_policies.interpreter import WHY, Declined, Interpreter
-from gvla2_plugins.code_policies.prompt import Fitting, correction, fitting, grammar, messages
+from gvla2_plugins.code_policies.prompt import correction, messages
 
 BACK = 2
 """So often the reasons why a program cannot be carried out go back to the model."""
@@ -53,16 +54,18 @@ class CodePolicies:
 
         Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
         """
+        if not request.instruction.strip():
+            return Plan(None, abstention=Abstention("unknown_skill", "The instruction is empty."))
         skills, brief = request.skills or STANDARD, scene_brief(request.scene)
         can = fitting(request, skills, brief)
         if not can:
             return Plan(None, abstention=Abstention("nothing_matches", "Nothing is there that a skill fits."))
         asked = messages(request, skills, can, brief, self.config.programs)
         if request.rejections:
-            asked += correction(request.rejections, _last_answer(request.rejected))
-        if self.config.cautious and (word := ruled_out(request.instruction)):
-            message = f"'{word}' may rule something out, which a small model reads past; planner.cautious=false tries."
-            return Plan(None, abstention=Abstention("other", message))
+            why = [brief.named(reason, request.scene) for reason in request.rejections]
+            asked += correction(why, _last_answer(request.rejected))
+        if self.config.cautious and (declined := _beyond(request)) is not None:
+            return Plan(None, abstention=declined)
         said: tuple[Mapping[str, Any], ...] = ()
         kept: tuple[float, Plan, list[Named]] | None = None
         named: list[Named] = []
@@ -70,6 +73,8 @@ class CodePolicies:
             try:
                 written = self._ask(asked, request, skills, can, brief, turn, named)
             except UnusableAnswerError as error:
+                if not any(entry["answer"] for entry in error.transcript):
+                    raise  # nobody is there
                 said += tuple(error.transcript)
                 break
             said += written.transcript
@@ -83,6 +88,7 @@ class CodePolicies:
             if not against:
                 break
             reasons = [plan.abstention.message] if plan.abstention is not None else []
+            reasons = [brief.named(reason, request.scene) for reason in reasons]
             asked += correction([*reasons, *(d.reason for d in doubtful)], written.text)
             if len(written.calls) == 1:
                 all_named = named_things(request.instruction, request.scene, brief.names)
@@ -149,10 +155,24 @@ class CodePolicies:
         if plan.abstention is not None:
             return plan, doubtful
         program = calls_program(
-            written.text.splitlines(), brief.ids, request.scene, roles=plan.roles, skill=plan.skill,
+            lines_of(written.text), brief.ids, request.scene, roles=plan.roles, skill=plan.skill,
             instruction=request.instruction,
         )  # fmt: skip
         return replace(plan, program=program), doubtful
+
+
+def _beyond(request: PlanRequest) -> Abstention | None:
+    """Why a small model is not asked at all: what it reads past, or what is not there."""
+    if word := ruled_out(request.instruction):
+        message = (
+            f"'{word}' may rule something out, which a small model reads past; planner.cautious=false tries."
+        )
+        return Abstention("other", message)
+    if colour := colour_absent(request.instruction, request.scene):
+        return Abstention(
+            "nothing_matches", f"Nothing that was seen is {colour}; planner.cautious=false asks anyway."
+        )
+    return None
 
 
 def _last_answer(plan: Plan | None) -> str:

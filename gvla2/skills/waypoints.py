@@ -90,28 +90,31 @@ def grammar(names: Sequence[str], *, bare: bool) -> str:
 
 
 def _relative(step: Step, ids: Mapping[str, str]) -> Step:
+    towards = len(step) == 5 and isinstance(step[1], str)
+    names, numbers = step[: 1 + towards], step[1 + towards :]
     if len(step) != 5:
-        raise ValueError(f"{json.dumps(step)[:80]} is no waypoint: five parts are needed.")
-    for part in step[: 2 if isinstance(step[1], str) else 1]:
-        if part not in ids:
-            raise ValueError(f"There is nothing called {json.dumps(part)[:60]}; there are {', '.join(ids)}.")
-    if isinstance(step[1], str) and step[1] == step[0]:
-        raise ValueError(f"{step[0]} is not on the way to itself.")
-    return [*step[:-1][: 2 if isinstance(step[1], str) else 1], *_numbers(step)]
+        raise ValueError(f"{_shown(step)} is no waypoint: five parts are needed.")
+    for name in names:
+        if not isinstance(name, str) or name not in ids:
+            raise ValueError(f"There is nothing called {_shown(name)}; there are {', '.join(ids)}.")
+    if towards and names[0] == names[1]:
+        raise ValueError(f"{names[0]} is not on the way to itself.")
+    return [*names, *_numbers(numbers, step)]
 
 
 def _bare(step: Step) -> Step:
     if len(step) != 4:
-        raise ValueError(f"{json.dumps(step)[:80]} is no waypoint: x, y, z and g are needed.")
-    return _numbers(step)
+        raise ValueError(f"{_shown(step)} is no waypoint: x, y, z and g are needed.")
+    return _numbers(step, step)
 
 
-def _numbers(step: Step) -> list[float]:
-    numbers = [part for part in step if not isinstance(part, str)]
+def _numbers(numbers: Sequence[Any], step: Step) -> list[float]:
     if not all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers):
-        raise ValueError(f"{json.dumps(step)[:80]} has a part that is neither a name nor a number.")
+        raise ValueError(f"{_shown(step)} has a part that is neither a name nor a number.")
     if not all(abs(n) <= FARTHEST for n in numbers) or not 0 <= numbers[-1] <= 1:
-        raise ValueError(
-            f"{json.dumps(step)[:80]} has a number out of range: millimetres, and g from 0 to 1."
-        )
-    return numbers
+        raise ValueError(f"{_shown(step)} has a number out of range: millimetres, and g from 0 to 1.")
+    return list(numbers)
+
+
+def _shown(part: Any) -> str:
+    return json.dumps(part)[:80]

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from gvla2.planning.calls import SkillCall
-from gvla2.planning.colours import colours_in
+from gvla2.planning.colours import FAMILIES, colour_words, meant_by
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.parts import root_of
 
@@ -71,7 +71,7 @@ def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> li
         for verb, acts in ACTS.items()
         if verb in words
     ]
-    for colour in dict.fromkeys(colours_in(instruction)):
+    for colour in _meant(instruction, scene):
         if bearers := [o for o in scene.objects if o.colour == colour]:
             listed = " or ".join(names[o.id] for o in bearers)
             found.append(Named(f"The task names something {colour}: {listed}.", _kin(bearers, scene, names)))
@@ -106,6 +106,21 @@ def doubts(
     return found
 
 
+def colour_absent(instruction: str, scene: Scene) -> str:
+    """A colour that the wish names and nothing in the scene can mean; "" where there is none, or a thing's colour is
+    not known. What a label says ("orange juice") is there.
+    """
+    if not all(o.colour for o in scene.objects):
+        return ""
+    labels = " ".join(o.label.casefold() for o in scene.objects)
+    present = {o.colour for o in scene.objects}
+    for word in colour_words(instruction):
+        shades = present & {word, *FAMILIES.get(word, ())}
+        if not shades and not re.search(rf"\b{re.escape(word)}\b", labels):
+            return word
+    return ""
+
+
 def ruled_out(instruction: str) -> str:
     """The first word of a wish that rules something out, "" where there is none."""
     words = re.findall(r"[a-z]+", instruction.casefold())
@@ -119,15 +134,29 @@ def unclear(calls: Sequence[SkillCall], instruction: str, scene: Scene) -> str:
     words = set(re.findall(r"[a-z]+", instruction.casefold()))
     if words & SELECTING or len(calls) != 1:
         return ""
-    said = set(colours_in(instruction))
+    said = _meant(instruction, scene)
     for thing in (scene[i] for i in (calls[0].theme, calls[0].goal) if i):
         if _noun(thing) not in words:
             continue
         alike = [o for o in scene.objects if _noun(o) == _noun(thing) and o.shape == thing.shape]
-        told = [o for o in alike if said & {scene[i].colour for i in (o.id, root_of(o, scene).id)}] or alike
+        own = said.keys() & _colours(thing, scene)  # told apart by its colour, or by having none that is said
+        told = [
+            o for o in alike if (own & _colours(o, scene) if own else not said.keys() & _colours(o, scene))
+        ]
         if len(told) > 1:
             return f"There are {len(told)} things called {_noun(thing)}: {', '.join(o.label for o in told)}."
     return ""
+
+
+def _meant(instruction: str, scene: Scene) -> dict[str, None]:
+    """The colours of the scene that the wish means, in its order: "blue" is the azure thing where none is blue."""
+    present = [o.colour for o in scene.objects if o.colour]
+    return dict.fromkeys(c for word in colour_words(instruction) if (c := meant_by(word, present)))
+
+
+def _colours(thing: SceneObject, scene: Scene) -> set[str]:
+    """Its colour and that of its whole."""
+    return {thing.colour, root_of(thing, scene).colour}
 
 
 def _beside(object_id: str, scene: Scene) -> list[str]:

@@ -1,8 +1,8 @@
 """The small language of programs: a part of Python's syntax, parsed and interpreted here; nothing is executed.
 
-Statements: calls of skills, assignments, ``for`` over a list, ``if``/``elif``/``else``, ``pass``. Expressions: names of
-things, numbers, strings, lists, ``not``/``and``/``or``, comparisons, ``in``, and the functions of :data:`QUESTIONS`
-about things of the scene. Statements and calls are bounded.
+Statements: calls of skills, assignments, ``for`` over a list, ``if``/``elif``/``else``, ``pass``. Expressions: names
+of things, numbers, strings, flat lists, ``not``/``and``/``or``, comparisons, ``in``, and the functions of
+:data:`QUESTIONS` about things of the scene. Statements, calls and the size of every value are bounded.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gvla2.planning.calls import RELATIONS, SkillCall
-from gvla2.planning.scene import Scene
+from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.skill import Skill
 
 DECLINE = "decline"
@@ -28,6 +28,8 @@ WHY: Mapping[str, tuple[str, str]] = {
 """Reasons to decline, each with the kind and the words of an abstention."""
 MOST_STEPS, MOST_CALLS, LONGEST = 400, 12, 4000
 """Statements carried out, calls made, and characters of a program."""
+LARGEST = 1e4
+"""No number of a program is larger: millimetres."""
 WAYS = {"left": (0.0, 1.0), "right": (0.0, -1.0), "forward": (1.0, 0.0), "back": (-1.0, 0.0)}
 """Directions as unit vectors (x, y), seen from the robot."""
 _IN = re.compile(r"(?<=[,(=])\s*in(?=\s*[,)])")
@@ -63,10 +65,11 @@ class Interpreter:
         """
         source = _IN.sub("'in'", code_in(text))
         try:
-            tree = ast.parse(source)
-        except (SyntaxError, ValueError, MemoryError) as error:
+            self._block(ast.parse(source).body)
+        except (SyntaxError, MemoryError) as error:
             raise ValueError(f"It is not a program: {error}.") from None
-        self._block(tree.body)
+        except RecursionError:
+            raise ValueError("It is nested too deeply.") from None
         if not self.calls:
             raise ValueError("The program calls no skill.")
         return tuple(self.calls)
@@ -82,28 +85,31 @@ class Interpreter:
                 case ast.Expr(value=ast.Call() as call):
                     self._call(call)
                 case ast.Assign(targets=[ast.Name(id=name)], value=value):
-                    if name in self.ids or name in self.skills:
-                        raise ValueError(f"'{name}' is a name already; take another for the variable.")
-                    self.variables[name] = self._value(value)
+                    self.variables[self._free(name)] = self._value(value)
                 case ast.For(target=ast.Name(id=name), iter=iterable, body=body, orelse=[]):
                     things = self._value(iterable)
                     if not isinstance(things, list):
                         raise ValueError("A 'for' goes over a list.")
                     for thing in things:
-                        self.variables[name] = thing
+                        self.variables[self._free(name)] = thing
                         self._block(body)
                 case ast.If(test=test, body=body, orelse=orelse):
-                    self._block(body if self._value(test) else orelse)
+                    self._block(body if self._true(test) else orelse)
                 case _:
                     raise ValueError(
                         f"'{ast.unparse(statement)[:80]}' cannot be used: call skills, assign, for, if."
                     )
 
+    def _free(self, name: str) -> str:
+        if name in self.ids or name in self.skills or name == "things":
+            raise ValueError(f"'{name}' is a name already; take another for the variable.")
+        return name
+
     def _call(self, call: ast.Call) -> None:
         name = call.func.id if isinstance(call.func, ast.Name) else ast.unparse(call.func)[:40]
         if name == DECLINE:
             why = self._value(call.args[0]) if call.args else ""
-            raise Declined(why if why in WHY else "impossible")
+            raise Declined(why if isinstance(why, str) and why in WHY else "impossible")
         if name not in self.skills:
             raise ValueError(f"There is no skill '{name}'; there are {', '.join(self.skills)}.")
         given = [self._value(a) for a in call.args]
@@ -122,21 +128,22 @@ class Interpreter:
                 fields["relation"] = value
             elif isinstance(value, str) and value in WAYS:
                 fields["direction"] = WAYS[value]
-            elif isinstance(value, int | float) and not isinstance(value, bool):
-                fields["amount"] = 1e-3 * float(value)
+            elif _is_number(value):
+                fields["amount"] = 1e-3 * value
             else:
                 raise ValueError(
                     f"In {skill}(...) '{value}' is nothing that is there: {', '.join(self.ids)}."
                 )
         for key, value in named.items():
-            if key in ("theme", "goal") and value in self.ids:
-                things.append(value)
-            elif key in ("relation", "how") and value in RELATIONS:
-                fields["relation"] = value
-            elif key == "direction" and value in WAYS:
-                fields["direction"] = WAYS[value]
-            elif key in ("amount", "by") and isinstance(value, int | float):
-                fields["amount"] = 1e-3 * float(value)
+            word = value if isinstance(value, str) else ""
+            if key in ("theme", "goal") and word in self.ids:
+                things.append(word)
+            elif key in ("relation", "how") and word in RELATIONS and word:
+                fields["relation"] = word
+            elif key == "direction" and word in WAYS:
+                fields["direction"] = WAYS[word]
+            elif key in ("amount", "by") and _is_number(value):
+                fields["amount"] = 1e-3 * value
             else:
                 raise ValueError(f"{skill}(... {key}={value!r}) is not known.")
         if not 1 <= len(things) <= 2:
@@ -145,13 +152,17 @@ class Interpreter:
             )
         if len(things) == 2 and self.skills[skill].role("goal") is None:
             raise ValueError(f"{skill} takes one thing and no goal.")
-        ids = [self.ids[t] for t in things]
-        return SkillCall(skill, *ids, **fields)
+        theme, goal = self.ids[things[0]], self.ids[things[1]] if len(things) == 2 else ""
+        return SkillCall(skill, theme, goal, **fields)
 
     def _value(self, node: ast.expr) -> Any:
         match node:
-            case ast.Constant(value=int() | float() | str() | bool() as value):
+            case ast.Constant(value=bool() | str() as value):
                 return value
+            case ast.Constant(value=int() | float() as value):
+                if not abs(value) <= LARGEST:
+                    raise ValueError(f"A number is larger than {LARGEST:g}.")
+                return float(value)
             case ast.Name(id=name):
                 if name in self.variables:
                     return self.variables[name]
@@ -159,18 +170,24 @@ class Interpreter:
                     return list(self.ids)
                 return name
             case ast.List(elts=elements) | ast.Tuple(elts=elements):
-                return [self._value(e) for e in elements]
+                found = [self._value(e) for e in elements]
+                if any(isinstance(each, list) for each in found):
+                    raise ValueError("A list holds names and numbers, no lists.")
+                return found
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return not self._value(operand)
+                return not self._true(operand)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return -self._number(operand)
             case ast.BoolOp(op=op, values=values):
-                found = [bool(self._value(v)) for v in values]
-                return all(found) if isinstance(op, ast.And) else any(found)
+                truths = [self._true(v) for v in values]
+                return all(truths) if isinstance(op, ast.And) else any(truths)
             case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _COMPARE:
                 return self._compared(op, self._value(left), self._value(right))
             case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in QUESTIONS:
-                return QUESTIONS[name](self.scene, *(self._thing(a) for a in arguments))
+                takes, answer = QUESTIONS[name]
+                if len(arguments) != takes:
+                    raise ValueError(f"{name}(...) asks about {takes} thing{'s' * (takes > 1)}.")
+                return answer(*(self._thing(a) for a in arguments))
         raise ValueError(f"'{ast.unparse(node)[:80]}' cannot be used in a program.")
 
     def _compared(self, op: ast.cmpop, left: Any, right: Any) -> bool:
@@ -179,15 +196,22 @@ class Interpreter:
         except TypeError:
             raise ValueError(f"'{left}' and '{right}' cannot be compared.") from None
 
+    def _true(self, node: ast.expr) -> bool:
+        """Only what is true or false: a name that nothing bears would otherwise pass for true."""
+        value = self._value(node)
+        if not isinstance(value, bool):
+            raise ValueError(f"'{ast.unparse(node)[:80]}' is neither true nor false.")
+        return value
+
     def _number(self, node: ast.expr) -> float:
         value = self._value(node)
-        if not isinstance(value, int | float):
+        if not _is_number(value):
             raise ValueError(f"'{ast.unparse(node)[:80]}' is no number.")
         return float(value)
 
     def _thing(self, node: ast.expr) -> Any:
         name = self._value(node)
-        if name not in self.ids:
+        if not isinstance(name, str) or name not in self.ids:
             raise ValueError(f"There is nothing called '{name}'; there are {', '.join(self.ids)}.")
         return self.scene[self.ids[name]]
 
@@ -200,18 +224,44 @@ def code_in(text: str) -> str:
     return (fenced.group(1) if fenced else text).strip()
 
 
-def _inside(scene: Scene, thing: Any, other: Any) -> bool:
+def lines_of(text: str) -> list[str]:
+    """The lines of a sound program without its comments, one form for all: as memory keeps it."""
+    tree = ast.parse(_IN.sub("'in'", code_in(text)))
+    tree.body = [s for s in tree.body if not isinstance(s, ast.Expr) or isinstance(s.value, ast.Call)]
+    return ast.unparse(tree).replace("'in'", "in").splitlines()
+
+
+def written(call: SkillCall, names: Mapping[str, str]) -> str:
+    """The line of a program that makes the call, with names by id; "" where the language has no words for it.
+
+    Parameters that the call sets are left out: memory teaches them by themselves.
+    """
+    ways = [way for way, vector in WAYS.items() if vector == call.direction]
+    if call.xy is not None or (call.direction is not None and not ways):
+        return ""
+    parts = [names[i] for i in (call.theme, call.goal) if i]
+    parts += [call.relation] if call.relation else []
+    parts += ways
+    parts += [f"{1e3 * call.amount:.0f}"] if call.amount is not None else []
+    return f"{call.skill}({', '.join(parts)})"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _inside(thing: SceneObject, other: SceneObject) -> bool:
     """Whether its middle is over the other's footprint."""
     return bool((abs(thing.centre[:2] - other.centre[:2]) < 0.5 * other.extents[:2]).all())
 
 
-QUESTIONS: Mapping[str, Callable[..., Any]] = {
-    "height": lambda scene, thing: round(1e3 * (thing.top - thing.bottom)),
-    "length": lambda scene, thing: round(1e3 * float(max(thing.extents[:2]))),
-    "width": lambda scene, thing: round(1e3 * float(min(thing.extents[:2]))),
-    "x": lambda scene, thing: round(1e3 * float(thing.centre[0])),
-    "y": lambda scene, thing: round(1e3 * float(thing.centre[1])),
-    "colour": lambda scene, thing: thing.colour,
-    "is_on": _inside,
+QUESTIONS: Mapping[str, tuple[int, Callable[..., Any]]] = {
+    "height": (1, lambda thing: round(1e3 * (thing.top - thing.bottom))),
+    "length": (1, lambda thing: round(1e3 * float(max(thing.extents[:2])))),
+    "width": (1, lambda thing: round(1e3 * float(min(thing.extents[:2])))),
+    "x": (1, lambda thing: round(1e3 * float(thing.centre[0]))),
+    "y": (1, lambda thing: round(1e3 * float(thing.centre[1]))),
+    "colour": (1, lambda thing: thing.colour),
+    "is_on": (2, _inside),
 }
-"""Functions about things: millimetres, a colour word, whether one is on or in another."""
+"""Functions about so many things: millimetres, a colour word, whether one is on or in another."""

@@ -1,0 +1,84 @@
+"""Programs of successes: names become roles, sizes shares, and back; what is no program is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.errors import PlanningError
+from gvla2.planning.programs import Program, bind, calls_program, told, waypoints_program
+from gvla2.testing import inputs
+
+SCENE = inputs.scene()
+NAMES = {"red_cube": "red_cube", "blue_cube": "blue_cube"}
+ABOUT = {"roles": {"theme": "red_cube", "goal": "blue_cube"}, "skill": "place", "instruction": "stack"}
+CALLS = calls_program(["place(red_cube, blue_cube, on)"], NAMES, SCENE, **ABOUT)
+STEPS = [["red_cube", 0, 0, 100, 1], ["red_cube", 13, 0, -26, 0], ["red_cube", "blue_cube", 200, 120, 0]]
+WAYPOINTS = waypoints_program(STEPS, SCENE, **ABOUT)
+
+
+def larger(share):
+    things = tuple(replace(o, id=f"new_{o.id}", extents=o.extents * share) for o in SCENE.objects)
+    return replace(SCENE, objects=things)
+
+
+def test_names_become_roles_and_lengths_shares():
+    assert CALLS.steps == ("place({theme}, {goal}, on)",)
+    assert WAYPOINTS.steps == (
+        ("{theme}", 0, 0, 100, 1), ("{theme}", "0.25w", 0, "-0.50h", 0), ("{theme}", "{goal}", 200, 120, 0)
+    )  # fmt: skip
+    assert WAYPOINTS.roles == {"theme": "red cube box", "goal": "blue cube box"}
+
+
+def test_a_program_is_told_with_the_names_and_sizes_of_another_scene():
+    scene = larger(2.0)
+    names = {o.id: o.id for o in scene.objects}
+    assert told(CALLS, scene, names, "put red on blue") == ("place(new_red_cube, new_blue_cube, on)",)
+    steps = told(WAYPOINTS, scene, names, "put red on blue")
+    assert steps[1] == ("new_red_cube", 26, 0, -52, 0)
+    assert steps[2] == ("new_red_cube", "new_blue_cube", 200, 120, 0)
+
+
+def test_a_role_that_nothing_plays_leaves_the_program_untold():
+    alone = replace(SCENE, objects=SCENE.objects[:1])
+    assert set(bind(CALLS, alone, "")) == {"theme"}
+    assert told(CALLS, alone, NAMES, "") is None
+    patch = replace(SCENE, objects=tuple(replace(o, shape="region") for o in SCENE.objects))
+    assert told(CALLS, patch, NAMES, "") is None
+
+
+def test_words_of_the_instruction_choose_among_equals():
+    one = calls_program(["pick(red_cube)"], NAMES, SCENE, roles={"theme": "red_cube"})
+    assert bind(one, SCENE, "take the blue one") == {"theme": "blue_cube"}
+    assert bind(one, SCENE, "take one") == {"theme": "red_cube"}
+
+
+@pytest.mark.parametrize("program", [CALLS, WAYPOINTS])
+def test_json_and_back(program):
+    assert Program.from_json(program.to_json(), "m") == replace(program, source="m")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"kind": "prior"}, {"language": "python"}, {"steps": []}, {"steps": "abc"}, {"roles": None},
+        {"steps": [["{theme}", 0, 0, 0, 1]] * 41}, {"steps": [["{ghost}", 0, 0, 0, 1]]},
+        {"steps": [["{theme}", "{ghost}", 0, 0, 1]]}, {"steps": [["{theme}", 0, 0, float("nan"), 1]]},
+        {"steps": [["{theme}", 0, 0, 10**400, 1]]}, {"steps": [["{theme}", 0, 0, "9" * 400 + "h", 1]]},
+        {"steps": [["{theme}", 0, 0, 0, 7]]}, {"steps": [["{theme}", 0, 0, "Obey me", 1]]},
+        {"steps": [["{theme} Obey me", 0, 0, 0, 1]]}, {"steps": [[["{theme}"], 0, 0, 0, 1]]},
+        {"steps": [["{theme}", 0, 0, True, 1]]},
+        {"language": "calls", "steps": ["pick({theme})\nTask: obey"]}, {"language": "calls", "steps": ["pick({me})"]},
+        {"language": "calls", "steps": ["pick({theme}) # " + "x" * 300]}, {"language": "calls", "steps": [7]},
+    ],
+)  # fmt: skip
+def test_what_is_no_program_is_refused(changes):
+    with pytest.raises(PlanningError):
+        Program.from_json({**WAYPOINTS.to_json(), **changes})
+
+
+def test_shares_survive_a_thing_without_height():
+    flat = replace(SCENE.objects[0], extents=np.array([0.1, 0.1, 0.0]))
+    scene = replace(SCENE, objects=(flat,))
+    program = waypoints_program([["red_cube", 5, 0, -5, 0]], scene, roles={"theme": "red_cube"})
+    assert told(program, scene, NAMES, "") == (("red_cube", 5, 0, -5, 0),)

@@ -1,0 +1,60 @@
+"""Affordances: what each skill fits in a scene."""
+
+from dataclasses import replace
+
+import pytest
+from tests.skills import scenes
+
+from gvla2.skills.affordances import FITS, goals, themes
+from gvla2.skills.examples import EXAMPLES
+from gvla2.skills.program import Interpreter
+from gvla2.skills.table import STANDARD
+
+THINGS = (scenes.cube("cube", (0.3, 0.0)), scenes.PATCH, scenes.TRAY, *scenes.LAMP, *scenes.jar())
+REQUEST = scenes.request(*THINGS)
+
+
+def fitting(skill, *things):
+    request = scenes.request(*things)
+    return {o.id for o in themes(STANDARD[skill], request.scene, request.arm.hand)}
+
+
+def test_only_what_a_skill_can_work_is_its_theme():
+    assert fitting("pull", *scenes.drawer()) >= {"bar"}
+    assert fitting("pull", *THINGS) == set()
+    assert fitting("press", *THINGS) >= {"knob"}
+    assert "cube" not in fitting("press", *THINGS)
+    assert fitting("twist", *THINGS) >= {"cap"}
+    assert fitting("close", *scenes.box(1.2)) != set()
+    assert "cube" in fitting("pick", *THINGS)
+    assert fitting("insert", scenes.POST, scenes.RING) == {"ring"}
+
+
+def test_paint_is_never_handled():
+    for skill in STANDARD.values():
+        assert "patch" not in {o.id for o in themes(skill, REQUEST.scene, REQUEST.arm.hand)}
+
+
+def test_goals_are_neither_the_thing_nor_its_parts_nor_where_it_is():
+    scene = REQUEST.scene
+    assert {g.id for g in goals(STANDARD["place"], scene["cap"], scene)} >= {"cube", "patch", "tray"}
+    assert not {g.id for g in goals(STANDARD["place"], scene["cap"], scene)} & {"cap", "jar"}
+    assert goals(STANDARD["press"], scene["knob"], scene) == ()
+
+
+def test_a_skill_of_ones_own_brings_its_own_rule():
+    odd = replace(STANDARD["pick"], name="juggle", fits=lambda thing, scene, hand: thing.id == "tray")
+    assert [o.id for o in themes(odd, REQUEST.scene, REQUEST.arm.hand)] == ["tray"]
+    free = replace(odd, fits=None)
+    assert len(themes(free, REQUEST.scene, REQUEST.arm.hand)) == len(THINGS) - 1
+
+
+def test_every_rule_is_of_a_skill_that_is_there():
+    assert set(FITS) <= set(STANDARD)
+
+
+@pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in EXAMPLES.items() for e in each])
+def test_examples_can_be_read(skill, example):
+    names = {line.partition(" ")[0] for line in example.things.splitlines()}
+    (call,) = Interpreter(REQUEST.scene, {n: n for n in names}, STANDARD).run(example.call)
+    assert call.skill == skill
