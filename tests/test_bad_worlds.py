@@ -165,7 +165,7 @@ def test_what_is_knocked_over_ends_in_words(parts):
         return replace(body, solids=(solid,), world_from_body=pose)
 
     knock = Meddler(parts.robot, 8, (0.0, 1.2, 0.0), (-12.0, 0.0, 0.0))
-    record = run(parts, the_asked(tall), knock)
+    record = run(parts, the_asked(tall), knock, instruction="lift the rose post")
     assert record.report is not None, record.failure
     assert record.failure.kind in ("slipped", "not_achieved", "goal_not_reached", "collision", "tracking")
     assert abs(knock.pose()[2, 2]) < 0.5

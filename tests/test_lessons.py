@@ -268,7 +268,7 @@ def open_bank(tmp_path: Path, hints: int = 3) -> KnowledgeBank:
 
 def advice(context: MemoryContext) -> Advice:
     """As the loop makes it."""
-    return Advice(context.text, tuple(Effect.from_json(i.effect, i.id) for i in context.items if i.effect))
+    return advice_for(EpisodeRecord("run/9", "", "", 9, {}, recalled=context))
 
 
 def test_lessons_come_back_as_effects_that_change_the_next_plan(tmp_path: Path) -> None:

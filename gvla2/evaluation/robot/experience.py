@@ -43,7 +43,10 @@ class Experience:
             **{
                 **told,
                 "task": MemoryTask(**{**asked, "things": tuple(asked.get("things", ()))}),
-                "lessons": tuple(Lesson(**lesson) for lesson in told["lessons"]),
+                "lessons": tuple(
+                    Lesson(**{**lesson, "evidence": tuple(lesson.get("evidence", ()))})
+                    for lesson in told["lessons"]
+                ),
             }
         )
         verdict = Verdict(**{**judged, "reasons": tuple(judged["reasons"])})

@@ -64,8 +64,9 @@ def test_a_frozen_memory_recalls_and_learns_nothing_and_a_shuffled_one_recalls_f
     root = {
         "memory": {"name": "governed", "url": f"sqlite:///{tmp_path / 'bank.db'}"},
         "retriever": "hybrid",
-        "embedder": "hash",
+        "embedder": "static",
         "verifier": "geometric",
+        "judge": "rules",
         "inducer": "rules",
     }
     pressing = MemoryTask("switch the lamp on", {"objects": 1.0}, "press")
