@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from tests.skills import scenes
 
 from gvla2.skills.affordances import FITS, goals, themes
 from gvla2.skills.examples import EXAMPLES
 from gvla2.skills.program import Interpreter
 from gvla2.skills.table import STANDARD
+from tests.skills import scenes
 
 THINGS = (scenes.cube("cube", (0.3, 0.0)), scenes.PATCH, scenes.TRAY, *scenes.LAMP, *scenes.jar())
 REQUEST = scenes.request(*THINGS)
