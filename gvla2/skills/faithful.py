@@ -129,7 +129,7 @@ def ruled_out(instruction: str) -> str:
 
 
 def beyond(instruction: str, scene: Scene) -> Abstention | None:
-    """Why a small model had better not be asked: the wish has words that it reads past, or a colour that is not there."""
+    """Why a small model had better not be asked: words that it reads past, or a colour that is not there."""
     if word := ruled_out(instruction):
         message = (
             f"'{word}' may rule something out, which small models read past (planner.cautious=false tries)."
