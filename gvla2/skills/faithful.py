@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.colours import FAMILIES, colour_words, meant_by
+from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.parts import root_of
 
@@ -125,6 +126,18 @@ def ruled_out(instruction: str) -> str:
     """The first word of a wish that rules something out, "" where there is none."""
     words = re.findall(r"[a-z]+", instruction.casefold())
     return next((w for w in words if w in EXCLUDING), "")
+
+
+def beyond(instruction: str, scene: Scene) -> Abstention | None:
+    """Why a small model had better not be asked: words that it reads past, or a colour that is not there."""
+    if word := ruled_out(instruction):
+        message = (
+            f"'{word}' may rule something out, which small models read past (planner.cautious=false tries)."
+        )
+        return Abstention("other", message)
+    if colour := colour_absent(instruction, scene):
+        return Abstention("nothing_matches", f"Nothing is {colour} (planner.cautious=false asks anyway).")
+    return None
 
 
 def unclear(calls: Sequence[SkillCall], instruction: str, scene: Scene) -> str:

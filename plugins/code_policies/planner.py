@@ -12,7 +12,7 @@ from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import calls_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.faithful import Named, colour_absent, doubts, named_things, ruled_out, unclear
+from gvla2.skills.faithful import Named, beyond, doubts, named_things, unclear
 from gvla2.skills.program import WHY, Declined, Interpreter, lines_of
 from gvla2.skills.program_grammar import Fitting, fitting, grammar
 from gvla2.skills.skill import Skill
@@ -64,7 +64,7 @@ class CodePolicies:
         if request.rejections:
             why = [brief.named(reason, request.scene) for reason in request.rejections]
             asked += correction(why, _last_answer(request.rejected))
-        if self.config.cautious and (declined := _beyond(request)) is not None:
+        if self.config.cautious and (declined := beyond(request.instruction, request.scene)) is not None:
             return Plan(None, abstention=declined)
         said: tuple[Mapping[str, Any], ...] = ()
         kept: tuple[float, Plan, list[Named]] | None = None
@@ -87,23 +87,21 @@ class CodePolicies:
                 kept = against, plan, doubtful
             if not against:
                 break
-            reasons = [plan.abstention.message] if plan.abstention is not None else []
-            reasons = [brief.named(reason, request.scene) for reason in reasons]
+            reasons = [brief.named(plan.abstention.message, request.scene)] if plan.abstention else []
             asked += correction([*reasons, *(d.reason for d in doubtful)], written.text)
             if len(written.calls) == 1:
                 all_named = named_things(request.instruction, request.scene, brief.names)
                 named = [*(d for d in doubtful if d.handled), *all_named]
         if kept is None:
-            nothing = "The model wrote no program that can be read."
-            return Plan(None, abstention=Abstention("other", nothing), transcript=said)
+            none = Abstention("other", "The model wrote no program that can be read.")
+            return Plan(None, abstention=none, transcript=said)
         return replace(self._heeded(kept[1], kept[2]), transcript=said)
 
     def _heeded(self, plan: Plan, doubtful: Sequence[Named]) -> Plan:
         """The plan; or, of a cautious planner, a refusal where the program leaves out what the wish names."""
         if plan.abstention is not None or not doubtful or not self.config.cautious:
             return plan
-        why = " ".join(d.reason for d in doubtful)
-        message = f"The model's programs do not follow the wish. {why}"
+        message = " ".join(["The model's programs do not follow the wish.", *(d.reason for d in doubtful)])
         return replace(plan, trajectory=None, abstention=Abstention("other", message))
 
     def _ask(
@@ -143,11 +141,12 @@ class CodePolicies:
     ) -> tuple[Plan, list[Named]]:
         """The plan of a program, and what makes it doubtful."""
         if written.share < self.config.agreement:
-            split = f"Only {written.share:.0%} of the model's answers agree on a program."
-            return Plan(None, abstention=Abstention("ambiguous", split)), []
+            few = Abstention(
+                "ambiguous", f"Only {written.share:.0%} of the model's answers agree on a program."
+            )
+            return Plan(None, abstention=few), []
         if not written.calls:
-            kind, words = WHY[written.text]
-            return Plan(None, abstention=Abstention(kind, words)), []
+            return Plan(None, abstention=Abstention(*WHY[written.text])), []
         if several := unclear(written.calls, request.instruction, request.scene):
             return Plan(None, abstention=Abstention("ambiguous", several)), []
         doubtful = doubts(written.calls, request.instruction, request.scene, brief.names)
@@ -159,20 +158,6 @@ class CodePolicies:
             instruction=request.instruction,
         )  # fmt: skip
         return replace(plan, program=program), doubtful
-
-
-def _beyond(request: PlanRequest) -> Abstention | None:
-    """Why a small model is not asked at all: what it reads past, or what is not there."""
-    if word := ruled_out(request.instruction):
-        message = (
-            f"'{word}' may rule something out, which a small model reads past; planner.cautious=false tries."
-        )
-        return Abstention("other", message)
-    if colour := colour_absent(request.instruction, request.scene):
-        return Abstention(
-            "nothing_matches", f"Nothing that was seen is {colour}; planner.cautious=false asks anyway."
-        )
-    return None
 
 
 def _last_answer(plan: Plan | None) -> str:
