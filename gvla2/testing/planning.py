@@ -10,6 +10,7 @@ import numpy as np
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.views import Views
+from gvla2.language.failures import LanguageModelError
 from gvla2.planning.contracts import Abstention, Advice, Perceiver, Plan, Planner, PlanRequest
 from gvla2.planning.effects import SIDES, Effect
 from gvla2.planning.scene import Scene
@@ -84,7 +85,8 @@ def _check_scene(scene: object) -> None:
 def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
     """A request that can be followed, ones that cannot, advice, and a second try after a rejection.
 
-    ``request`` replaces the built-in one (two cubes on a table under a gantry), for a planner of other scenes.
+    ``request`` replaces the built-in one (two cubes on a table under a gantry), for a planner of other scenes. One that
+    asks a language model may raise :class:`~gvla2.language.LanguageModelError` where that cannot be asked.
     """
     require_members(planner, "planner")
     asked = request or inputs.plan_request()
@@ -101,8 +103,11 @@ def check_planner(planner: Planner, request: PlanRequest | None = None) -> None:
         " with advice": replace(asked, advice=Advice("Lift higher.", effects)),
         " after a rejection": replace(asked, rejections=("waypoint 1 is out of reach",)),
     }.items():
-        with allowed(f"plan(){what}"):
-            plan = planner.plan(variant)
+        with allowed(f"plan(){what}", LanguageModelError):
+            try:
+                plan = planner.plan(variant)
+            except LanguageModelError:
+                continue  # nobody can be asked: that says nothing of the planner, and the loop has a fallback
         _check_plan(plan, variant, what)
 
 
