@@ -1,0 +1,103 @@
+"""Episodes of picking a cube up, as the loop records them, with whatever is to be otherwise."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gvla2.diagnosis import diagnose
+from gvla2.memory.contracts import Verdict
+from gvla2.planning.contracts import Plan
+from gvla2.planning.effects import Effect
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
+from gvla2.record.contents import EpisodeRecord
+from gvla2.robot.report import ExecutionReport, WaypointReport
+
+TABLE = 0.75
+SUCCESS = Verdict.from_criteria({"task_completion": 1.0, "collision_safety": 1.0})
+FAIL = Verdict.from_criteria({"task_completion": 0.0, "collision_safety": 0.2})
+UNCERTAIN = Verdict.from_criteria({"task_completion": 0.5})
+
+
+def thing(id_: str, x: float, y: float, colour: str, shape: Any = "box", size: float = 0.05) -> SceneObject:
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, TABLE + size / 2
+    rgb = {"red": (0.8, 0.1, 0.1), "blue": (0.1, 0.1, 0.8), "green": (0.1, 0.7, 0.2)}[colour]
+    extents = np.array([size, size, 0.001 if shape == "region" else size])
+    return SceneObject(id_, f"{colour} {'square' if shape == 'region' else 'cube'}", shape, colour, pose,
+                       extents, np.zeros((0, 3)), np.array(rgb))  # fmt: skip
+
+
+def scene(*things: SceneObject) -> Scene:
+    return Scene(things, TABLE, Box(np.array([-1, -1, TABLE]), np.array([1, 1, 2.0])))
+
+
+SCENE = scene(thing("a", 0.3, 0.1, "red"), thing("b", 0.3, -0.2, "blue"),
+              thing("goal", 0.5, 0.1, "green", "region", 0.1))  # fmt: skip
+DOWN = Orientation("grasp")
+SIDE = Orientation("grasp", (1.0, 0.0, -0.1), (0.0, 1.0, 0.0))
+PICK = (
+    Waypoint((0.3, 0.1, 0.9), 1.0, "approach", DOWN),
+    Waypoint((0.3, 0.1, 0.77), 1.0, "grasp", DOWN, allowed_contacts=frozenset({"a"})),
+    Waypoint((0.3, 0.1, 0.77), 0.0, "close", DOWN, allowed_contacts=frozenset({"a"})),
+    Waypoint((0.3, 0.1, 1.0), 0.0, "lift", DOWN, allowed_contacts=frozenset({"a"}), carries="a"),
+    Waypoint((0.3, 0.1, 1.1), 0.0, "hold", DOWN, carries="a"),
+)
+THETA = {
+    "standoff": 0.05,
+    "approach_tilt": 0.0,
+    "grasp_depth": 0.025,
+    "lift_height": 0.25,
+    "transit_clearance": 0.04,
+    "speed": 0.25,
+}
+
+
+def reported(
+    waypoints: tuple[Waypoint, ...], changes: dict[int, dict[str, Any]] | None = None
+) -> ExecutionReport:
+    """All waypoints up to the first abort; held once the fingers closed."""
+    reports: list[WaypointReport] = []
+    for i, w in enumerate(waypoints):
+        report = WaypointReport(i, w.stage, w.xyz, w.xyz, 0.001, 0.05, w.gripper < 0.5)
+        reports.append(replace(report, **(changes or {}).get(i, {})))
+        if reports[-1].abort:
+            break
+    return ExecutionReport(tuple(reports), 4.0)
+
+
+def episode(
+    changes: dict[int, dict[str, Any]] | None = None, *, skill: str = "pick", waypoints: Any = PICK,
+    instruction: str = "Pick up the red cube", roles: dict[str, str] | None = None,
+    theta: dict[str, float] | None = None, **record: Any,
+) -> EpisodeRecord:  # fmt: skip
+    before = record.pop("scene", SCENE)
+    candidates = record.pop("candidates", ())
+    plan = Plan(
+        Trajectory(waypoints), skill, roles or {"theme": "a"}, THETA if theta is None else theta, candidates
+    )
+    return EpisodeRecord(
+        "run/1", instruction, "some_task", 0, {"planner": "skill"}, scene=before, plan=plan, checks=CheckReport(),
+        report=reported(waypoints, changes), **record,
+    )  # fmt: skip
+
+
+def kinds(record: EpisodeRecord) -> list[str]:
+    return [signal.kind for signal in diagnose(record)]
+
+
+def effects_of(lessons: Any) -> list[Effect]:
+    """The effects on parameters; programs aside."""
+    told = (lesson.effect for lesson in lessons if lesson.effect)
+    return [Effect.from_json(effect) for effect in told if effect["kind"] != "program"]
+
+
+SCALES = {"grasp_depth": ("height", 0.05)}
+
+
+def sized(record: EpisodeRecord) -> EpisodeRecord:
+    """The record with a plan that says which parameter goes with the object's size."""
+    assert record.plan is not None
+    return replace(record, plan=replace(record.plan, scales=SCALES))
