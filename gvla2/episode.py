@@ -17,17 +17,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.advice import with_sound_effects
-from gvla2.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
-from gvla2.consulting import Asked, Consultation
-from gvla2.continuing import (
-    clear_the_view,
-    goes_on,
-    next_part,
-    rest_of_program,
-    too_long,
-    words_of_part,
-)
 from gvla2.errors import (
     Gvla2Error,
     MemoryStoreError,
@@ -36,22 +25,33 @@ from gvla2.errors import (
     PlanningError,
     SimulationError,
 )
-from gvla2.evidence import RobotEvidence
 from gvla2.language.endpoint import LanguageModel
 from gvla2.language.failures import ModelUnavailableError
-from gvla2.lessons import memory_task, transcript
+from gvla2.loop.advice import with_sound_effects
+from gvla2.loop.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
+from gvla2.loop.consulting import Asked, Consultation
+from gvla2.loop.continuing import (
+    clear_the_view,
+    goes_on,
+    next_part,
+    rest_of_program,
+    too_long,
+    words_of_part,
+)
+from gvla2.loop.evidence import RobotEvidence
+from gvla2.loop.lessons import memory_task, transcript
+from gvla2.loop.refine import GeometryParts, refine_scene
+from gvla2.loop.telling import told_of
 from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Verifier
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
-from gvla2.refine import GeometryParts, refine_scene
 from gvla2.robot.backend import ExecutionListener, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
-from gvla2.telling import told_of
 
 ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gvla2.diagnosis import diagnose
+from gvla2.loop.diagnosis import diagnose
 from gvla2.memory.contracts import Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import Effect

@@ -281,7 +281,7 @@ _kept: dict[str, Parts] = {}
 
 def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
     from gvla2.episode import Parts
-    from gvla2.refine import GeometryParts
+    from gvla2.loop.refine import GeometryParts
 
     key = repr((unit.config, unit.task, bool(unit.film)))
     if key not in _kept:

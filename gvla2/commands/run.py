@@ -119,7 +119,7 @@ def _build(config: RunConfig, registry: Registry, stack: ExitStack) -> Parts:
 def build_parts(config: RunConfig, registry: Registry) -> Parts:
     """All components that the configuration chose; the caller closes the robot and the memory."""
     from gvla2.episode import Parts
-    from gvla2.refine import GeometryParts
+    from gvla2.loop.refine import GeometryParts
 
     loop = ("robot", "task", "perceiver", "memory", "planner", "fallback", "verifier")
     geometry = ("reconstructor", "prior", "axis", "fusion", "renderer")

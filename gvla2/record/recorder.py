@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.views import Observation
+from gvla2.loop.refine import masked_views, objects_of_interest
 from gvla2.planning.scene import Scene
 from gvla2.reconstruction.view_archive import write_views
 from gvla2.record.animation import FrameReel, gif
@@ -32,7 +33,6 @@ from gvla2.record.pictures import (
 from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
 from gvla2.record.topdown import side_map, top_map
-from gvla2.refine import masked_views, objects_of_interest
 
 __all__ = ["RunRecorder", "write_index"]
 

@@ -16,8 +16,8 @@ from omegaconf import OmegaConf
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
 from gvla2.hydra_bridge import register
+from gvla2.loop.refine import objects_of_interest, refine_scene
 from gvla2.plugins import load_plugins
-from gvla2.refine import objects_of_interest, refine_scene
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gvla2.diagnosis import diagnose
 from gvla2.geometry.transform import rigid
+from gvla2.loop.diagnosis import diagnose
 from gvla2.planning.contracts import Candidate, Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Box, Scene, SceneObject

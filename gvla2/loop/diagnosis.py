@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gvla2.correspondence import correspond
+from gvla2.loop.correspondence import correspond
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import BEFORE, Effect
 from gvla2.planning.scene import SceneObject

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gvla2.diagnosis import diagnose
 from gvla2.errors import PlanningError
+from gvla2.loop.diagnosis import diagnose
 from gvla2.memory.contracts import MemoryContext
 from gvla2.planning.contracts import Advice
 from gvla2.planning.effects import Effect

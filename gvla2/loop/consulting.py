@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from gvla2.advice import advice_for
-from gvla2.checking import check_plan
 from gvla2.errors import PlannerTimeoutError, PlanningError
 from gvla2.language.failures import LanguageModelError
+from gvla2.loop.advice import advice_for
+from gvla2.loop.checking import check_plan
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
 from gvla2.planning.contracts import Plan, Planner, PlanRequest

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 
 import gvla2
-from gvla2.diagnosis import approach_of, diagnose, theme_of
+from gvla2.loop.diagnosis import approach_of, diagnose, theme_of
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import Effect, sides_of
 from gvla2.planning.programs import calls_program, kind_of, waypoints_program

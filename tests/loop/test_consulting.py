@@ -8,9 +8,9 @@ import pytest
 from gvla2.commands.run import build_parts
 from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.language import MalformedAnswerError, ModelUnavailableError
+from gvla2.loop.telling import told_of
 from gvla2.planning.contracts import Abstention, Plan
 from gvla2.planning.trajectory import Trajectory
-from gvla2.telling import told_of
 
 SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=1", "memory=none")
 TALK = ({"role": "assistant", "content": "I cannot"},)

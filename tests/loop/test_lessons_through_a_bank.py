@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gvla2.advice import advice_for
-from gvla2.lessons import memory_episode, memory_task
+from gvla2.loop.advice import advice_for
+from gvla2.loop.lessons import memory_episode, memory_task
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import MemoryContext
 from gvla2.memory.retrieval.hybrid import HybridRetriever

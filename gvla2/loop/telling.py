@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from gvla2.continuing import with_whole_program
-from gvla2.lessons import memory_episode
+from gvla2.loop.continuing import with_whole_program
+from gvla2.loop.lessons import memory_episode
 from gvla2.memory.contracts import MemoryEpisode, Verdict
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.conversation import turns

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gvla2.correspondence import correspond
-from gvla2.diagnosis import approach_of
-from gvla2.lessons import handled_lengths, memory_episode, memory_task, transcript
+from gvla2.loop.correspondence import correspond
+from gvla2.loop.diagnosis import approach_of
+from gvla2.loop.lessons import handled_lengths, memory_episode, memory_task, transcript
 from gvla2.planning.contracts import Abstention, Candidate, Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.findings import CheckReport, Finding

@@ -6,13 +6,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.planning.scene import Box, Scene, SceneObject
-from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.view_folders import read_views
-from gvla2.record.contents import EpisodeRecord
-from gvla2.record.recorder import RunRecorder
-from gvla2.refine import (
+from gvla2.loop.refine import (
     ABOVE_SUPPORT,
     GeometryParts,
     fit_box,
@@ -20,6 +14,12 @@ from gvla2.refine import (
     objects_of_interest,
     refine_scene,
 )
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.reconstruction.carving import carve
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.view_folders import read_views
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes.compensations import Contours
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing.choices import NoPrior, NoReconstructor

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gvla2.attempts import back_off
-from gvla2.correspondence import correspond
 from gvla2.errors import PerceptionError, PlanningError
+from gvla2.loop.attempts import back_off
+from gvla2.loop.correspondence import correspond
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gvla2.advice import advice_for
-from gvla2.lessons import handled_lengths
+from gvla2.loop.advice import advice_for
+from gvla2.loop.lessons import handled_lengths
 from gvla2.planning.arm import Arm
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.findings import CheckReport
