@@ -76,8 +76,8 @@ class Thread:
     """A screwed part: ``child`` can only turn about ``axis``, and comes free once it has been turned far enough.
 
     ``axis`` (3,) unit and ``origin`` (3,), world frame at reset; a positive turn is the right hand's. ``limits`` are
-    the turns that the thread allows and ``release`` the turn, either way, from which it holds no more; radians, at
-    most pi. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
+    the turns that the thread allows and ``release`` the turn, either way, from which it holds no more; radians, less
+    than a whole turn. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
     """
 
     name: str
@@ -88,6 +88,19 @@ class Thread:
     release: float
     limits: tuple[float, float]
     damping: float = 0.02
+
+
+@dataclass(frozen=True)
+class Catch:
+    """A catch: the joint ``joint`` moves by no more than ``play`` until the joint ``key`` has travelled ``travel``.
+
+    From then on it is free. All in the joints' own units, metres or radians.
+    """
+
+    joint: str
+    key: str
+    travel: float
+    play: float = 0.001
 
 
 @dataclass(frozen=True)
@@ -106,12 +119,13 @@ class Glow:
 
 @dataclass(frozen=True)
 class Layout:
-    """All bodies, joints and threads of one episode, beside the table and the robot, and what lights up."""
+    """All bodies, joints, threads and catches of one episode, beside the table and the robot, and what lights up."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
     glows: tuple[Glow, ...] = ()
     threads: tuple[Thread, ...] = ()
+    catches: tuple[Catch, ...] = ()
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
@@ -202,7 +216,8 @@ class TaskSite:
     whether the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so
     that nothing is painted like it; None where it is not known. ``follows`` tells whether the arm by itself can take
     the tool on straight lines through world poses (4, 4), for tasks whose motion is prescribed. ``span`` is how far
-    the fingers open, metres: what is to be grasped must be smaller.
+    the fingers open, metres: what is to be grasped must be smaller. ``colours`` are colour words that the first
+    things of the task must have, in the task's own order.
     """
 
     centre: tuple[float, float]
@@ -212,6 +227,7 @@ class TaskSite:
     table_rgb: tuple[float, float, float] | None = None
     follows: Callable[[Sequence[FloatArray]], bool] = lambda poses: True
     span: float = 0.08
+    colours: tuple[str, ...] = ()
 
 
 class Task(Protocol):

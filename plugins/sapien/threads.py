@@ -44,8 +44,9 @@ class Screwed:
         """Read the turn, and let go when it is far enough."""
         if not self.loose:
             relative = _turn(self._parent).T @ _turn(self._child)
-            turned = Rotation.from_matrix(relative @ self._start.T).as_rotvec()
-            self.angle = float(turned @ self._axis)
+            turned = float(Rotation.from_matrix(relative @ self._start.T).as_rotvec() @ self._axis)
+            # A rotation vector says nothing of whole turns: a step is never more than half of one.
+            self.angle += (turned - self.angle + np.pi) % (2.0 * np.pi) - np.pi
             self.peak = max(self.peak, abs(self.angle))
             if self.peak >= self._thread.release:
                 self._child.remove_component(self._drive)

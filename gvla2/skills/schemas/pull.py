@@ -108,13 +108,16 @@ def _pull(
 ) -> Proposal:
     theta, near = job.theta, slide.parts
     distance = less * theta["pull_distance"]
-    pulled = at + slide.out * distance
+    lifted = at + UP * theta["unlatch_lift"]
+    pulled = lifted + slide.out * distance
     path = Path(theta["speed"], theta["contact_speed"], pointing(closing, approach))
     bar = frozenset({slide.handle.id})
     path.go("approach", at - approach * (theta["standoff"] + theta["grasp_depth"]), gripper=opening)
     path.line("reach", at, allowed=bar, slow=True)
     path.line("close", at, gripper=0.0, allowed=bar, slow=True)
     path.carries, path.tolerance = slide.handle.id, GIVE
+    if theta["unlatch_lift"] > 0.0:
+        path.line("unlatch", lifted, allowed=near, slow=True)
     path.line("pull", pulled, allowed=near, slow=True)
     path.line("release", pulled, gripper=opening, allowed=near, slow=True)
     path.carries = ""
