@@ -21,10 +21,10 @@ SWING_MARGIN = 0.2
 TURN_MARGIN = 0.35
 """Radians to turn a cap further by: 20 degrees."""
 FORCED = 0.002
-"""Fingers that end so much further apart than they closed were forced: what they held did not turn with them, metres."""
+"""Fingers whose gap changes by so much while they turn went round what they held, metres."""
 PRESS_MARGIN = 0.004
 """Metres to press a button deeper by."""
-CATCH_MARGIN = 0.006
+CATCH_MARGIN = 0.010
 """Metres to lift a handle further by before it is pulled."""
 HOOK_MARGIN = 0.005
 """Metres to hook deeper by."""
@@ -104,21 +104,26 @@ def of_pull(outcome: Outcome) -> Signal | None:
 def of_twist(outcome: Outcome) -> Signal | None:
     """A cap that was held all the while it was turned, and sits where it sat.
 
-    Where the fingers were forced apart the cap stood still between them: its thread turns the other way.
+    Where its corners forced the fingers apart, or let them close between them, it stood still while they went round
+    it: its thread turns the other way.
     """
-    later = outcome.later(outcome.theme.id)
     turning = [r for r in outcome.reached if r.stage == "turn"]
-    if later is None or not turning or any(r.gripper_width <= EMPTY for r in turning):
-        return None
-    if float(np.linalg.norm(later.centre - outcome.theme.centre)) > IN_PLACE:
+    if not turning or any(r.gripper_width <= EMPTY for r in turning) or not _in_place(outcome):
         return None
     turn = outcome.plan.parameters.get("turn", 0.0)
     closed = next((r.gripper_width for r in outcome.reached if r.stage == "close"), None)
-    if closed is not None and max(r.gripper_width for r in turning) > closed + FORCED:
+    if closed is not None and max(abs(r.gripper_width - closed) for r in turning) > FORCED:
         back = outcome.changed("turn", -2.0 * turn, "<=" if turn > 0 else ">=")
         return Signal("stalled", "the cap did not turn with the fingers, it opens the other way", back)
-    further = outcome.changed("turn", np.copysign(TURN_MARGIN, turn), ">=" if turn >= 0 else "<=")
+    further = outcome.changed("turn", float(np.copysign(TURN_MARGIN, turn)), ">=" if turn >= 0 else "<=")
     return Signal("undershoot", "the cap was not turned until it came loose", further)
+
+
+def _in_place(outcome: Outcome) -> bool:
+    """Whether the theme, or what perception calls otherwise the second time, is where the theme was."""
+    later, was = outcome.later(outcome.theme.id), outcome.theme.centre
+    seen = [later] if later is not None else [*outcome.after.obstacles()] if outcome.after is not None else []
+    return any(float(np.linalg.norm(thing.centre - was)) <= IN_PLACE for thing in seen)
 
 
 def of_press(outcome: Outcome) -> Signal | None:

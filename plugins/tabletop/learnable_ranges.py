@@ -17,16 +17,14 @@ class Ranges:
     """Where the properties of a family are drawn from, uniformly where nothing else is said.
 
     ``jar`` and ``bottle``: degrees of turn at which a cap comes loose, and the share of bottles whose thread is
-    ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``friction`` between a block and
-    the table, log-uniform. ``catch``: metres that a drawer's handle is lifted before the drawer can be pulled; the
-    share ``no_catch`` of the drawers has none.
+    ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``catch``: metres that a drawer's
+    handle is lifted before the drawer can be pulled; the share ``no_catch`` of the drawers has none.
     """
 
     jar: tuple[float, float] = (80.0, 300.0)
     bottle: tuple[float, float] = (80.0, 250.0)
     left_handed: float = 0.5
     click: tuple[float, float] = (0.004, 0.022)
-    friction: tuple[float, float] = (0.006, 0.4)
     catch: tuple[float, float] = (0.006, 0.025)
     no_catch: float = 0.25
 
@@ -39,14 +37,14 @@ class Family:
     """Things of one kind that look the same and behave the same: a colour word, and a value in the kind's unit.
 
     ``value`` is radians of turn for ``open_jar`` and ``open_wine`` (negative: with the clock), metres of travel for
-    ``lamp_on``, a friction coefficient for ``push_block``, metres of lift for ``open_drawer`` (0: no catch).
+    ``lamp_on``, metres of lift for ``open_drawer`` (0: no catch).
     """
 
     colour: str
     value: float
 
 
-KINDS = ("open_jar", "open_wine", "lamp_on", "push_block", "open_drawer")
+KINDS = ("open_jar", "open_wine", "lamp_on", "open_drawer")
 """The tasks that have something to learn."""
 
 COLOURED = ("red", "blue", "lime", "magenta", "cyan", "orange")
@@ -68,7 +66,5 @@ def _drawn(kind: str, rng: np.random.Generator, ranges: Ranges) -> float:
         return -turn if rng.random() < ranges.left_handed else turn
     if kind == "lamp_on":
         return float(rng.uniform(*ranges.click))
-    if kind == "push_block":
-        return float(np.exp(rng.uniform(*np.log(ranges.friction))))
     lift = float(rng.uniform(*ranges.catch))
     return 0.0 if rng.random() < ranges.no_catch else lift

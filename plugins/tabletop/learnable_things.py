@@ -34,8 +34,6 @@ SPRING = 300.0
 HANDLE_TRAVEL, HANDLE_SPRING, HANDLE_MASS = 0.032, 150.0, 0.08
 """A handle with a catch goes up so far, metres, against so many N/m; kilograms."""
 WIDEST = 2.0 * np.pi
-TABLE_ICE = 1e-3
-"""Friction of the sheet on which blocks slide: with the block's own it makes the family's coefficient."""
 
 
 def _jar(
@@ -116,18 +114,6 @@ def _up(z: float) -> FloatArray:
     return rigid(translation=(0.0, 0.0, z))
 
 
-def _block(
-    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
-) -> TaskInstance:
-    """A block of the family's colour, and of its friction on whatever it slides on."""
-    del others
-    made = task.sample(rng, site)
-    bodies = tuple(
-        replace(body, friction=family.value) if body.name == "block" else body for body in made.layout.bodies
-    )
-    return replace(made, layout=replace(made.layout, bodies=bodies))
-
-
 def _drawer(
     task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
 ) -> TaskInstance:
@@ -158,6 +144,6 @@ def _drawer(
 
 
 CHANGES: Mapping[str, Change] = MappingProxyType(
-    {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "push_block": _block, "open_drawer": _drawer}
+    {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer}
 )
 """How the things of each kind are made."""
