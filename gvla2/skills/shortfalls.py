@@ -120,10 +120,13 @@ def of_twist(outcome: Outcome) -> Signal | None:
 
 
 def _in_place(outcome: Outcome) -> bool:
-    """Whether the theme, or what perception calls otherwise the second time, is where the theme was."""
-    later, was = outcome.later(outcome.theme.id), outcome.theme.centre
-    seen = [later] if later is not None else [*outcome.after.obstacles()] if outcome.after is not None else []
-    return any(float(np.linalg.norm(thing.centre - was)) <= IN_PLACE for thing in seen)
+    """Whether the theme is where it was; or, where it was not seen again, anything else of its height is."""
+    later, was = outcome.later(outcome.theme.id), outcome.theme
+    if later is not None:
+        return float(np.linalg.norm(later.centre - was.centre)) <= IN_PLACE
+    there = outcome.after.obstacles() if outcome.after is not None else ()
+    high = [o for o in there if o.bottom < was.top and o.top > was.centre[2]]
+    return any(float(np.linalg.norm((o.centre - was.centre)[:2])) <= IN_PLACE for o in high)
 
 
 def of_press(outcome: Outcome) -> Signal | None:
