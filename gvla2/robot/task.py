@@ -92,14 +92,16 @@ class Thread:
 
 @dataclass(frozen=True)
 class Catch:
-    """A catch: the joint ``joint`` moves by no more than ``play`` until the joint ``key`` has travelled ``travel``.
+    """A catch: the joint ``joint`` moves by no more than ``play`` unless the joint ``key`` is at ``travel`` or beyond,
+    and no further than ``until``.
 
-    From then on it is free. All in the joints' own units, metres or radians.
+    Once it has begun to move it is free for ever. All in the joints' own units, metres or radians.
     """
 
     joint: str
     key: str
     travel: float
+    until: float = float("inf")
     play: float = 0.001
 
 
@@ -107,7 +109,7 @@ class Catch:
 class Glow:
     """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
 
-    It stays lit. ``travel`` in the joint's unit, radians or metres.
+    It stays lit, unless the joint has travelled beyond ``until`` as well. Both in the joint's unit, radians or metres.
     """
 
     body: str
@@ -115,6 +117,7 @@ class Glow:
     joint: str
     travel: float
     rgb: tuple[float, float, float]
+    until: float = float("inf")
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,7 @@ class Layout:
 
     def lights(self, peaks: Mapping[str, float]) -> tuple[bool, ...]:
         """Which of the glows are lit when the joints' largest travels, by name, were ``peaks``."""
-        return tuple(peaks[glow.joint] > glow.travel for glow in self.glows)
+        return tuple(glow.travel < peaks[glow.joint] <= glow.until for glow in self.glows)
 
     def lit(self, peaks: Mapping[str, float]) -> tuple[Body, ...]:
         """The bodies as they look then."""

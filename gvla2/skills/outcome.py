@@ -64,6 +64,10 @@ class Outcome:
         began = any(r.index < len(waypoints) and waypoints[r.index].carries for r in self.reached)
         return closed and began
 
+    def stopped(self, stage: str) -> bool:
+        """Whether a guard ended a motion of this stage: the hand met a stop."""
+        return any(r.guarded for r in self.reached if r.stage == stage)
+
     def changed(self, name: str, by: float, op: str = ">=") -> Effect | None:
         """The bound that asks for ``by`` more (or less) of a parameter than was used; None where it was not used."""
         used = self.plan.parameters.get(name)

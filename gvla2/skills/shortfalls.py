@@ -18,14 +18,14 @@ STAYS_OPEN = 1.45
 """A lid that is found open by less did not stay open, radians."""
 SWING_MARGIN = 0.2
 """Radians to swing a lid further by, or to take it further over before it is let go."""
-TURN_MARGIN = 0.35
-"""Radians to turn a cap further by: 20 degrees."""
+TURN_MARGIN = 0.785
+"""Radians to turn a cap further by: 45 degrees, one step of the wrist."""
 FORCED = 0.002
 """Fingers whose gap changes by so much while they turn went round what they held, metres."""
-PRESS_MARGIN = 0.004
-"""Metres to press a button deeper by."""
-CATCH_MARGIN = 0.010
-"""Metres to lift a handle further by before it is pulled."""
+PRESS_MARGIN = 0.003
+"""Metres to press a button deeper by, or less deep."""
+CATCH_MARGIN = 0.008
+"""Metres to lift a handle further by before it is pulled, or less far."""
 HOOK_MARGIN = 0.005
 """Metres to hook deeper by."""
 PULL_TOLERANCE, PULL_MARGIN = 0.02, 0.05
@@ -87,6 +87,9 @@ def of_pull(outcome: Outcome) -> Signal | None:
     if missing <= PULL_TOLERANCE:
         return None
     if came < HELD_FAST and outcome.held_back():
+        if outcome.stopped("unlatch"):
+            less = outcome.changed("unlatch_lift", -CATCH_MARGIN, "<=")
+            return Signal("overshoot", "the handle was lifted to its stop, where its catch holds again", less)
         more = outcome.changed("unlatch_lift", CATCH_MARGIN)
         return Signal("held_fast", "a catch held it though the handle was in the hand", more)
     if outcome.slipped:
@@ -130,11 +133,12 @@ def _in_place(outcome: Outcome) -> bool:
 
 
 def of_press(outcome: Outcome) -> Signal | None:
-    """A lamp that stayed dark though its button went down without a stop."""
+    """A lamp that stayed dark, though its button went down without a stop, or because it was pressed to its stop."""
     if outcome.after is None or shines(outcome.theme, outcome.before, outcome.after) is not False:
         return None
-    if any(r.guarded for r in outcome.reached if r.stage == "press"):
-        return None  # at its stop a button goes no deeper
+    if outcome.stopped("press"):
+        less = outcome.changed("press_depth", -PRESS_MARGIN, "<=")
+        return Signal("overshoot", "the button was pressed to its stop and the lamp is dark", less)
     deeper = outcome.changed("press_depth", PRESS_MARGIN)
     return Signal("undershoot", "the button was not pressed until its lamp was lit", deeper)
 

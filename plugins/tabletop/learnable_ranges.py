@@ -24,7 +24,7 @@ class Ranges:
     jar: tuple[float, float] = (80.0, 300.0)
     bottle: tuple[float, float] = (80.0, 250.0)
     left_handed: float = 0.5
-    click: tuple[float, float] = (0.004, 0.022)
+    click: tuple[float, float] = (0.004, 0.020)
     catch: tuple[float, float] = (0.006, 0.025)
     no_catch: float = 0.25
 

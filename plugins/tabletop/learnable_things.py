@@ -26,14 +26,17 @@ from gvla2_plugins.tabletop.learnable_ranges import Family
 
 Change = Callable[[Task, np.random.Generator, TaskSite, Family, Sequence[Family]], TaskInstance]
 
-STROKE, PLATE, STANDS = 0.026, 0.006, 0.030
-"""The learnable button's whole travel, the thickness of the plate that is pressed, and how far it stands out of its
-base; metres."""
+ROOM, STOPPED = 0.004, 0.00005
+"""From where the lamp is lit to the button's stop, and how near to that it has been rammed, metres."""
+PLATE, STANDS = 0.006, 0.030
+"""The thickness of the plate that is pressed, and how far it stands out of its base, metres."""
 SPRING = 300.0
 """N/m: at the end of its travel the button presses back with 8 N, less than where a press gives up."""
-HANDLE_TRAVEL, HANDLE_SPRING, HANDLE_MASS = 0.032, 150.0, 0.08
-"""A handle with a catch goes up so far, metres, against so many N/m; kilograms."""
+HANDLE_ROOM, HANDLE_SPRING, HANDLE_MASS = 0.010, 150.0, 0.08
+"""A handle goes up so much further than its catch needs, metres, against so many N/m; kilograms. At its stop the catch
+holds again."""
 WIDEST = 2.0 * np.pi
+"""Radians between the stops of a thread."""
 
 
 def _jar(
@@ -83,7 +86,7 @@ def _bottle(
 def _lamp(
     task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
 ) -> TaskInstance:
-    """A high button with a long stroke that lights its lamp somewhere on the way."""
+    """A high button that lights its lamp shortly before its stop; rammed against that, the lamp goes out."""
     del others
     made = task.sample(rng, site)
     (old,), (glow,) = made.layout.joints, made.layout.glows
@@ -96,17 +99,18 @@ def _lamp(
     plate = replace(cap, size=(*cap.size[:2], PLATE), body_from_shape=_up(0.5 * (STANDS - PLATE)))
     stem = replace(stem, body_from_shape=_up(-0.5 * PLATE))
     high = replace(button, solids=(plate, stem), world_from_body=centre, shape="cylinder")
-    joint = replace(old, origin=centre[:3, 3], limits=(0.0, STROKE), stiffness=SPRING)
+    most = family.value + ROOM - STOPPED
+    joint = replace(old, origin=centre[:3, 3], limits=(0.0, family.value + ROOM), stiffness=SPRING)
     bodies = tuple(high if body.name == "button" else body for body in made.layout.bodies)
     layout = replace(
-        made.layout, bodies=bodies, joints=(joint,), glows=(replace(glow, travel=family.value),)
+        made.layout, bodies=bodies, joints=(joint,), glows=(replace(glow, travel=family.value, until=most),)
     )
 
     def lit(world: WorldState) -> bool:
-        return world.peak("press") > family.value
+        return family.value < world.peak("press") <= most
 
     return replace(
-        made, layout=layout, succeeded={"eased": lit, "strict": lit}, goal="the lamp has been switched on"
+        made, layout=layout, succeeded={"eased": lit, "strict": lit}, goal="the lamp is on: its button went far enough, and not to its stop"
     )
 
 
@@ -133,12 +137,13 @@ def _drawer(
     front = replace(
         drawer, solids=tuple(s for i, s in enumerate(drawer.solids) if i not in numbers), parts=()
     )
+    stop = family.value + HANDLE_ROOM
     latch = Joint(
         "latch", "prismatic", "drawer", "handle", axis=np.array([0.0, 0.0, 1.0]), origin=slide.origin,
-        limits=(0.0, HANDLE_TRAVEL), rest=-0.01, stiffness=HANDLE_SPRING, damping=4.0,
+        limits=(0.0, stop), rest=-0.01, stiffness=HANDLE_SPRING, damping=4.0,
     )  # fmt: skip
     bodies = (*(front if body.name == "drawer" else body for body in made.layout.bodies), handle)
-    catches = (Catch("slide", "latch", family.value),) if family.value > 0.0 else ()
+    catches = (Catch("slide", "latch", family.value, stop - 0.001),) if family.value > 0.0 else ()
     layout = replace(made.layout, bodies=bodies, joints=(slide, latch), catches=catches)
     return replace(made, layout=layout)
 
