@@ -13,6 +13,7 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
+from gvla2_plugins.classical.bodies import bodies_of, textured
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
@@ -104,8 +105,13 @@ class ClassicalPerceiver:
         things: list[Thing] = []
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
-            labels = join_across_views(pixels, pieces, reach=0.004 + 1.5 * table.noise)
-            things = assemble(frames, pixels, labels, config.min_points, config.gap, hand)
+            reach = 0.004 + 1.5 * table.noise
+            labels = join_across_views(pixels, pieces, reach=reach)
+            bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
+            rough = np.append(textured(pixels, bodies, config.jump, 0.0), False)[bodies]
+            labels[rough] = -1
+            bodies[~rough] = -1
+            things = assemble(frames, pixels, labels, bodies, config.min_points, config.gap, hand)
             things = put_together(pixels, things, WHOLES)
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
