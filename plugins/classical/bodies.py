@@ -19,7 +19,7 @@ from gvla2_plugins.classical.pixels import IntArray, Pixels
 
 MOST = 9000  # points that are searched for neighbours across views
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
-NEAR = 0.02  # metres between a body and its fragment
+NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; where that is hidden, or nothing carries it
 APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
@@ -71,7 +71,7 @@ def _with_fragments(frames: Sequence[Frame], pixels: Pixels, labels: IntArray, l
             continue
         rest = np.nonzero((labels >= 0) & (labels != k))[0]
         rest = rest[sizes[labels[rest]] * FRAGMENT > len(mine)] if len(rest) else rest
-        low, high = pixels.points[mine].min(axis=0) - NEAR, pixels.points[mine].max(axis=0) + NEAR
+        low, high = pixels.points[mine].min(axis=0) - HIDDEN, pixels.points[mine].max(axis=0) + HIDDEN
         at = pixels.points[rest]
         rest = rest[((at > low) & (at < high)).all(axis=1)]
         if len(rest):
@@ -80,7 +80,8 @@ def _with_fragments(frames: Sequence[Frame], pixels: Pixels, labels: IntArray, l
             one, other = pixels.points[mine[closest]], pixels.points[rest[nearest[closest]]]
             gap = np.concatenate([one + share * (other - one) for share in (0.3, 0.5, 0.7)])
             hangs = pixels.points[mine, 2].min() > HANGING
-            if distance.min() < NEAR and (hangs or not seen_through(frames, gap, APART).any()):
+            apart = seen_through(frames, gap, APART).any()
+            if distance.min() < (HIDDEN if hangs else NEAR) and (hangs or not apart):
                 host = labels[rest[nearest[closest[0]]]]
                 labels[mine] = host
                 sizes[host] += len(mine)
