@@ -21,6 +21,7 @@ from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape
 from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.plane import Table, find_table
 from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
+from gvla2_plugins.classical.registration import agreed
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
 from gvla2_plugins.classical.wholes import WHOLES
@@ -72,6 +73,10 @@ class ClassicalPerceiver:
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
         frames, notes = usable_frames(observation.views, config.robot_margin)
         table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
+        if (better := agreed(frames, table, workspace)) is not frames:
+            frames = better
+            notes.append("The cameras' poses disagreed and were corrected.")
+            table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
         frames = [frame.moved(table.table_from_world) for frame in frames]
         hand = transform_points(table.table_from_world, observation.world_from_tcp[:3, 3])
         pixels, things, painted, patches = self._find(frames, table, workspace, hand)
