@@ -23,7 +23,7 @@ NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; where that 
 APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
-TEXTURED = 0.22  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .1
+TEXTURED = 0.13  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .09
 
 
 def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float, least: int) -> IntArray:
@@ -92,13 +92,18 @@ def _with_fragments(frames: Sequence[Frame], pixels: Pixels, labels: IntArray, l
 
 
 def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDArray[np.bool_]:
-    """(B,) bool by label: bodies of whose neighbouring pixels many differ in look by more than ``noise`` explains."""
+    """(B,) bool by label: bodies of whose neighbouring pixels many differ in look by more than ``noise`` explains.
+
+    ``noise`` is what neighbouring pixels of one paint differ by, in colour from 0 to 1.
+    """
     pairs = pixels.neighbours()
     one, other = pairs.T
     near = np.linalg.norm(pixels.points[one] - pixels.points[other], axis=1) < jump
     near &= (labels[one] == labels[other]) & (labels[one] >= 0)
     one, other = pairs[near].T
-    differ = np.linalg.norm(pixels.look[one] - pixels.look[other], axis=1) > max(SAME_PAINT, 4.0 * noise)
+    differ = np.linalg.norm(pixels.look[one] - pixels.look[other], axis=1) > SAME_PAINT
+    # In the dark a little noise is much of hue.
+    differ &= np.linalg.norm(pixels.rgb[one] - pixels.rgb[other], axis=1) > 3.0 * noise
     count = int(labels.max(initial=-1)) + 1
     all_pairs = np.bincount(labels[one], minlength=count)
     return np.asarray(np.bincount(labels[one], differ, minlength=count) > TEXTURED * np.maximum(1, all_pairs))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
@@ -113,7 +114,8 @@ class ClassicalPerceiver:
             reach = 0.004 + 1.5 * table.noise
             labels = join_across_views(pixels, pieces, reach=reach)
             bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
-            rough = np.append(textured(pixels, bodies, config.jump, 0.0), False)[bodies]
+            grain = max(map(_grain, frames, flat))
+            rough = np.append(textured(pixels, bodies, config.jump, grain), False)[bodies]
             labels[rough] = -1
             bodies[~rough] = -1
             things = assemble(frames, pixels, labels, bodies, config.min_points, config.gap, hand)
@@ -126,6 +128,15 @@ class ClassicalPerceiver:
         # What is seen flat on the table inside a hollow thing is its floor.
         patches = [p for p in patches if not any(t.hollow and t.covers(p.centre[None])[0] for t in things)]
         return pixels, things, painted, patches
+
+
+def _grain(frame: Frame, flat: NDArray[np.bool_]) -> float:
+    """What most neighbouring pixels of the table differ by at most, in colour from 0 to 1: the picture's noise."""
+    both = flat[:, :-1] & flat[:, 1:]
+    if not both.any():
+        return 0.0
+    step = frame.image[:, :-1][both].astype(np.float64) - frame.image[:, 1:][both]
+    return float(np.percentile(np.linalg.norm(step, axis=1), 75.0)) / 255.0
 
 
 def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:
