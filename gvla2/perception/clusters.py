@@ -63,7 +63,9 @@ def components(points: FloatArray, reach: float = REACH) -> IntArray:
     cells, inverse, counts = np.unique(
         np.floor(points / CELL).astype(np.int64), axis=0, return_inverse=True, return_counts=True
     )
-    centres = np.stack([np.bincount(inverse.reshape(-1), points[:, k]) for k in range(3)], axis=1) / counts[:, None]
+    centres = (
+        np.stack([np.bincount(inverse.reshape(-1), points[:, k]) for k in range(3)], axis=1) / counts[:, None]
+    )
     pairs = cKDTree(centres).query_pairs(reach, output_type="ndarray")
     graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(len(cells), len(cells)))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)[inverse.reshape(-1)]

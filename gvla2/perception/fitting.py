@@ -152,7 +152,9 @@ def judged(scan: Scan, seen: Seen, pose: FloatArray) -> Fit:
         here = np.abs(before) < NEAR
         shown += int(here.sum())
         through += int((before > GAP).sum())
-        differences.append(np.stack([image[rows[here], columns[here]], scan.looks[facing][inside][here]], axis=1))
+        differences.append(
+            np.stack([image[rows[here], columns[here]], scan.looks[facing][inside][here]], axis=1)
+        )
     colour, count = _colour_gap(differences)
     return Fit(
         scan,

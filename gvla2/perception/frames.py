@@ -78,12 +78,16 @@ def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table
         else:
             frames.append(Frame(view, points, points[..., 2]))
     if not frames:
-        raise PerceptionError(f"No view can be used: {' '.join(notes)} One camera at least must deliver depth.")
+        raise PerceptionError(
+            f"No view can be used: {' '.join(notes)} One camera at least must deliver depth."
+        )
     table = _table([_near(f, workspace) for f in frames], workspace)
     return [_set_right(f, table, workspace) for f in frames], table, notes
 
 
-def raised(frame: Frame, table: Table, workspace: Box, least: float = 0.004, border: float = 0.03) -> BoolArray:
+def raised(
+    frame: Frame, table: Table, workspace: Box, least: float = 0.004, border: float = 0.03
+) -> BoolArray:
     """(H, W) pixels that show what stands on the table, in the workspace or ``border`` metres beside it."""
     with np.errstate(invalid="ignore"):
         beside = frame.points[..., :2] - np.clip(

@@ -89,7 +89,7 @@ def fuse(frames: Sequence[Frame], candidates: Sequence[Candidate]) -> list[Fused
     groups = connected_components(graph, directed=False)[1]
     things, spread = [], []
     for group in np.unique(groups):
-        own = [i for i in np.nonzero(groups == group)[0]]
+        own = np.nonzero(groups == group)[0]
         best: dict[int, int] = {}
         for i in sorted(own, key=lambda i: kept[i].score):
             best[kept[i].view] = int(i)  # of two in one picture that others tie together, the surer one
@@ -125,7 +125,9 @@ def objects_of(
             own_parts = (np.bincount(parts) >= STRAY * len(cloud))[parts]
             cloud, rgb = cloud[own_parts], rgb[own_parts]
         if len(cloud) < max(least, 3):
-            notes.append(f"A mask of {sum(int(m.mask.sum()) for m in thing.members)} pixels has no depth to place it.")
+            notes.append(
+                f"A mask of {sum(int(m.mask.sum()) for m in thing.members)} pixels has no depth to place it."
+            )
             continue
         x, y = cloud[:, :2].mean(axis=0)
         made = thing_of(cloud, rgb, table.height_at(float(x), float(y)), thing.score, f"thing{k}")

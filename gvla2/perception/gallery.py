@@ -86,9 +86,7 @@ class Gallery:
             if len(thing.points) < LEAST:
                 answers.append(Naming("", 0.0, why=f"Only {len(thing.points)} points of it are seen."))
                 continue
-            answers.append(
-                self.name(seen_surface(thing.points, cameras, depths, images, scene.table_height))
-            )
+            answers.append(self.name(seen_surface(thing.points, cameras, depths, images, scene.table_height)))
         return answers
 
     def name(self, seen: Seen) -> Naming:

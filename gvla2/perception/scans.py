@@ -37,7 +37,8 @@ class Scan:
 
     ``points`` (M, 3) metres about the middle of its box, ``normals`` (M, 3) outward, ``rgb`` (M, 3) in [0, 1];
     ``rests`` (K, 3, 3) turn it into ways to lie on a table, likeliest first; ``middle`` (3,) is the box's middle in
-    the file's frame, metres; ``scale`` takes the file's units to metres; ``diameter`` is the longest distance within it, metres.
+    the file's frame, metres; ``scale`` takes the file's units to metres; ``diameter`` is the longest
+    distance within it, metres.
     """
 
     name: str
@@ -81,7 +82,9 @@ def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
         own = file.stem if file.stem.lower() not in _COMMON else _folder_name(file, root)
         name = " ".join(re.split(r"[\W_]+", own)).strip().lower()
         if not name:
-            raise ConfigurationError(f"perceiver.gallery: {file} names no object; call the file what it shows.")
+            raise ConfigurationError(
+                f"perceiver.gallery: {file} names no object; call the file what it shows."
+            )
         if name in found:
             raise ConfigurationError(
                 f"perceiver.gallery={folder}: two scans are called '{name}': {found[name]} and {file}. Rename one."

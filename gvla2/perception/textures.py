@@ -16,8 +16,10 @@ GREY = 0.7
 """The colour of a mesh that has none."""
 
 
-def sampled_surface(path: str | os.PathLike[str], count: int, seed: int = 0) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """``count`` points (N, 3) in the file's units, Z-up, evenly spread by area; normals (N, 3), colours (N, 3) in [0, 1].
+def sampled_surface(
+    path: str | os.PathLike[str], count: int, seed: int = 0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """``count`` points (N, 3) in the file's units, Z-up, evenly by area; normals (N, 3), colours (N, 3) in [0, 1].
 
     Raises :class:`GeometryError`, naming the file, when it is absent, broken, or has no surface.
     """
@@ -43,7 +45,9 @@ def sampled_surface(path: str | os.PathLike[str], count: int, seed: int = 0) -> 
     return points, normals, rgb
 
 
-def _sampled(part: trimesh.Trimesh, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _sampled(
+    part: trimesh.Trimesh, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     area = part.area_faces
     faces = rng.choice(len(area), count, p=area / area.sum())
     # Uniform in a triangle: the square root keeps points from crowding at a corner.

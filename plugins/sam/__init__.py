@@ -31,7 +31,6 @@ class SamConfig(NamingOptions, ComponentConfig):
 
     ``min_points``: fewer pixels, over all views, are a speck. ``min_height``: what rises less is table, metres; more
     where depth is noisy. ``min_score``: masks that the model is less sure of give way to what is connected in 3D.
-    ``split``: whether what touches is taken apart where geometry proposes it and the masks bear it out.
     ``localize``: whether ``vision`` is asked to click at what the instruction means, five rounds at most.
     """
 
@@ -42,7 +41,6 @@ class SamConfig(NamingOptions, ComponentConfig):
     min_points: int = 14
     min_height: float = 0.004
     min_score: float = 0.5
-    split: bool = True
     localize: bool = False
 
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
-from gvla2.perception.clusters import Clusters, clusters
-from gvla2.perception.frames import BoolArray, Frame, Table, frames_of, raised
+from gvla2.perception.clusters import Clusters, IntArray, clusters
+from gvla2.perception.frames import BoolArray, frames_of, raised
 from gvla2.perception.fusing import Candidate, fuse, iou, objects_of
 from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers, vision_model
@@ -27,6 +27,8 @@ LEAK = 5
 """Pixels about a cluster within which its mask is believed: depth misses edges, a mask may also run along the table."""
 AGREES = 0.5
 """Share of a cluster's pixels that its mask must cover."""
+COVERED = 0.75
+"""Share of a cluster's pixels in the mask of a larger one, over all pictures, from which it is a part of that."""
 
 log = logging.getLogger(__name__)
 
@@ -39,8 +41,15 @@ class SamPerceiver:
 
     def __init__(self, config: SamConfig, segmenter: Segmenter | None = None) -> None:
         if config.model not in MODELS:
-            raise ConfigurationError(f"perceiver.model is '{config.model}'; it must be one of {', '.join(MODELS)}.")
-        if config.min_points < 3 or not config.min_height > 0 or not 0 <= config.min_score <= 1 or config.threads < 0:
+            raise ConfigurationError(
+                f"perceiver.model is '{config.model}'; it must be one of {', '.join(MODELS)}."
+            )
+        if (
+            config.min_points < 3
+            or not config.min_height > 0
+            or not 0 <= config.min_score <= 1
+            or config.threads < 0
+        ):
             raise ConfigurationError(
                 "perceiver=sam: min_points must be at least 3, min_height above 0, min_score in [0, 1], threads >= 0."
             )
@@ -57,15 +66,23 @@ class SamPerceiver:
         """
         config = self._config
         frames, table, notes = frames_of(observation.views, workspace)
-        found = clusters(frames, [raised(f, table, workspace, config.min_height) for f in frames], config.min_points)
-        candidates: list[Candidate] = []
+        found = clusters(
+            frames, [raised(f, table, workspace, config.min_height) for f in frames], config.min_points
+        )
         pictures: list[EncodedPicture] = []
+        answers: list[dict[int, Segments]] = []
         for number, frame in enumerate(frames):
             if not found.count and not config.localize:
                 break  # nothing stands on the table: there is nothing to ask
             log.info("perceiver=sam: picture %d of %d ('%s')", number + 1, len(frames), frame.view.name)
             pictures.append(self._segmenter.encode(frame.view.image))
-            candidates += self._asked(pictures[-1], number, frame, found)
+            answers.append(asked(pictures[-1], found.maps[number]))
+        whole = wholes(found, answers)
+        candidates = [
+            each
+            for number, given in enumerate(answers)
+            for each in self._drawn(number, found.maps[number], whole, given)
+        ]
         objects, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
         middle = 0.5 * (workspace.low + workspace.high)
         scene = Scene((), table.height_at(*middle[:2].tolist()), workspace, "sam", (*notes, *small))
@@ -76,20 +93,50 @@ class SamPerceiver:
             scene = localized(scene, frames, pictures, table, instruction, self._vision, config.vision)
         return labelled(scene, observation, self._labellers)
 
-    def _asked(self, picture: EncodedPicture, number: int, frame: Frame, found: Clusters) -> list[Candidate]:
-        """A candidate for each cluster that is in sight."""
-        clustered = found.maps[number]
-        shown = [k for k in range(found.count) if (clustered == k).sum() >= LEAST]
-        answers = picture.segment([prompt_for(clustered == k) for k in shown])
-        candidates = []
-        for k, (logits, scores) in zip(shown, zip(answers.logits, answers.scores, strict=True), strict=True):
-            own = clustered == k
-            others = (clustered >= 0) & ~own
-            mask, score = best_mask(Segments(logits[None], scores[None]), own, others)
-            if score < self._config.min_score or (mask & own).sum() < AGREES * own.sum():
-                mask, score = own, self._config.min_score
-            candidates.append(Candidate(number, mask, score, seed=k))
-        return candidates
+    def _drawn(
+        self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
+    ) -> list[Candidate]:
+        """A candidate for each thing that is in sight in one picture, from the answers of its clusters."""
+        groups = np.where(clustered >= 0, np.asarray([*whole, -1])[clustered], -1)
+        drawn: dict[int, tuple[BoolArray, float]] = {}
+        for k, answer in answers.items():
+            own = groups == whole[k]
+            mask, score = best_mask(answer, own, (groups >= 0) & ~own)
+            part = clustered == k
+            if score < self._config.min_score or (mask & part).sum() < AGREES * part.sum():
+                mask, score = part, self._config.min_score
+            before = drawn.get(whole[k], (np.zeros_like(mask), 0.0))
+            drawn[whole[k]] = (before[0] | mask, max(before[1], score))
+        return [Candidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
+
+
+def asked(picture: EncodedPicture, clustered: IntArray) -> dict[int, Segments]:
+    """The answer for each cluster that is in sight in one picture (H, W)."""
+    shown = [int(k) for k in np.unique(clustered[clustered >= 0]) if (clustered == k).sum() >= LEAST]
+    given = picture.segment([prompt_for(clustered == k) for k in shown])
+    return {k: Segments(given.logits[i : i + 1], given.scores[i : i + 1]) for i, k in enumerate(shown)}
+
+
+def wholes(found: Clusters, answers: Sequence[Mapping[int, Segments]]) -> list[int]:
+    """For each cluster the one that it belongs to, mostly itself.
+
+    Depth tears apart what thin struts hold together: where the masks of a larger cluster cover a smaller one, in the
+    pictures that show both, the two are one thing.
+    """
+    whole = list(range(found.count))
+    for small in range(found.count):
+        for large in range(small):
+            covered = []
+            for clustered, given in zip(found.maps, answers, strict=True):
+                part = clustered == small
+                if large in given and part.any():
+                    own = clustered == large
+                    mask, _ = best_mask(given[large], own | part, np.zeros_like(own))
+                    covered.append(float((mask & part).sum() / part.sum()))
+            if covered and np.mean(covered) >= COVERED:
+                whole[small] = whole[large]
+                break
+    return whole
 
 
 def prompt_for(own: BoolArray) -> Prompt:

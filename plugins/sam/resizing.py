@@ -13,7 +13,9 @@ MEAN, DEVIATION = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225
 def squared(image: NDArray[np.uint8], side: int) -> NDArray[np.float32]:
     """(3, side, side) float32: the picture (H, W, 3) stretched to a square and normalised."""
     grown = Image.fromarray(image).resize((side, side), Image.Resampling.BILINEAR)
-    return np.ascontiguousarray(((np.asarray(grown) / 255.0 - MEAN) / DEVIATION).transpose(2, 0, 1), dtype=np.float32)
+    return np.ascontiguousarray(
+        ((np.asarray(grown) / 255.0 - MEAN) / DEVIATION).transpose(2, 0, 1), dtype=np.float32
+    )
 
 
 def enlarged(masks: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
