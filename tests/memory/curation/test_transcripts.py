@@ -2,8 +2,8 @@
 
 import pytest
 
+from gvla2.memory.curation.transcripts import abstracted, ending_of, steps_of
 from gvla2.memory.retrieval.rendering import CLOSING, OPENING
-from gvla2.memory.verification.transcripts import abstracted, ending_of, steps_of
 from gvla2_plugins.memory_baselines.exemplars import show_exemplars
 
 ROBOT = """Instruction: lift the cube

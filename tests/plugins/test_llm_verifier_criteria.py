@@ -3,7 +3,7 @@
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.memory.verification.criteria import criteria_set
+from gvla2_plugins.llm_verifier.criteria import criteria_set
 
 
 def test_the_sets_are_the_papers():

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.language.completion import Token, read_completion
-from gvla2.memory.verification.score_tokens import LETTERS, TokenScore, phi, score_answer
+from gvla2.language.score_tokens import LETTERS, TokenScore, phi, score_answer
 from gvla2.testing.language import said
 
 
