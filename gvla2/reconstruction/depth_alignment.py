@@ -5,6 +5,7 @@ and a coarse field. The unknowns of all views are found together (scipy's dogleg
 
     r_pair   = n . (p_i - q_j) / sigma          samples of one view against planes through another's points
     r_hull   = log d - log d_front, d_back      surfaces lie within the visual hull, most of them near its front
+    r_mask   = log d - log d_cap                where another view's mask has no other surface on its ray
     r_prior  = theta / spread                   how large such errors are
 
 The noise sigma and the spread of tilts are estimated from what is left over, round by round: first with stiff terms
@@ -57,14 +58,20 @@ class Aligned:
 
 
 def align(
-    depth: FloatArray, solid: NDArray[np.bool_], views: Views, front: FloatArray, back: FloatArray
+    depth: FloatArray,
+    solid: NDArray[np.bool_],
+    views: Views,
+    front: FloatArray,
+    back: FloatArray,
+    caps: FloatArray,
 ) -> Aligned:
     """Correct depth maps (S, H, W), metres, NaN where unknown.
 
     ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``front`` and ``back`` (S, H, W) are the depths
-    between which the visual hull lies, NaN outside it.
+    between which the visual hull lies, NaN outside it; ``caps`` (S, H, W) depths behind which no surface can begin,
+    NaN where nobody knows.
     """
-    looks = [look_at(*each) for each in zip(views, depth, solid, front, back, strict=True)]
+    looks = [look_at(*each) for each in zip(views, depth, solid, front, back, caps, strict=True)]
     size = LOW + KNOTS * KNOTS
     theta = np.zeros((len(looks), size))
     for s, look in enumerate(looks):
@@ -160,6 +167,9 @@ class _Problem:
             yield (now - look.nearest) / width, 1.0, ((s, look.design / width[:, None]),)
             past = np.maximum(now - look.farthest, 0) / self._edge
             yield past, 1.0, ((s, look.design * ((past > 0) / self._edge)[:, None]),)
+            at, design, cap = look.capped
+            past = np.maximum(at + design @ theta[s] - cap, 0) / self._edge
+            yield past, 1.0, ((s, design * ((past > 0) / self._edge)[:, None]),)
 
     def _cost(self, z: FloatArray) -> tuple[float, FloatArray]:
         """Cauchy for what pairs and hull say, squares for what errors are like; and the slope by z."""

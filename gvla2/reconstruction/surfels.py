@@ -102,7 +102,11 @@ def _throw(
             own = at if n == 0 else own
             j = table[at]
             while j >= 0 and free:
-                across, along, up = points[i, 0] - points[j, 0], points[i, 1] - points[j, 1], points[i, 2] - points[j, 2]
+                across, along, up = (
+                    points[i, 0] - points[j, 0],
+                    points[i, 1] - points[j, 1],
+                    points[i, 2] - points[j, 2],
+                )
                 free = across * across + along * along + up * up >= least
                 j = following[j]
             if not free:
