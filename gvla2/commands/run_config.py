@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
+from gvla2.hydra_bridge import EveryKind
 
 DEPTH_NOISE_KINDS = ("none", "gaussian", "l515")
 
@@ -35,8 +35,8 @@ class DepthNoiseConfig:
 
 
 @dataclass
-class RunConfig:
-    """One episode, or many.
+class RunConfig(EveryKind):
+    """One episode, or many. Beside these options there is one group for each kind of component.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
     ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
@@ -53,24 +53,6 @@ class RunConfig:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
-    robot: ComponentConfig = field(default_factory=ComponentConfig)
-    camera: ComponentConfig = field(default_factory=ComponentConfig)
-    task: ComponentConfig = field(default_factory=ComponentConfig)
-    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
-    reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
-    prior: ComponentConfig = field(default_factory=ComponentConfig)
-    axis: ComponentConfig = field(default_factory=ComponentConfig)
-    fusion: ComponentConfig = field(default_factory=ComponentConfig)
-    renderer: ComponentConfig = field(default_factory=ComponentConfig)
-    memory: ComponentConfig = field(default_factory=ComponentConfig)
-    retriever: ComponentConfig = field(default_factory=ComponentConfig)
-    embedder: ComponentConfig = field(default_factory=ComponentConfig)
-    inducer: ComponentConfig = field(default_factory=ComponentConfig)
-    judge: ComponentConfig = field(default_factory=ComponentConfig)
-    planner: ComponentConfig = field(default_factory=ComponentConfig)
-    fallback: ComponentConfig = field(default_factory=ComponentConfig)
-    verifier: ComponentConfig = field(default_factory=ComponentConfig)
-    language: ComponentConfig = field(default_factory=ComponentConfig)
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
 
     def __post_init__(self) -> None:
