@@ -119,6 +119,7 @@ TAKEN = frozenset(
         "replan",
         "planner_timeout",
         "max_parts",
+        "agreement",
         "depth_noise",
     }
 )

@@ -167,6 +167,7 @@ def _run_one(
         replan=config.replan,
         planner_timeout=config.planner_timeout,
         max_parts=config.max_parts,
+        agreement=config.agreement,
     )
     with Progress(quiet=config.quiet) as progress:
         listener = _Listener(recorder, progress)

@@ -42,7 +42,8 @@ class RunConfig(EveryKind):
     ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
     looks and plans again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
-    means, ``fallback`` plans, another planner or none. A program that takes several plans is carried out in up to
+    means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they do
+    not mean the same the one that is sure decides. A program that takes several plans is carried out in up to
     ``max_parts``.
     """
 
@@ -53,6 +54,7 @@ class RunConfig(EveryKind):
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
+    agreement: bool = False
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
 
     def __post_init__(self) -> None:
