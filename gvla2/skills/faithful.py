@@ -36,7 +36,7 @@ HARMLESS = re.compile(
 UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
 ACTS = {
     "push": ("push", "press"),
-    "slide": ("push", "insert", "pull"),
+    "slide": ("push", "insert", "pull", "draw"),
     "shove": ("push",),
     "press": ("press",),
     "unscrew": ("twist", "open"),
@@ -44,6 +44,9 @@ ACTS = {
     "close": ("close",),
     "shut": ("close",),
     "open": ("open", "twist", "pull"),
+    **dict.fromkeys(
+        ("put", "place", "lay", "set", "stack"), ("place", "insert", "push", "twist", "close", "draw")
+    ),
 }
 """Verbs that say by which skill, where a program might do the like by another."""
 NEAR = 0.015
@@ -113,6 +116,11 @@ def doubts(
     return found
 
 
+def theme_held(call: SkillCall, scene: Scene, names: Mapping[str, str]) -> Named:
+    """What keeps the thing that is moved, its parts and its whole, where only the rest of a program is doubtful."""
+    return Named("", _kin([scene[call.theme]], scene, names), handled=True)
+
+
 def colour_absent(instruction: str, scene: Scene) -> str:
     """A colour that the wish names and nothing in the scene can mean; "" where there is none, or a thing's colour is
     not known. What a label says ("orange juice") is there.
@@ -126,6 +134,12 @@ def colour_absent(instruction: str, scene: Scene) -> str:
         if not shades and not re.search(rf"\b{re.escape(word)}\b", labels):
             return word
     return ""
+
+
+def may_mean(skill: str, instruction: str) -> bool:
+    """Whether the verbs of a wish leave room for a skill; they do where none of them says by which."""
+    said = [acts for verb, acts in ACTS.items() if verb in asked(instruction).split()]
+    return all(skill in acts for acts in said)
 
 
 def ruled_out(instruction: str) -> str:

@@ -11,26 +11,41 @@ from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions
 
 _CONSTRAINT = TYPES.index("failure_avoidance")
+_LANGUAGES = ("calls", "waypoints")
+_FARTHEST = 256
+"""So many rows are looked at for programs once all other places are filled."""
 
 
 def chosen(ranked: Iterable[int], candidates: Candidates, options: HybridOptions) -> list[int]:
-    """Of rows that come best first, those that fill the places for constraints and for hints, in the same order.
+    """Of rows that come best first, those that fill the places for constraints, for hints and for the programs of
+    each language, in the same order.
 
     A row that says the same as one taken before it is passed over.
     """
-    places = {True: options.top_k_constraints, False: options.top_k}
-    taken: dict[bool, list[int]] = {True: [], False: []}
+    places = {"constraint": options.top_k_constraints, "hint": options.top_k}
+    if candidates.programs.any():
+        places |= dict.fromkeys(_LANGUAGES, options.top_k_programs)
+    taken: dict[str, list[int]] = {kind: [] for kind in places}
     rows: list[int] = []
-    for row in ranked:
-        binding = bool(candidates.types[row] == _CONSTRAINT)
-        if len(taken[binding]) < places[binding] and not any(
-            _same(row, other, candidates, options) for other in taken[binding]
+    for number, row in enumerate(ranked):
+        kind = _kind(candidates, row)
+        if len(taken[kind]) < places[kind] and not any(
+            _same(row, other, candidates, options) for other in taken[kind]
         ):
-            taken[binding].append(row)
+            taken[kind].append(row)
             rows.append(row)
-        if all(len(taken[kind]) >= places[kind] for kind in places):
+        lacking = [each for each in places if len(taken[each]) < places[each]]
+        if not lacking or (number >= _FARTHEST and set(lacking) <= set(_LANGUAGES)):
             break
     return rows
+
+
+def _kind(candidates: Candidates, row: int) -> str:
+    """Whose place a row takes: a constraint's, a program's of its language, or a hint's."""
+    if candidates.types[row] == _CONSTRAINT:
+        return "constraint"
+    language = (candidates.effect(row) or {}).get("language") if candidates.programs[row] else ""
+    return language if language in _LANGUAGES else "hint"
 
 
 def _same(one: int, other: int, candidates: Candidates, options: HybridOptions) -> bool:
