@@ -34,6 +34,7 @@ HARMLESS = re.compile(
 )
 """Wordings with such words that rule nothing out; how a motion is not to be, the checks see to."""
 UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
+PUT = ("place", "insert", "push", "twist", "close", "draw")
 ACTS = {
     "push": ("push", "press"),
     "slide": ("push", "insert", "pull", "draw"),
@@ -44,11 +45,10 @@ ACTS = {
     "close": ("close",),
     "shut": ("close",),
     "open": ("open", "twist", "pull"),
-    **dict.fromkeys(
-        ("put", "place", "lay", "set", "stack"), ("place", "insert", "push", "twist", "close", "draw")
-    ),
+    **dict.fromkeys(("put", "place", "lay", "set", "stack"), PUT),
 }
 """Verbs that say by which skill, where a program might do the like by another."""
+TAKEN_THERE = re.compile(r"\b(?:move|bring|carry|transfer|take|get)\b[^.;]*\b(?:onto|into)\b")
 NEAR = 0.015
 """Things whose boxes are no farther apart touch, metres."""
 
@@ -85,6 +85,8 @@ def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> li
     ]
     if UNLIFTED.search(instruction.casefold()):
         found.append(Named("The task says not to lift it.", frozenset(), skills=frozenset(("push", "pull"))))
+    if TAKEN_THERE.search(asked(instruction)):
+        found.append(Named("The task says where it goes.", frozenset(), skills=frozenset(PUT)))
     for colour in _meant(instruction, scene):
         if bearers := [o for o in scene.objects if o.colour == colour]:
             listed = " or ".join(names[o.id] for o in bearers)
