@@ -30,6 +30,8 @@ PLACES = frozenset(
 """Prepositions: what follows one is not what is acted on, or need not be."""
 ELSEWHERE = frozenset("into onto inside to towards toward beside behind under from".split())
 """Those after which a thing is where something goes or comes from, whatever the verb."""
+GOALS = frozenset("on onto in into inside to towards toward over around".split())
+"""Those after which a thing may be where something goes."""
 MOVING = ("pick", "place", "push", "insert", "draw")
 UNDOABLE = frozenset(
     "pour fill unfold wipe clean wash rinse dry cut slice chop peel break smash crush tear eat drink taste cook bake "
@@ -68,6 +70,20 @@ def mentions(wish: str, scene: Scene) -> list[Mention]:
             found.append(Mention(roots, _preposition(words[:begin])))
         begin = end
     return found
+
+
+def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
+    """The ids of the things, with their parts, that a wish speaks of as ``theme`` and as ``goal``; roles that it names
+    nothing for are left out.
+    """
+    said = mentions(wish, scene)
+    theme = next((m for m in said if not m.after), None)
+    goal = next((m for m in said if m.after in GOALS and m is not theme), None)
+    return {
+        role: frozenset(o.id for o in scene.objects if root_of(o, scene).id in m.roots)
+        for role, m in (("theme", theme), ("goal", goal))
+        if m is not None
+    }
 
 
 def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, frozenset[str]]:
