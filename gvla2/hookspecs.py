@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from gvla2.markers import hookspec
 
 if TYPE_CHECKING:
+    from gvla2.agents.contracts import Agent
     from gvla2.component import Component
     from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Embedder, Inducer, Judge, Memory, Retriever, Verifier
@@ -132,6 +133,12 @@ def gvla2_skills() -> Iterable[Skill]:
 @hookspec
 def gvla2_verifiers() -> Iterable[Component[Verifier]]:
     """Return verifiers: judge an episode from its evidence (Hydra group ``verifier``)."""
+    raise AssertionError("specification only")
+
+
+@hookspec
+def gvla2_agents() -> Iterable[Component[Agent]]:
+    """Return software agents that work at a shell in a sandbox (Hydra group ``agent``)."""
     raise AssertionError("specification only")
 
 

@@ -68,6 +68,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
             Kind("judge", "gvla2_judges", "gvla2.memory.contracts:Judge"),
             Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
             Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
+            Kind("agent", "gvla2_agents", "gvla2.agents.contracts:Agent"),
             Kind("language", "gvla2_language_models", "gvla2.language.endpoint:LanguageModel"),
         )
     }

@@ -23,6 +23,7 @@ SUITES = {
     "memory": "gvla2.commands.bench_memory",
     "robot": "gvla2.commands.bench_robot",
     "perception": "gvla2.commands.bench_perception",
+    "agents": "gvla2.commands.bench_agents",
 }
 """The suites by name, and the module of each.
 
