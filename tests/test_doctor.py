@@ -6,13 +6,11 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from gvla2 import discovery
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands import checkup, doctor
 from gvla2.commands.checkup import Check
 from gvla2.commands.probe import imports
 from gvla2.discovery import Problem
-from gvla2.errors import UnknownComponentError
 
 
 def test_this_installation_is_well(
@@ -65,23 +63,6 @@ def test_the_last_line_says_which_command_is_broken(
     monkeypatch.setattr(checkup, "examine", lambda registry: [Check("x", "warn", "w", "", ("data",)), *found])
     assert doctor.main([]) == 1
     assert " ".join(capsys.readouterr().out.split()).endswith(last)
-
-
-def test_a_stale_installation_is_told_to_be_installed_again(monkeypatch: pytest.MonkeyPatch):
-    points = discovery.entry_points(group="gvla2")
-    kept = [p for p in points if p.name != "skill"]
-    monkeypatch.setattr(discovery, "entry_points", lambda group: kept)
-    registry = load_plugins()
-    with pytest.raises(UnknownComponentError, match=r"The plugin 'skill' of gvla2 offers it.*pip install -e"):
-        registry.get("planner", "skill")
-    with pytest.raises(UnknownComponentError) as caught:
-        registry.get("planner", "no_such")
-    assert "pip install" not in str(caught.value)
-    _, _, checks = checkup.configurations(registry)
-    (failed,) = [c for c in checks if c.name == "configuration run"]
-    assert failed.status == "fail"
-    assert "pip install -e ." in failed.advice
-    assert failed.commands == ("run",)
 
 
 def test_a_default_without_its_plugin_fails(monkeypatch: pytest.MonkeyPatch):

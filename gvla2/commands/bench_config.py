@@ -110,7 +110,8 @@ class BenchConfig:
     ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves. Experience comes from
     ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its plans by ``exploration``
     (a relative spread, or a model's temperature), and is frozen before the test. ``replan`` further attempts are
-    allowed in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one.
+    allowed in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one
+    (``agreement``: it is asked every time, and where the two differ the one that is sure decides).
     With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
     language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
     objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
@@ -153,6 +154,7 @@ class BenchConfig:
     exploration: float = 0.25
     replan: int = 0
     max_parts: int = 6
+    agreement: bool = False
     planner_timeout: float = 0.0
     scale: float = 1.0
     videos: int = 1

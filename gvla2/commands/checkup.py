@@ -20,11 +20,11 @@ import hydra
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf import DictConfig, OmegaConf
 
-from gvla2.catalog import REINSTALL, Registry
+from gvla2.catalog import Registry
 from gvla2.commands.completion import hydra_application
 from gvla2.commands.config_errors import explain
 from gvla2.commands.primary import PRIMARY
-from gvla2.kinds import HOOKS, KINDS, chosen_kinds
+from gvla2.kinds import chosen_kinds
 
 PROBE_SECONDS = 90
 PACKAGES = ("gvla2", "hydra-core", "omegaconf", "numpy", "scipy", "numba", "trimesh", "sqlmodel")
@@ -145,24 +145,23 @@ def configurations(registry: Registry) -> tuple[dict[str, DictConfig], set[str],
             except HydraException as error:
                 if isinstance(error, MissingConfigException):
                     blamed.add((error.missing_cfg_file or "").partition("/")[0])
-                found = explain(error, registry)
                 advice = "Repair or reinstall the plugin that offers it; see the plugins below."
-                if REINSTALL in found:
-                    advice = f"The installation is older than the source: {REINSTALL}."
-                checks.append(Check(f"configuration {name}", "fail", found, advice, (name,)))
+                checks.append(
+                    Check(f"configuration {name}", "fail", explain(error, registry), advice, (name,))
+                )
             else:
                 composed[name] = config
-                chosen = ", ".join(f"{k}={config[k].name}" for k in chosen_kinds(config))
+                chosen = ", ".join(f"{k}={config[k].name}" for k in chosen_kinds(config, registry.kinds))
                 checks.append(Check(f"configuration {name}", "ok", chosen))
     return composed, blamed, checks
 
 
 def plugins(registry: Registry, blamed: set[str]) -> Iterator[Check]:
     """Broken plugins; ``blamed`` are the kinds of which the default run misses a component."""
-    count = sum(len(registry.components(kind)) for kind in KINDS)
+    count = sum(len(registry.components(kind)) for kind in registry.kinds)
     yield Check("plugins", "ok", f"{len(registry.plugins)} plugins offer {count} components")
     for problem in registry.problems:
-        kinds = {HOOKS[problem.hook].name} if problem.hook in HOOKS else blamed
+        kinds = {kind.name for kind in registry.kinds.values() if kind.hook == problem.hook} or blamed
         where = f"{problem.hook}: " if problem.hook else ""
         yield Check(
             f"plugin {problem.plugin}",

@@ -10,7 +10,6 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,6 @@ from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
 from gvla2.commands.printable import printable
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
-from gvla2.kinds import KINDS
 
 JobFunction = Callable[[Any, Registry], object]
 """Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
@@ -97,9 +95,9 @@ def launch(
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
     registry = load_plugins()
-    own = [kind for kind in KINDS if kind in {field.name for field in fields(PRIMARY[config_name])}]
+    own = [group for group in registry.groups if group in PRIMARY[config_name].__dataclass_fields__]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
-    register(registry, PRIMARY, own) if config_name == "memory" else register(registry, PRIMARY)
+    register(registry, PRIMARY, own if config_name == "memory" else None)
     main = hydra.main(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
     )
