@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gvla2.agents.contracts import AgentTask, Output
-from gvla2.agents.sandbox import EnvironmentFailedError, SandboxLimits
+from gvla2.agents.sandbox import DEFAULT_LIMITS, EnvironmentFailedError, SandboxLimits
 from gvla2.errors import MissingDependencyError
 
 BUILD_SECONDS = 1800.0
@@ -73,7 +73,7 @@ class DockerSandbox:
 
 
 @contextmanager
-def docker(task: AgentTask, limits: SandboxLimits = SandboxLimits()) -> Iterator[DockerSandbox]:
+def docker(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[DockerSandbox]:
     """The task's image, built where it is not there yet, and a container of it for the while of it.
 
     Raises :class:`MissingDependencyError` without Docker and :class:`EnvironmentFailedError` where its engine does not

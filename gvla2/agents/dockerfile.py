@@ -23,7 +23,7 @@ class Recipe:
 
 
 def read_recipe(dockerfile: Path) -> Recipe:
-    """The recipe; an empty one where there is no Dockerfile. Raises :class:`ConfigurationError` for what it cannot do."""
+    """The recipe, an empty one without a Dockerfile; raises :class:`ConfigurationError` for what it cannot do."""
     if not dockerfile.is_file():
         return Recipe()
     folder, variables = "/app", dict[str, str]()

@@ -35,6 +35,10 @@ class SandboxLimits:
     output: int = 20_000
 
 
+DEFAULT_LIMITS = SandboxLimits()
+_NO_RECIPE = Recipe()
+
+
 class EnvironmentFailedError(Gvla2Error):
     """The surroundings of a task could not be set up here; the task is not measured."""
 
@@ -46,7 +50,9 @@ class BubblewrapSandbox:
     else: no network, no other process, no file of the user's. Whatever they start ends with them.
     """
 
-    def __init__(self, root: Path, recipe: Recipe = Recipe(), limits: SandboxLimits = SandboxLimits()) -> None:
+    def __init__(
+        self, root: Path, recipe: Recipe = _NO_RECIPE, limits: SandboxLimits = DEFAULT_LIMITS
+    ) -> None:
         if shutil.which("bwrap") is None:
             raise MissingDependencyError(
                 "the program 'bwrap'", "Running an agent in a sandbox", "apt install bubblewrap (LGPL-2.0)"
@@ -151,13 +157,20 @@ class BubblewrapSandbox:
         for name in ("bin", "sbin", "lib", "lib32", "lib64", "libx32"):
             place = Path("/", name)
             if place.is_symlink():
-                words += ["--symlink", os.readlink(place), f"/{name}"]
+                words += ["--symlink", str(place.readlink()), f"/{name}"]
             elif place.is_dir():
                 words += ["--ro-bind", str(place), f"/{name}"]
         for name in _SHOWN_OF_ETC:
             words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
         words += ["--dev", "/dev", "--proc", "/proc"]
-        words += ["--bind", str(self._root / "tmp"), "/tmp", "--bind", str(self._root / "home"), "/home/agent"]
+        words += [
+            "--bind",
+            str(self._root / "tmp"),
+            "/tmp",
+            "--bind",
+            str(self._root / "home"),
+            "/home/agent",
+        ]
         files = self._root / "files"
         for place in sorted(files.iterdir()) if files.is_dir() else []:
             words += ["--bind", str(place), f"/{place.name}"]
@@ -179,7 +192,7 @@ class BubblewrapSandbox:
 
 
 @contextmanager
-def bubblewrap(task: AgentTask, limits: SandboxLimits = SandboxLimits()) -> Iterator[BubblewrapSandbox]:
+def bubblewrap(task: AgentTask, limits: SandboxLimits = DEFAULT_LIMITS) -> Iterator[BubblewrapSandbox]:
     """The task's surroundings, as its Dockerfile has them, for the while of it.
 
     Raises :class:`EnvironmentFailedError` where they cannot be had without Docker or the network.
@@ -206,9 +219,15 @@ def bubblewrap(task: AgentTask, limits: SandboxLimits = SandboxLimits()) -> Iter
 def _copy(task: AgentTask, sandbox: BubblewrapSandbox, words: tuple[str, ...]) -> None:
     *sources, target = words
     for source in sources:
-        found = sorted(task.environment.glob(source.strip("/"))) if source not in (".", "./") else [task.environment]
+        found = (
+            sorted(task.environment.glob(source.strip("/")))
+            if source not in (".", "./")
+            else [task.environment]
+        )
         if not found:
-            raise EnvironmentFailedError(f"{task.name}: its Dockerfile copies '{source}', which is not there.")
+            raise EnvironmentFailedError(
+                f"{task.name}: its Dockerfile copies '{source}', which is not there."
+            )
         for place in found:
             if not place.resolve().is_relative_to(task.environment.resolve()):
                 raise EnvironmentFailedError(f"{task.name}: its Dockerfile copies '{source}' from outside.")
@@ -245,5 +264,5 @@ def _size_mb(folder: Path) -> float:
     for place, _, names in os.walk(folder):
         for name in names:
             with contextlib.suppress(OSError):
-                total += os.lstat(os.path.join(place, name)).st_blocks * 512
+                total += Path(place, name).lstat().st_blocks * 512
     return total / 1e6

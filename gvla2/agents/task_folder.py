@@ -85,7 +85,9 @@ def _of_version_1(folder: Path) -> AgentTask:
             folder=folder,
             environment=folder,
             tests=folder / "tests",
-            tests_entry="run-tests.sh" if (folder / "tests" / "run-tests.sh").is_file() else "../run-tests.sh",
+            tests_entry="run-tests.sh"
+            if (folder / "tests" / "run-tests.sh").is_file()
+            else "../run-tests.sh",
             family=str(told.get("category", "")),
             agent_seconds=_seconds(told.get("max_agent_timeout_sec", 600), folder),
             test_seconds=_seconds(told.get("max_test_timeout_sec", 120), folder),

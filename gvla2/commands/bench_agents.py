@@ -44,16 +44,12 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
 
     Rows are stored one by one; an interrupted sequence goes on where it was, with the memory that it had.
     """
-    if config.agents.trajectories:
-        from gvla2.commands.bench_trajectories import run as read_trajectories
-
-        return read_trajectories(config, registry, results, run_id, folder)
     from gvla2.agents.task_folder import read_tasks
 
     if not config.agents.tasks:
         raise ConfigurationError(
             "agents.tasks is not set: give a folder of tasks in Terminal-Bench's layout, such as "
-            "agents.tasks=examples/agent_tasks, or agents.trajectories for runs that there are already."
+            "agents.tasks=examples/agent_tasks."
         )
     tasks = read_tasks(config.agents.tasks, config.agents.names)
     chosen = _Chosen(config, registry, folder)

@@ -67,8 +67,8 @@ class AgentsBenchConfig:
 
     ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
     characters are kept of what a command says. ``state`` is where memories lie between the tasks (by default in the
-    output folder: give one to go on with an interrupted bench). ``trajectories`` is a folder of published runs with
-    known outcomes, which are judged, learnt from and recalled instead; ``most`` of them at most.
+    output folder: give one to go on with an interrupted bench). The suite ``trajectories`` reads a folder of published
+    runs with known outcomes instead, ``trajectories``, of which ``most`` are judged and learnt from.
     """
 
     tasks: str = ""

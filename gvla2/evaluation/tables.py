@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gvla2.evaluation.figures import MEMORY, FigureLayout, FigureTable, make_figure_table
+from gvla2.evaluation.figures import MEMORY, TRAJECTORIES, FigureLayout, FigureTable, make_figure_table
 from gvla2.evaluation.perception.table import (
     PERCEPTION,
     PerceptionLayout,
@@ -147,7 +147,9 @@ AGENTS = Layout(
     pair="task",
 )
 AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout
-LAYOUTS: Mapping[str, AnyLayout] = {made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS)}
+LAYOUTS: Mapping[str, AnyLayout] = {
+    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES)
+}
 """The suites that can be reported."""
 
 

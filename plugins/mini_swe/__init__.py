@@ -1,4 +1,4 @@
-"""The ``mini_swe`` agent: mini-swe-agent (MIT), its own loop and prompts, at the run's ``language`` and in our sandbox."""
+"""The ``mini_swe`` agent: mini-swe-agent (MIT) with its own loop and prompts, at the run's ``language``."""
 
 from __future__ import annotations
 

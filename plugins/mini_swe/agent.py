@@ -79,7 +79,7 @@ class _Model:
         self.usage = {"calls": 0.0, "prompt_tokens": 0.0, "completion_tokens": 0.0}
 
     def query(self, messages: Sequence[Mapping[str, Any]], **_: Any) -> dict[str, Any]:
-        """The next answer with its one action; raises mini-swe-agent's own ``FormatError`` where it has another number."""
+        """The next answer with its one action; raises mini-swe-agent's own ``FormatError`` for any other number."""
         from minisweagent.models.utils.actions_text import parse_regex_actions
 
         asked = [{"role": m["role"], "content": m["content"]} for m in messages]
@@ -204,4 +204,7 @@ def _settings(path: str) -> dict[str, Any]:
 
 def _plain(message: Mapping[str, Any]) -> dict[str, Any]:
     content = message.get("content", "")
-    return {"role": str(message.get("role", "")), "content": content if isinstance(content, str) else str(content)}
+    return {
+        "role": str(message.get("role", "")),
+        "content": content if isinstance(content, str) else str(content),
+    }

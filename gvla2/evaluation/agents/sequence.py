@@ -9,6 +9,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,13 +94,15 @@ def work(
                         source=row,
                         tests_told=tests_told,
                         seed=sequence.seed,
-                        tell=lambda line, row=row: tell(f"{row} {line}"),
+                        tell=partial(_tell, tell, row),
                     )
                 status = "ok"
             except EnvironmentFailedError as error:
                 status = f"{CANNOT_BE}: {error}"
             except LanguageModelError as error:
-                log.warning("%s: the language model cannot be asked (%s); this sequence ends here.", row, error)
+                log.warning(
+                    "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
+                )
                 return
             open_.settle()
             _keep(folder, place + 1)
@@ -145,6 +148,10 @@ def _keep(folder: Path, done: int) -> None:
     for old in folder.glob("after-*.db"):
         if int(old.stem.removeprefix("after-")) < done - 1:
             old.unlink()
+
+
+def _tell(tell: Callable[[str], None], row: str, line: str) -> None:
+    tell(f"{row} {line}")
 
 
 def _cell(
