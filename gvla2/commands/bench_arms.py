@@ -57,7 +57,9 @@ def arm_named(config: BenchConfig, name: str) -> Arm:
     source = str(told.pop("memory", MEMORY_OF.get(name, name) if name != "shuffled" else name))
     replan = told.pop("replan", None)
     if replan is not None and (not isinstance(replan, int) or isinstance(replan, bool) or replan < 0):
-        raise ConfigurationError(f"arms.{name}.replan is {replan!r}; it is a count of further attempts, 0 or more.")
+        raise ConfigurationError(
+            f"arms.{name}.replan is {replan!r}; it is a count of further attempts, 0 or more."
+        )
     return Arm(name, source, told, replan)
 
 

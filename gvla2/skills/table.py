@@ -42,7 +42,9 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             Parameter("hook_depth", "m", "how far below a lid's free edge the fingers hook", 0.0, 0.05),
             Parameter("let_go_angle", "rad", "opening from which a lid falls shut by itself", 0.0, 2.0),
             Parameter("pull_distance", "m", "how far it is pulled (or drawn beyond being free)", 0.0, 0.4),
-            Parameter("unlatch_lift", "m", "how far a handle is lifted, held, before it is pulled", 0.0, 0.04),
+            Parameter(
+                "unlatch_lift", "m", "how far a handle is lifted, held, before it is pulled", 0.0, 0.04
+            ),
             Parameter("end_distance", "m", "how far from its free end a thing is held", 0.0, 0.1),
             Parameter("speed", "m/s", "of the tool in the open", 0.01, 0.5),
             Parameter("contact_speed", "m/s", "of the tool where it touches", 0.01, 0.25),

@@ -19,11 +19,16 @@ from gvla2_plugins.classical.pixels import IntArray, Pixels
 
 MOST = 9000  # points that are searched for neighbours across views
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
-NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; where that is hidden, or nothing carries it
+NEAR, HIDDEN = (
+    0.02,
+    0.05,
+)  # metres between a body and its fragment; where that is hidden, or nothing carries it
 APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
-TEXTURED = 0.13  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .09
+TEXTURED = (
+    0.13  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .09
+)
 
 
 def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float, least: int) -> IntArray:

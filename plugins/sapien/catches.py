@@ -29,7 +29,11 @@ class Caught:
         if self._gone:
             return
         low, high = self._shut
-        away = not low - self._catch.play <= float(self._articulation.qpos[self._index]) <= high + self._catch.play
+        away = (
+            not low - self._catch.play
+            <= float(self._articulation.qpos[self._index])
+            <= high + self._catch.play
+        )
         self._gone = away and not self._holds
         at = float(self._key.qpos[self._place])
         holds = not self._gone and not self._catch.travel <= at <= self._catch.until

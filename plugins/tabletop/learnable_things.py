@@ -14,8 +14,6 @@ from gvla2.robot.task import (
     Body,
     Catch,
     Joint,
-    Layout,
-    Primitive,
     Task,
     TaskInstance,
     TaskSite,
@@ -110,7 +108,10 @@ def _lamp(
         return family.value < world.peak("press") <= most
 
     return replace(
-        made, layout=layout, succeeded={"eased": lit, "strict": lit}, goal="the lamp is on: its button went far enough, and not to its stop"
+        made,
+        layout=layout,
+        succeeded={"eased": lit, "strict": lit},
+        goal="the lamp is on: its button went far enough, and not to its stop",
     )
 
 
