@@ -143,7 +143,7 @@ def _plain(override: str, own: list[str]) -> str:
     if re.match(r"(planner|arm|baseline|task)_options\.", override):
         return f"++{override}"
     if override.startswith("arms."):
-        return f"++variants.{override.removeprefix('arms.')}"
+        return f"++own_arms.{override.removeprefix('arms.')}"
     if own and re.fullmatch(r"arms=\[.*\]", override):
         return f"{override[:-1]}{',' if override[6:-1].strip() else ''}{','.join(own)}]"
     return override

@@ -44,13 +44,13 @@ class Arm:
 
 
 def arms_of(config: BenchConfig) -> list[Arm]:
-    """The arms of a bench, in their order: names of ``config.arms``, some of them of ``config.variants``."""
+    """The arms of a bench, in their order: names of ``config.arms``, some of them of ``config.own_arms``."""
     return [arm_named(config, name) for name in config.chosen_arms]
 
 
 def arm_named(config: BenchConfig, name: str) -> Arm:
     """One arm by its name; raises :class:`ConfigurationError` where what is said of it is no options."""
-    given = config.variants.get(name)
+    given = config.own_arms.get(name)
     if given is not None and not isinstance(given, Mapping):
         raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
     told = {**(given or {}), **dict(config.arm_options.get(name) or {})}

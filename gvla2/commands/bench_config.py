@@ -151,7 +151,7 @@ class BenchConfig:
     planner_options: dict[str, Any] = field(default_factory=dict)
     teacher: str = ""
     arms: list[str] | None = None
-    variants: dict[str, Any] = field(default_factory=dict)
+    own_arms: dict[str, Any] = field(default_factory=dict)
     arm_options: dict[str, Any] = field(default_factory=dict)
     world: str = "plain"
     families: int = 2
@@ -217,4 +217,4 @@ class BenchConfig:
     def chosen_arms(self) -> list[str]:
         """The arms, each once."""
         usual = ["off"] if self.planners else ["off", "on", "shuffled", "semantic", "best_theta"]
-        return list(dict.fromkeys([*usual, *map(str, self.variants)] if self.arms is None else self.arms))
+        return list(dict.fromkeys([*usual, *map(str, self.own_arms)] if self.arms is None else self.arms))
