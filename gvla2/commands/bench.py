@@ -23,6 +23,8 @@ SUITES = {
     "memory": "gvla2.commands.bench_memory",
     "robot": "gvla2.commands.bench_robot",
     "perception": "gvla2.commands.bench_perception",
+    "agents": "gvla2.commands.bench_agents",
+    "trajectories": "gvla2.commands.bench_trajectories",
 }
 """The suites by name, and the module of each.
 

@@ -62,6 +62,35 @@ class MemoryBenchConfig:
 
 
 @dataclass
+class AgentsBenchConfig:
+    """The agents suite: ``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
+
+    ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
+    characters are kept of what a command says. ``state`` is where memories lie between the tasks (by default in the
+    output folder: give one to go on with an interrupted bench). The suite ``trajectories`` reads a folder of published
+    runs with known outcomes instead, ``trajectories``, of which ``most`` are judged and learnt from.
+    """
+
+    tasks: str = ""
+    names: list[str] = field(default_factory=list)
+    sandbox: str = "bubblewrap"
+    disk_mb: int = 512
+    memory_mb: int = 4096
+    output: int = 8000
+    state: str = ""
+    trajectories: str = ""
+    most: int = 200
+
+    def __post_init__(self) -> None:
+        if self.sandbox not in ("bubblewrap", "docker"):
+            raise ConfigurationError(f"agents.sandbox is '{self.sandbox}'; it is bubblewrap or docker.")
+        if self.disk_mb < 1 or self.memory_mb < 64 or self.output < 200 or self.most < 1:
+            raise ConfigurationError(
+                "agents.disk_mb is at least 1, memory_mb 64, output 200 characters and most 1."
+            )
+
+
+@dataclass
 class BenchConfig:
     """One benchmark. Of the suite ``reconstruction``: every baseline x drift x noise x variant x seed on every
     object; ``noise`` is what the depth prior has wrong, by name.
@@ -84,10 +113,15 @@ class BenchConfig:
     ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves. Experience comes from
     ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its plans by ``exploration``
     (a relative spread, or a model's temperature), and is frozen before the test; it may try again
-    ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one.
+    ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test and
+    ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one (``agreement``: it is
+    asked every time, and where the two differ the one that is sure decides).
     With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
     language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
     objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
+
+    Of the suite ``agents``: every task of ``agents.tasks`` in the order of each of ``seeds``, with each memory of
+    ``arms`` (by default off, awm, reasoning_bank and governed); ``agent`` works, ``verifier`` judges.
 
     Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
     ``seeds``; ``tasks`` are all by default, ``scale`` and ``depth_noise`` as above.
@@ -109,6 +143,8 @@ class BenchConfig:
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     lpips_weights: str | None = None
     memory: MemoryBenchConfig = field(default_factory=MemoryBenchConfig)
+    agents: AgentsBenchConfig = field(default_factory=AgentsBenchConfig)
+    agent: ComponentConfig = field(default_factory=ComponentConfig)
     results: ResultsConfig = field(default_factory=ResultsConfig)
     tasks: list[str] = field(default_factory=list)
     planners: list[str] = field(default_factory=list)
@@ -127,6 +163,7 @@ class BenchConfig:
     exploration: float = 0.25
     replan: int = 0
     max_parts: int = 6
+    agreement: bool = False
     planner_timeout: float = 0.0
     scale: float = 1.0
     videos: int = 1

@@ -153,7 +153,8 @@ def planner_label(config: BenchConfig) -> str:
             changed.append(f"{field.name}={value}")
     label = f"{planner.name} ({', '.join(changed)})" if changed else planner.name
     helped = config.fallback.name not in ("", "none")
-    return f"{label}, then {config.fallback.name}" if helped else label
+    joint = "agreeing with" if config.agreement else "then"
+    return f"{label}, {joint} {config.fallback.name}" if helped else label
 
 
 def _explored_tasks(config: BenchConfig, tasks: Sequence[str]) -> list[str]:
@@ -188,7 +189,7 @@ def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> di
     for task in tasks:
         root = chosen_parts(config, registry, task)
         typed = configured(registry, root, (*LOOP, *GEOMETRY))
-        tries = (config.replan, config.max_parts)
+        tries = (config.replan, config.max_parts, *(["agreement"] if config.agreement else []))
         modules = sorted({type(one).__module__ for one in typed})
         code = code_digest((*MEASURING_CODE, *(ASKING_CODE if asks else ()), *modules))
         found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), tries, code, VERSION)

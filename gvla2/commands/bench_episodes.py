@@ -140,6 +140,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         replan=_tries(unit),
         planner_timeout=unit.config.planner_timeout,
         max_parts=unit.config.max_parts,
+        agreement=unit.config.agreement,
     )
     listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
     started = time.perf_counter()

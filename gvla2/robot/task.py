@@ -11,6 +11,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import Arm
 from gvla2.planning.trajectory import Waypoint
+from gvla2.robot.scan import Scan
 
 
 def _identity() -> FloatArray:
@@ -30,6 +31,10 @@ class Primitive:
     collides: bool = True
 
 
+Solid = Primitive | Scan
+"""What a body is made of: simple shapes, meshes, or both."""
+
+
 @dataclass(frozen=True)
 class Body:
     """A rigid body. ``world_from_body`` (4, 4) at reset; ``mass`` in kg (of all its solids); ``fixed`` to the world.
@@ -40,7 +45,7 @@ class Body:
     """
 
     name: str
-    solids: tuple[Primitive, ...]
+    solids: tuple[Solid, ...]
     world_from_body: FloatArray
     mass: float = 0.1
     fixed: bool = False
@@ -149,12 +154,15 @@ class Layout:
             replace(
                 body,
                 solids=tuple(
-                    replace(solid, rgb=shining.get((body.name, i), solid.rgb))
-                    for i, solid in enumerate(body.solids)
+                    _shone(solid, shining.get((body.name, i))) for i, solid in enumerate(body.solids)
                 ),
             )
             for body in self.bodies
         )
+
+
+def _shone(solid: Solid, rgb: tuple[float, float, float] | None) -> Solid:
+    return replace(solid, rgb=rgb) if rgb is not None and isinstance(solid, Primitive) else solid
 
 
 class WorldState(Protocol):

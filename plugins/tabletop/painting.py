@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance
+from gvla2.robot.placing import sample_until
 from gvla2.robot.task import TaskSite
-from gvla2_plugins.tabletop.placing import sample_until
 
 Rgb = tuple[float, float, float]
 
