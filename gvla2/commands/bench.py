@@ -35,9 +35,16 @@ log = logging.getLogger(__name__)
 
 
 def job(config: BenchConfig, registry: Registry) -> float:
-    """Run the bench into Hydra's output folder; the share of cells that could be measured."""
+    """Run the bench into Hydra's output folder; the share of cells that could be measured.
+
+    Raises :class:`ConfigurationError` for an option that was asked for and does nothing in this suite.
+    """
+    from hydra.core.hydra_config import HydraConfig
+
+    from gvla2.commands.bench_options import check_options
     from gvla2.commands.hydra_job import output_folder
 
+    check_options(config.suite, HydraConfig.get().overrides.task)
     return run_bench(config, registry, output_folder())
 
 

@@ -22,6 +22,7 @@ from gvla2.commands.bench_episodes import (
     run_there,
     run_unit,
 )
+from gvla2.commands.bench_films import worth_filming
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_subjects import kind_of
 from gvla2.commands.bench_workers import in_processes, workers_for
@@ -145,20 +146,14 @@ class _PlannerBench:
         experiences: Mapping[str, Sequence[Experience]],
         banks: Mapping[tuple[str, str], str],
     ) -> list[Cell]:
-        """The cells, some failed ones with the folder of their film: the episode run once more, which is the same."""
+        """The cells, some with the folder of their film: the episode run once more, which is the same."""
         design = self.design
         by_key = {cell.key: cell for cell in cells}
-        taken: dict[tuple[str, str], int] = defaultdict(int)
-        chosen = []
-        for one in design.plan:
-            cell = by_key[one.keys["eased"]]
-            old = str(cell.notes.get("film", ""))
-            failed = cell.measures["success"] is not None and not cell.measures["success"]
-            if not failed or taken[one.task, one.arm] >= design.config.videos:
-                continue
-            taken[one.task, one.arm] += 1
-            if not old or not Path(old).is_dir():
-                chosen.append(one)
+        chosen = [
+            one
+            for one in worth_filming(design.plan, by_key, design.config.videos)
+            if not Path(str(by_key[one.keys["eased"]].notes.get("film", "")) or "/nowhere").is_dir()
+        ]
         banks = {**banks, **self._banks((o for o in chosen if (o.task, o.arm) not in banks), experiences)}
         for one in chosen:
             place = (self.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()

@@ -15,7 +15,8 @@ FEWEST = 5
 """Objects from which an interval is told: a bootstrap of fewer knows hardly more values than there are objects."""
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, where there are several; change of the mean against the first "
-    "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object that fared worst. "
+    "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
+    "that fared worst. "
     "Every row but the first and B has the prior that the title names."
 )
 
