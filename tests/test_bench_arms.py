@@ -83,7 +83,9 @@ def test_two_variants_of_one_memory_share_no_cell(registry):
 
 def test_task_options_are_in_the_rows_name_and_key(registry):
     plain = config_of(registry, "tasks=[open_jar]", "arms=[off]", "layouts=[200]")
-    stiff = config_of(registry, "tasks=[open_jar]", "arms=[off]", "layouts=[200]", "task_options.open_jar.turn=175")
+    stiff = config_of(
+        registry, "tasks=[open_jar]", "arms=[off]", "layouts=[200]", "task_options.open_jar.turn=175"
+    )
     assert subjects(stiff, registry) == {"open_jar (turn=175)": {"name": "open_jar", "turn": 175}}
     one, other = designs(plain, registry)[0].plan[0], designs(stiff, registry)[0].plan[0]
     assert other.task == "open_jar (turn=175)"
@@ -131,7 +133,9 @@ def test_pairs_that_differ_are_filmed_before_failures():
     won = {"off": (0, 1, 0), "on": (0, 1, 1)}
     plan = [planned(arm, layout) for arm in won for layout in range(3)]
     cells = {
-        f"{arm}{i}": Cell("k", {}, {"success": bool(done)}, {}) for arm, d in won.items() for i, done in enumerate(d)
+        f"{arm}{i}": Cell("k", {}, {"success": bool(done)}, {})
+        for arm, d in won.items()
+        for i, done in enumerate(d)
     }
     assert [(one.arm, one.layout) for one in worth_filming(plan, cells, 1)] == [("on", 2), ("off", 2)]
     two = [(one.arm, one.layout) for one in worth_filming(plan, cells, 2)]

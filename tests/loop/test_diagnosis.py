@@ -326,7 +326,14 @@ def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
     changes: dict[int, dict[str, Any]] = {i + 1: {"gripper_width": width} for i, width in enumerate(widths)}
     changes[3] = {"abort": "slipped", "held": False, "gripper_width": 0.0}
     record = episode(
-        "twist", (bottle, cap), (bottle, cap), way, {"turn": turn}, width=0.026, changes=changes, roles={"theme": "k"}
+        "twist",
+        (bottle, cap),
+        (bottle, cap),
+        way,
+        {"turn": turn},
+        width=0.026,
+        changes=changes,
+        roles={"theme": "k"},
     )
     (found,) = told(record)
     assert found == (*expected[:3], pytest.approx(expected[3]))
@@ -345,7 +352,12 @@ def test_a_drawer_that_a_catch_holds_is_lifted_first(error: float, expected: tup
     )  # fmt: skip
     changes = {1: {"error": error}, 2: {"abort": "slipped", "held": False, "gripper_width": 0.0}}
     record = episode(
-        "pull", (cabinet, front), (cabinet, front), way, {"pull_distance": 0.15, "unlatch_lift": 0.01}, changes=changes
+        "pull",
+        (cabinet, front),
+        (cabinet, front),
+        way,
+        {"pull_distance": 0.15, "unlatch_lift": 0.01},
+        changes=changes,
     )
     (found,) = told(record)
     assert found == (*expected[:3], pytest.approx(expected[3]))

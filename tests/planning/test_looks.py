@@ -37,7 +37,9 @@ def test_a_part_looks_like_itself_on_its_whole():
 def test_what_was_learnt_on_its_like_replaces_what_was_learnt_on_others():
     own, other, any_ = turn(3.0, "gray on red"), turn(5.0, "gray on blue"), turn(1.0)
     assert own_first([other, own, any_], "gray on red") == (own, any_)
-    assert own_first([other, own, any_], "gray on lime") == (other, own, any_), "nothing of its own: all count"
+    assert own_first([other, own, any_], "gray on lime") == (other, own, any_), (
+        "nothing of its own: all count"
+    )
     assert own_first([other, own], "") == (other, own), "it looks like nothing in particular"
 
 

@@ -4,14 +4,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_tabletop import State, sample, task
 
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
-from gvla2.robot.task import Catch, Joint
+from gvla2.robot.task import Catch, Joint, TaskInstance, TaskSite
+from gvla2_plugins.tabletop import gvla2_tasks
 from gvla2_plugins.tabletop.learnable_ranges import KINDS, RANGES, families
 
 LEARNABLE = {"world": "learnable", "world_seed": 4}
+
+
+def near_the_base(point: np.ndarray) -> bool:
+    return bool(np.linalg.norm(point[:2] - (-0.268, 0.0)) < 0.75)
+
+
+def task(name: str, **options):
+    component = next(c for c in gvla2_tasks() if c.name == name)
+    return component.build(component.config(**options))
+
+
+def sample(name: str, seed: int, instruction: str | None = None, **options) -> TaskInstance:
+    site = TaskSite((0.25, 0.0), (0.65, 0.91), 0.752, near_the_base, (0.76, 0.61, 0.43))
+    return task(name, **options).sample(np.random.default_rng(seed), site, instruction)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -55,7 +69,9 @@ def test_the_sentence_decides_the_family():
     assert made.layout.threads[0].release == pytest.approx(other.value)
     made = sample("open_jar", 0, family=0, **LEARNABLE)
     assert made.layout.threads[0].release == pytest.approx(one.value)
-    assert made.layout.threads[1].release == pytest.approx(other.value), "the other jar is of the other family"
+    assert made.layout.threads[1].release == pytest.approx(other.value), (
+        "the other jar is of the other family"
+    )
 
 
 def test_a_lamp_is_lit_between_its_click_and_its_stop():
@@ -64,7 +80,7 @@ def test_a_lamp_is_lit_between_its_click_and_its_stop():
     lit = made.succeeded["eased"]
     (joint,) = made.layout.joints
     for travel, expected in ((value - 1e-3, False), (value + 1e-3, True), (joint.limits[1], False)):
-        assert lit(State(peaks={"press": travel})) is expected
+        assert lit(SimpleNamespace(peak={"press": travel}.get)) is expected
         assert made.layout.lights({"press": travel}) == (expected,)
 
 
@@ -106,7 +122,12 @@ def caught(until: float = float("inf")):
 def test_a_catch_holds_until_its_key_is_where_it_must_be():
     one, slide = caught(until=0.02)
     assert slide.limits == [0.0, 0.001]
-    for lift, limits in ((0.005, [0.0, 0.001]), (0.015, [0.0, 0.2]), (0.025, [0.0, 0.001]), (0.0, [0.0, 0.001])):
+    for lift, limits in (
+        (0.005, [0.0, 0.001]),
+        (0.015, [0.0, 0.2]),
+        (0.025, [0.0, 0.001]),
+        (0.0, [0.0, 0.001]),
+    ):
         slide.qpos[1] = lift
         one.watch()
         assert slide.limits == limits, lift
@@ -121,5 +142,3 @@ def test_what_has_begun_to_move_is_free_for_ever():
     slide.qpos[:] = 0.1, 0.0
     one.watch()
     assert slide.limits == [0.0, 0.2]
-
-
