@@ -106,6 +106,7 @@ def run_episodes(
 
     ``label`` begins each line on the terminal; ``records`` gets what was run, also before an error.
     """
+    from gvla2.commands.tracking import Tracking
     from gvla2.episode import ABANDONED
     from gvla2.record.files import write_text
     from gvla2.record.overview import write_summary
@@ -120,12 +121,14 @@ def run_episodes(
         parts = _build(config, registry, stack)
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
         progress.say(bank_line(config, parts.memory))
+        tracking = stack.enter_context(Tracking(registry.build(config, "tracker"), config, folder))
         blame = partial(crashed_component, parts, registry)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             recorder = RunRecorder(target, composed, command="run")
             record = _run_one(parts, config, config.seed + number, _Listener(recorder, progress), blame)
             records.append(record)
+            tracking.episode(number, record, target)
             if config.episodes > 1:
                 write_summary(folder, records)
                 write_index(folder, records)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 JOB = "job.json"
 _BANK = "memory.db"
-_NOT_OF_THE_RESULT = ("quiet", "results")
+_NOT_OF_THE_RESULT = ("quiet", "results", "tracker")
 
 
 class SweepFolder(Callback):
