@@ -21,7 +21,7 @@ def test_nothing_above_the_table_is_no_cluster(world):
 
 def test_points_apart_are_components_of_their_own():
     line = np.linspace(0, 0.05, 30)[:, None] * [1.0, 0, 0]
-    parts = components(np.concatenate([line, line + [0, 0.03, 0]]))
+    parts = components(np.concatenate([line, line + np.array([0, 0.03, 0])]))
     assert len(set(parts)) == 2
     assert len(set(parts[:30])) == 1
 
