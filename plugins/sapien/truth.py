@@ -90,6 +90,8 @@ def _shape(body: Body, size: FloatArray) -> Shape:
     if len(body.solids) > 1:
         return "other"
     kind, flat = body.solids[0].kind, size[2] < THIN * min(size[:2])
+    if kind == "mesh":
+        return "other"
     if kind == "cylinder":
         return "disc" if flat else "cylinder"
     if kind == "sphere":

@@ -1,4 +1,4 @@
-"""Meshes with their textures, as an evaluation looks at them: triangles, corner colours, images."""
+"""Meshes with their textures: triangles, corner colours, images."""
 
 from __future__ import annotations
 
