@@ -129,7 +129,10 @@ def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
         return "post"
     if is_held_up(thing, carrier):
         return "lamp shade" if parent >= 0 and not is_post(things[parent]) else "top"
-    if any(other.on >= 0 and things[other.on] is thing and _stands_up(other, thing) and not thing.textured for other in things):
+    if any(
+        other.on >= 0 and things[other.on] is thing and _stands_up(other, thing) and not thing.textured
+        for other in things
+    ):
         return "lamp base"
     if thing.hollow:
         if thing.kind == "cylinder":
