@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray, transform_points
 
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
@@ -38,7 +39,8 @@ class SceneObject:
     ``label`` is what a person would call it ("red cube"), ``colour`` a colour word or "" where unsure.
     ``parent`` is the id of the object that this is a part of (a button of a lamp), or "".
     ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow thing at its top (a cup, an open
-    box) or of a ring's hole, metres; 0 where it is closed.
+    box) or of a ring's hole, metres; 0 where it is closed. ``mesh`` is its whole surface in its own frame, metres,
+    where that is known (a gallery's scan); None elsewhere.
     """
 
     id: str
@@ -52,6 +54,7 @@ class SceneObject:
     parent: str = ""
     confidence: float = 1.0
     opening: float = 0.0
+    mesh: Mesh | None = field(default=None, repr=False, compare=False)
 
     @property
     def centre(self) -> FloatArray:
