@@ -142,6 +142,8 @@ class Registry:
         what = f"The {kind} '{component.name}' of plugin '{self._offers[own][component.name].plugin.name}'"
         try:
             made = component.build(config, **needs)
+            if own == "task" and made is not None:
+                made = _cluttered(made, config)
         except Gvla2Error:
             raise
         except Exception as error:
@@ -244,6 +246,13 @@ def assemble(
             if fault:
                 found.append(Problem(offering.plugin.name, offering.hook, fault))
     return Registry(offers, plugins, found, paths, skills.values())
+
+
+def _cluttered(task: Any, config: ComponentConfig) -> Any:
+    """The task among the distractors that its options ask for."""
+    from gvla2.robot.clutter import cluttered
+
+    return cluttered(task, config)
 
 
 def nothing_in(root: object, kind: str) -> bool:

@@ -42,7 +42,7 @@ DEPTHS = (0.012, 0.022, 0.034, 0.045)
 STEP, STEPS = 0.012, 11
 """Metres between slabs, and their number at most."""
 
-FACING = 0.55
+FACING = 0.7
 """Least cosine between the surfaces and the closing direction: rubber holds steeper ones, but not for sure."""
 
 SHALLOWEST = 0.006
@@ -51,7 +51,9 @@ SHALLOWEST = 0.006
 FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
 """What each way to come costs of the preference."""
 
-KEPT = 16
+KEPT = {"top": 8, "leaning": 4, "side": 4}
+"""How many of each family are worth asking the arm about."""
+
 NEAR, TURN = 0.010, 0.3
 """Grasps nearer than this (metres, radians) to a better one are left out."""
 
@@ -252,14 +254,14 @@ def _apart(found: list[Antipodal]) -> list[Antipodal]:
     """The best, none of them much like a better one; some of each family."""
     kept: list[Antipodal] = []
     for grasp in found:
+        if sum(g.family == grasp.family for g in kept) == KEPT[grasp.family]:
+            continue
         alike = any(
             grasp.family == other.family
             and np.linalg.norm(grasp.centre - other.centre) < NEAR
             and Rotation.from_matrix(grasp.rotation.T @ other.rotation).magnitude() < TURN
             for other in kept
         )
-        if not alike and sum(g.family == grasp.family for g in kept) < KEPT // 2:
+        if not alike:
             kept.append(grasp)
-        if len(kept) == KEPT:
-            break
     return kept

@@ -1,6 +1,6 @@
 """Slow: how many scanned objects are lifted, one at a time on the table, with true perception or any other.
 
-    python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses 3] [--perceiver oracle] [--pose fallen] [--out FILE]
+    python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses 3] [--perceiver oracle] [--out FILE]
 
 Pose 0 is upright, the others as things fall. Prints one line an episode, then the shares: of all, and of the objects
 whose narrowest side is below 75 mm.
@@ -81,7 +81,7 @@ def _episode(registry, config, objects, seed) -> dict:
         why = "" if record.failure is None else f"{record.failure.stage}: {record.failure.message}"
         report = record.report
         if report is not None and report.abort is not None:
-            why = f"abort {report.abort.code}: {report.abort.message}"
+            why = f"{report.abort.abort}: {report.abort.message}"
         tried = () if record.plan is None else record.plan.candidates
         best = [c for c in tried if not c.rejected]
         how = best[0].description if best else f"none of {len(tried)}: {tried[0].rejected if tried else ''}"
