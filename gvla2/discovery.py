@@ -1,4 +1,4 @@
-"""Finding plugins: entry points are loaded one by one, and each step of each is guarded.
+"""Finding plugins: entry points and what was registered in this process, loaded one by one, each step guarded.
 
 Nothing a plugin does wrong raises here. It becomes a :class:`Problem`, which `gvla2 plugins` shows, and a run
 that does not need the plugin goes on.
@@ -7,36 +7,28 @@ that does not need the plugin goes on.
 from __future__ import annotations
 
 import contextlib
-import inspect
 import os
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from importlib.util import find_spec
-from pkgutil import iter_modules
 from types import ModuleType
-from typing import Any
 
-import pluggy
-
-from gvla2 import hookspecs
-from gvla2.kinds import HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK
 from gvla2.markers import PROJECT
+from gvla2.registering import registered
 
 DISABLE_VARIABLE = "GVLA2_DISABLE_PLUGINS"
 """Environment variable with names of plugins to skip, separated by commas; ``*`` skips all."""
 
-OWN_PLUGINS = "gvla2_plugins"
-"""The package of gvla2's own plugins, one folder each. They are announced like anybody else's."""
-
-_KNOWN_HOOKS = (*HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK)
+MODULES = "PLUGINS"
+"""A module that an entry point names may list others by full name here: each of them is a plugin of its own."""
 
 
 @dataclass(frozen=True)
 class Plugin:
-    """One entry point of the group ``gvla2``: its name, and the distribution it comes from."""
+    """One plugin: its name, and the distribution it comes from ("" for one registered in this process)."""
 
     name: str
     distribution: str = ""
@@ -57,60 +49,63 @@ class Problem:
     message: str
 
 
-@dataclass(frozen=True)
-class Offering:
-    """What one hook of one plugin returned, not yet looked at."""
+def discover(problems: list[Problem]) -> Iterator[tuple[Plugin, object]]:
+    """Every plugin that is not disabled and loads, in the order in which their hooks are to be called.
 
-    plugin: Plugin
-    hook: str
-    items: tuple[object, ...]
-
-
-def discover(found: Iterable[EntryPoint] | None = None) -> tuple[list[Plugin], list[Offering], list[Problem]]:
-    """Load every plugin that is not disabled and call its hooks.
-
-    The order decides who wins a duplicate name: gvla2's own plugins first, then by distribution, then by name.
-    Returns the plugins that loaded, what their hooks returned, and everything that went wrong.
+    That order decides who wins a duplicate name: what was registered in this process, the latest first, then gvla2's
+    own plugins, then others by distribution and name. What goes wrong is added to ``problems``.
     """
+    disabled = {name.strip() for name in os.environ.get(DISABLE_VARIABLE, "").split(",") if name.strip()}
+    seen = set(registered())
+    if "*" not in disabled:
+        for name, plugin in reversed(registered().items()):
+            if name not in disabled:
+                yield Plugin(name), plugin
+    for plugin, target in _announced(disabled, seen, problems):
+        loaded = _load(plugin.name, target, problems)
+        if loaded is not None:
+            yield plugin, loaded
+    for name in sorted(disabled - seen - {"*"}):
+        problems.append(
+            Problem(name, DISABLE_VARIABLE, f"is not installed, so not disabled.{closest(name, seen)}")
+        )
+
+
+def _announced(
+    disabled: set[str], seen: set[str], problems: list[Problem]
+) -> Iterator[tuple[Plugin, str | EntryPoint]]:
+    """The plugins that entry points name, and in place of a module with a list of them those of the list."""
     points = sorted(
-        entry_points(group=PROJECT) if found is None else found,
+        entry_points(group=PROJECT),
         key=lambda p: (_distribution(p)[0] != PROJECT, _distribution(p)[0], p.name),
     )
-    disabled = {name.strip() for name in os.environ.get(DISABLE_VARIABLE, "").split(",") if name.strip()}
-    problems = list(_unknown_disabled(disabled, {p.name for p in points}))
-    plugins: list[Plugin] = []
-    offerings: list[Offering] = []
     for point in points:
+        seen.add(point.name)
         if point.name in disabled or "*" in disabled:
             continue
         plugin = Plugin(point.name, *_distribution(point))
-        try:
-            with _stdout_kept_clean():
-                module = point.load()
-        except (Exception, SystemExit) as error:
-            problems.append(Problem(plugin.name, "", f"could not be loaded: {describe(error)}"))
+        loaded = _load(point.name, point, problems)
+        if loaded is None:
             continue
-        plugins.append(plugin)
-        for hook, function in _implementations(plugin, module, problems):
-            try:
-                with _stdout_kept_clean():
-                    items = tuple(function())
-            except (Exception, SystemExit) as error:
-                problems.append(Problem(plugin.name, hook, f"failed: {describe(error)}"))
-            else:
-                offerings.append(Offering(plugin, hook, items))
-    return plugins, offerings, problems
+        modules = getattr(loaded, MODULES, None)
+        if not isinstance(loaded, ModuleType) or modules is None:
+            yield plugin, point
+            continue
+        for module in modules:
+            name = str(module).rpartition(".")[2]
+            seen.add(name)
+            if name not in disabled:
+                yield Plugin(name, plugin.distribution, plugin.version), str(module)
 
 
-def unannounced() -> list[EntryPoint]:
-    """Entry points as they would be for the folders of gvla2's own plugins that the installation does not announce."""
-    spec = find_spec(OWN_PLUGINS)
-    announced = {point.value for point in entry_points(group=PROJECT)}
-    return [
-        EntryPoint(module.name, f"{OWN_PLUGINS}.{module.name}", PROJECT)
-        for module in iter_modules(spec.submodule_search_locations if spec else [])
-        if module.ispkg and f"{OWN_PLUGINS}.{module.name}" not in announced
-    ]
+def _load(name: str, target: str | EntryPoint, problems: list[Problem]) -> object | None:
+    try:
+        with stdout_kept_clean():
+            loaded: object = import_module(target) if isinstance(target, str) else target.load()
+    except (Exception, SystemExit) as error:
+        problems.append(Problem(name, "", f"could not be loaded: {describe(error)}"))
+        return None
+    return loaded
 
 
 def describe(error: BaseException) -> str:
@@ -127,65 +122,10 @@ def closest(word: str, known: Iterable[str]) -> str:
     return f" Did you mean '{close[0]}'?" if close else ""
 
 
-def name_of(module: object) -> str:
-    """A module's name, or another object's type."""
-    return module.__name__ if isinstance(module, ModuleType) else f"a {type(module).__name__}"
-
-
-def _implementations(plugin: Plugin, module: object, problems: list[Problem]) -> Iterator[tuple[str, Any]]:
-    """The module's hook functions by hook; what looks like one but is not becomes a problem."""
-    manager = pluggy.PluginManager(PROJECT)
-    manager.add_hookspecs(hookspecs)
-    any_hook = False
-    for name in dir(module):
-        try:
-            options = manager.parse_hookimpl_opts(module, name)
-            value = getattr(module, name)
-        except Exception:  # a lazy attribute that fails is not a hook
-            continue
-        hook = (options and options.get("specname")) or name
-        if options is None:
-            if name.startswith(f"{PROJECT}_") and _own_function(module, value):
-                any_hook = True
-                hint = "is not marked @hookimpl" if name in _KNOWN_HOOKS else "is no hook of gvla2"
-                problems.append(Problem(plugin.name, name, f"{hint}.{_hint(name)}"))
-        elif hook not in _KNOWN_HOOKS:
-            any_hook = True
-            problems.append(Problem(plugin.name, hook, f"is no hook of gvla2.{_hint(hook)}"))
-        else:
-            any_hook = True
-            try:
-                inspect.signature(value).bind()
-            except TypeError:
-                problems.append(Problem(plugin.name, hook, "must take no arguments."))
-            else:
-                yield hook, value
-    if not any_hook:
-        problems.append(
-            Problem(plugin.name, "", f"offers nothing: {name_of(module)} has no @hookimpl function.")
-        )
-
-
-def _hint(name: str) -> str:
-    return "" if name in _KNOWN_HOOKS else closest(name, _KNOWN_HOOKS)
-
-
-def _own_function(module: object, value: object) -> bool:
-    """Whether the function was written there: one imported from the hook specifications is not meant as a hook."""
-    if not inspect.isroutine(value) or hasattr(value, f"{PROJECT}_spec"):
-        return False
-    return not isinstance(module, ModuleType) or getattr(value, "__module__", None) == module.__name__
-
-
-def _unknown_disabled(disabled: set[str], names: set[str]) -> Iterator[Problem]:
-    for name in sorted(disabled - names - {"*"}):
-        yield Problem(name, DISABLE_VARIABLE, f"is not installed, so not disabled.{closest(name, names)}")
-
-
 def _distribution(point: EntryPoint) -> tuple[str, str]:
     return (point.dist.name, point.dist.version) if point.dist else ("", "")
 
 
-def _stdout_kept_clean() -> contextlib.AbstractContextManager[object]:
+def stdout_kept_clean() -> contextlib.AbstractContextManager[object]:
     """What a plugin prints while loading goes to stderr: stdout may be somebody's JSON."""
     return contextlib.redirect_stdout(sys.stderr)

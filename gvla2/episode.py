@@ -87,7 +87,8 @@ class EpisodeRequest:
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever.
+    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked in any case, and where the two do
+    not mean the same the one that is sure decides (:mod:`gvla2.loop.consulting`).
     """
 
     seed: int
@@ -97,6 +98,7 @@ class EpisodeRequest:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
+    agreement: bool = False
 
 
 class EpisodeListener(Protocol):
@@ -314,7 +316,8 @@ def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) 
         first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record))
     elif parts.fallback is not None:
         fallback = Asked(other, parts.fallback)
-    return Consultation(first, fallback, request.planner_timeout, parts.robot.arm, parts.skills)
+    seconds, arm = request.planner_timeout, parts.robot.arm
+    return Consultation(first, fallback, seconds, arm, parts.skills, request.agreement)
 
 
 def _execute(

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterable, Mapping
-from typing import ClassVar
+from dataclasses import field, make_dataclass
+from typing import Any, ClassVar
 
 from hydra.core.config_search_path import ConfigSearchPath
 from hydra.core.config_store import ConfigStore
@@ -17,9 +18,10 @@ from hydra.core.plugins import Plugins
 from hydra.plugins.search_path_plugin import SearchPathPlugin
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Registry, structured
+from gvla2.catalog import Registry
 from gvla2.component import ComponentConfig
-from gvla2.kinds import KINDS, SLOTS
+from gvla2.fitness import structured
+from gvla2.kinds import KINDS, NONE, SLOTS
 
 PROVIDER = "gvla2"
 LONGEST_FOLDER_NAME = 80
@@ -36,29 +38,60 @@ class PresetSearchPath(SearchPathPlugin):
             search_path.append(provider=PROVIDER, path=path)
 
 
+class EveryKind:
+    """Marks a primary configuration that chooses a component of every kind: it gets a field a group, and defaults."""
+
+
 def register(
-    registry: Registry, schemas: Mapping[str, type] | None = None, kinds: Iterable[str] = (*KINDS, *SLOTS)
+    registry: Registry, schemas: Mapping[str, type] | None = None, groups: Iterable[str] | None = None
 ) -> None:
     """Offer every component of the registry to Hydra as ``group=kind``, ``name=component.name``, and in the slots.
 
-    ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``. Calling it again with
-    another registry replaces what the former call offered. ``kinds`` are those that matter: a command of few groups
-    starts the faster.
+    ``schemas`` are dataclasses of primary configurations, stored under ``<name>_schema``; one of :class:`EveryKind`
+    has its default choices under ``<name>_choices``. Calling it again with another registry replaces what the former
+    call offered. ``groups`` are those that matter: a command of few groups starts the faster.
     """
     store = ConfigStore.instance()
-    for group_name in kinds:
-        group = store.repo.get(group_name, {})
-        for stale in [key for key, node in group.items() if getattr(node, "provider", None) == PROVIDER]:
-            del group[stale]
-        for name, component in registry.components(SLOTS.get(group_name, group_name)).items():
-            store.store(group=group_name, name=name, node=structured(component), provider=PROVIDER)
-    for slot in SLOTS:
-        store.store(group=slot, name="none", node=ComponentConfig(name="none"), provider=PROVIDER)
+    _forget(store.repo)
+    for name in registry.groups if groups is None else groups:
+        kind, offered = registry.kind_of(name), registry.components(name)
+        for component in offered.values():
+            store.store(group=name, name=component.name, node=structured(component), provider=PROVIDER)
+        if NONE not in offered and (name in SLOTS or kind.default == NONE):
+            store.store(group=name, name=NONE, node=ComponentConfig(name=NONE), provider=PROVIDER)
     for name, schema in (schemas or {}).items():
-        store.store(name=f"{name}_schema", node=schema, provider=PROVIDER)
+        node = schema
+        if issubclass(schema, EveryKind):
+            node = with_groups(schema, registry.groups)
+            store.store(name=f"{name}_choices", node={"defaults": _choices(registry)}, provider=PROVIDER)
+        store.store(name=f"{name}_schema", node=node, provider=PROVIDER)
     PresetSearchPath.paths = registry.search_paths
     Plugins.instance().register(PresetSearchPath)
     register_resolvers()
+
+
+def with_groups(schema: type, groups: Iterable[str]) -> type:
+    """The dataclass with one more field for each group, which holds the options of what is chosen there."""
+    fields = [(name, ComponentConfig, field(default_factory=ComponentConfig)) for name in groups]
+    return make_dataclass(schema.__name__, fields, bases=(schema,), namespace={"__doc__": schema.__doc__})
+
+
+def _choices(registry: Registry) -> list[dict[str, str | None]]:
+    """Hydra's list of defaults; a kind that a plugin declares chooses nothing where its default is not offered."""
+    chosen: dict[str, str | None] = dict.fromkeys(SLOTS, NONE)
+    for kind in registry.kinds.values():
+        there = kind.name in KINDS or kind.default in (NONE, *registry.components(kind.name))
+        chosen[kind.name] = kind.default if there else None
+    return [{group: name} for group, name in chosen.items()]
+
+
+def _forget(stored: dict[str, Any]) -> None:
+    """Take out of Hydra's store what an earlier call offered."""
+    for name, node in list(stored.items()):
+        if getattr(node, "provider", None) == PROVIDER:
+            del stored[name]
+        elif isinstance(node, dict):
+            _forget(node)
 
 
 def register_resolvers() -> None:

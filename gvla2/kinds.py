@@ -1,9 +1,13 @@
-"""The kinds of components: which hook offers them, which protocol they follow."""
+"""The kinds of components, one line each: this table is where a kind is declared.
+
+Hooks (:mod:`gvla2.hookspecs`), Hydra groups (:mod:`gvla2.hydra_bridge`), the configuration of ``gvla2 run`` and its
+default choices follow from it. A plugin declares further kinds with the hook ``gvla2_kinds``.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
@@ -12,18 +16,23 @@ from typing import Any
 
 from gvla2.errors import ConfigurationError
 
-SEARCH_PATH_HOOK = "gvla2_config_search_path"
-SKILL_HOOK = "gvla2_skills"
-"""Skills are a table, not one choice of several: all that are offered can be called, so they are no kind."""
+NONE = "none"
+"""The choice of nothing, where no component of the kind has that name."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """One extension point. ``name`` is the word for it and its Hydra group; ``protocol`` is ``module:class``."""
+    """One extension point. ``name`` is the word for it and its Hydra group; ``protocol`` is ``module:class``.
+
+    ``hook`` returns its components, which are ``what``. ``default`` is the choice of ``gvla2 run``; ``none`` may be
+    chosen without a component of that name, and what needs the kind then gets None.
+    """
 
     name: str
     hook: str
     protocol: str
+    what: str
+    default: str = NONE
 
     def members(self) -> tuple[tuple[str, bool], ...]:
         """What the protocol asks of an object: names, and whether each is a method. Imports the wing."""
@@ -48,48 +57,86 @@ class Kind:
         return lacking
 
 
-KINDS: Mapping[str, Kind] = MappingProxyType(
-    {
-        kind.name: kind
-        for kind in (
-            Kind("robot", "gvla2_robots", "gvla2.robot.backend:RobotBackend"),
-            Kind("camera", "gvla2_cameras", "gvla2.robot.camera:Camera"),
-            Kind("task", "gvla2_tasks", "gvla2.robot.task:Task"),
-            Kind("perceiver", "gvla2_perceivers", "gvla2.planning.contracts:Perceiver"),
-            Kind("reconstructor", "gvla2_reconstructors", "gvla2.reconstruction.contracts:Reconstructor"),
-            Kind("prior", "gvla2_geometry_priors", "gvla2.reconstruction.contracts:GeometryPrior"),
-            Kind("axis", "gvla2_axis_compensations", "gvla2.reconstruction.contracts:AxisCompensation"),
-            Kind("fusion", "gvla2_fusion_strategies", "gvla2.reconstruction.contracts:FusionStrategy"),
-            Kind("renderer", "gvla2_renderers", "gvla2.reconstruction.contracts:Renderer"),
-            Kind("memory", "gvla2_memories", "gvla2.memory.contracts:Memory"),
-            Kind("retriever", "gvla2_retrievers", "gvla2.memory.contracts:Retriever"),
-            Kind("embedder", "gvla2_embedders", "gvla2.memory.contracts:Embedder"),
-            Kind("inducer", "gvla2_inducers", "gvla2.memory.contracts:Inducer"),
-            Kind("judge", "gvla2_judges", "gvla2.memory.contracts:Judge"),
-            Kind("planner", "gvla2_planners", "gvla2.planning.contracts:Planner"),
-            Kind("verifier", "gvla2_verifiers", "gvla2.memory.contracts:Verifier"),
-            Kind("language", "gvla2_language_models", "gvla2.language.endpoint:LanguageModel"),
-        )
-    }
+def _table(*rows: tuple[str, str, str, str, str]) -> Mapping[str, Kind]:
+    return MappingProxyType(
+        {
+            name: Kind(name, f"gvla2_{hook}", protocol, what, default)
+            for name, hook, protocol, what, default in rows
+        }
+    )
+
+
+# fmt: off
+KINDS: Mapping[str, Kind] = _table(
+    ("robot", "robots", "gvla2.robot.backend:RobotBackend",
+     "robot backends, simulated or real: cameras, motion, execution", "sapien_panda"),
+    ("camera", "cameras", "gvla2.robot.camera:Camera",
+     "depth cameras for robots without eyes of their own: live or replayed", "none"),
+    ("task", "tasks", "gvla2.robot.task:Task",
+     "tasks: what lies on the table, what is asked, when it is done", "pick_and_lift"),
+    ("perceiver", "perceivers", "gvla2.planning.contracts:Perceiver",
+     "perceivers: RGB-D views to a labelled 3D scene", "classical"),
+    ("reconstructor", "reconstructors", "gvla2.reconstruction.contracts:Reconstructor",
+     "reconstructors: masked views to the first object G0", "none"),
+    ("prior", "geometry_priors", "gvla2.reconstruction.contracts:GeometryPrior",
+     "geometry priors: depth for the views from outside knowledge", "none"),
+    ("axis", "axis_compensations", "gvla2.reconstruction.contracts:AxisCompensation",
+     "axis compensations: a scale an axis and a shift from masks alone", "contours"),
+    ("fusion", "fusion_strategies", "gvla2.reconstruction.contracts:FusionStrategy",
+     "fusion strategies: two geometries into one", "residual"),
+    ("renderer", "renderers", "gvla2.reconstruction.contracts:Renderer",
+     "renderers of Gaussians", "numba"),
+    ("memory", "memories", "gvla2.memory.contracts:Memory",
+     "whole memory methods: recall and learn", "governed"),
+    ("retriever", "retrievers", "gvla2.memory.contracts:Retriever",
+     "retrievers: rank records for a task, or abstain", "hybrid"),
+    ("embedder", "embedders", "gvla2.memory.contracts:Embedder",
+     "embedders: texts to unit vectors", "auto"),
+    ("inducer", "inducers", "gvla2.memory.contracts:Inducer",
+     "inducers: an episode and its verdict to candidate lessons", "rules"),
+    ("judge", "judges", "gvla2.memory.contracts:Judge",
+     "judges: which of the lessons that are suspected of it contradict each other", "rules"),
+    ("planner", "planners", "gvla2.planning.contracts:Planner",
+     "planners: instruction, scene and advice to waypoints", "skill"),
+    ("verifier", "verifiers", "gvla2.memory.contracts:Verifier",
+     "verifiers: judge an episode from its evidence", "geometric"),
+    ("agent", "agents", "gvla2.agents.contracts:Agent",
+      "software agents that work at a shell in a sandbox", NONE),
+    ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
+     "language models for components that say needs=(\"language\",)", "endpoint"),
 )
-"""All kinds by name, in the order of an episode; last the model that others may ask."""
+# fmt: on
+"""The kinds of the core by name, in the order of an episode; last the model that others may ask."""
 
 SLOTS: Mapping[str, str] = MappingProxyType({"fallback": "planner"})
 """Hydra groups that choose once more among the components of a kind, or ``none`` of them: the slot and its kind."""
 
-HOOKS: Mapping[str, Kind] = MappingProxyType({kind.hook: kind for kind in KINDS.values()})
-"""The kinds by hook; hooks without a kind are :data:`SEARCH_PATH_HOOK` and :data:`SKILL_HOOK`."""
+TAKEN = frozenset(
+    {
+        "hydra",
+        "instruction",
+        "seed",
+        "episodes",
+        "quiet",
+        "replan",
+        "planner_timeout",
+        "max_parts",
+        "agreement",
+        "depth_noise",
+    }
+)
+"""Words that mean something else in the configuration of ``gvla2 run``, so that no kind can have them."""
 
 
-def kind_of(name: str) -> Kind:
+def kind_of(name: str, kinds: Mapping[str, Kind] = KINDS) -> Kind:
     """The kind of that name; raises :class:`ConfigurationError` with the names that exist."""
-    if name in KINDS:
-        return KINDS[name]
-    close = get_close_matches(name, KINDS, n=1)
+    if name in kinds:
+        return kinds[name]
+    close = get_close_matches(name, kinds, n=1)
     hint = f" Did you mean '{close[0]}'?" if close else ""
-    raise ConfigurationError(f"No kind of component is called '{name}'.{hint} Kinds: {', '.join(KINDS)}.")
+    raise ConfigurationError(f"No kind of component is called '{name}'.{hint} Kinds: {', '.join(kinds)}.")
 
 
-def chosen_kinds(config: Mapping[Any, Any]) -> list[str]:
+def chosen_kinds(config: Mapping[Any, Any], kinds: Iterable[str] = KINDS) -> list[str]:
     """The kinds that a composed configuration chooses a component for; a group may share a kind's word."""
-    return [kind for kind in KINDS if kind in config and "name" in config[kind]]
+    return [kind for kind in kinds if kind in config and "name" in config[kind]]

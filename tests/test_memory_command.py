@@ -166,8 +166,9 @@ def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):
 
 def test_export_and_import_go_round(run: Run, tmp_path: Path):
     assert run("export", "out")[0] == 0
-    assert "overwrite=true" in run("export", "out")[2]
-    assert run("export", "out", "overwrite=true", "states=[active]")[0] == 0
+    assert "replaces nothing" in run("export", "out")[2]
+    assert run("export", "few", "states=[archive]")[0] == 0
+    assert "Left out: 2 records" in run("export", "fewer", "states=[archive]")[1]
     made = data(run, "import", "out", "bank=second", "trusted=true")
     assert len(made["added"]) == 2
     assert len(data(run, "list", "bank=second")) == 2
@@ -259,7 +260,7 @@ def test_what_is_not_there_is_said(run: Run, argv: list[str], message: str):
     [
         (["list", "limti=3"], "Did you mean 'limit'?"),
         (["list", "states=[actve]"], "States: active"),
-        (["export", "x", "layout=csv"], "Layouts: states, items, robot"),
+        (["import", "x", "layout=csv"], "Layouts: states, items, robot"),
         (["search", "x", "embedder=nimilm"], "No embedder named 'nimilm'"),
     ],
 )

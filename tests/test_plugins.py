@@ -4,14 +4,17 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 
 import pytest
 
 from gvla2 import hookspecs
 from gvla2.catalog import Registry, load_plugins
+from gvla2.commands.run_config import RunConfig
 from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, UnknownComponentError
-from gvla2.kinds import HOOKS, KINDS, SEARCH_PATH_HOOK, SKILL_HOOK, kind_of
+from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, specifications
+from gvla2.kinds import KINDS, TAKEN, kind_of
 
 Install = Callable[..., str]
 
@@ -22,14 +25,18 @@ def gvla2_planners():
 """
 
 
-def test_every_hook_is_documented_and_has_a_kind():
-    hooks = {name for name in vars(hookspecs) if name.startswith("gvla2_")}
-    assert hooks == {*HOOKS, SEARCH_PATH_HOOK, SKILL_HOOK}
-    for name in hooks:
-        assert (vars(hookspecs)[name].__doc__ or "").startswith("Return"), name
+def test_every_hook_is_documented():
+    hooks = {n: f for n, f in {**vars(hookspecs), **vars(specifications())}.items() if n.startswith("gvla2_")}
+    assert hooks.keys() == {kind.hook for kind in KINDS.values()} | {KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK}
+    for name, function in hooks.items():
+        assert (function.__doc__ or "").startswith("Return"), name
     for kind in KINDS.values():
-        assert f"``{kind.name}``" in vars(hookspecs)[kind.hook].__doc__
+        assert f"``{kind.name}``" in hooks[kind.hook].__doc__
         assert kind.members(), kind
+
+
+def test_no_kind_has_a_word_of_run():
+    assert {field.name for field in fields(RunConfig)} | {"hydra"} == TAKEN
 
 
 def test_reference_plugins_are_whole(registry: Registry):

@@ -23,6 +23,8 @@ SUITES = {
     "memory": "gvla2.commands.bench_memory",
     "robot": "gvla2.commands.bench_robot",
     "perception": "gvla2.commands.bench_perception",
+    "agents": "gvla2.commands.bench_agents",
+    "trajectories": "gvla2.commands.bench_trajectories",
 }
 """The suites by name, and the module of each.
 
@@ -127,9 +129,21 @@ def main(argv: list[str]) -> int:
 def as_overrides(argv: list[str]) -> list[str]:
     """The arguments in Hydra's terms.
 
-    A leading word, as in ``gvla2 bench robot``, chooses the suite. Options by a component's name
-    (``planner_options.agent3d.tries=1``) are new to the configuration, for which Hydra would want a ``+``.
+    A leading word, as in ``gvla2 bench robot``, chooses the suite. What is said by a component's or an arm's name
+    (``planner_options.agent3d.tries=1``, ``arms.mine={memory: governed}``) is new to the configuration, for which Hydra
+    would want a ``+``; arms of one's own belong to the ``arms`` that are listed.
     """
     word = argv[0] if argv else ""
     told = [f"suite={word}", *argv[1:]] if re.fullmatch(r"\w+", word) else argv
-    return [f"++{one}" if re.match(r"(planner|arm|baseline)_options\.", one) else one for one in told]
+    own = dict.fromkeys(match[1] for one in told if (match := re.match(r"arms\.(\w+)", one)))
+    return [_plain(one, list(own)) for one in told]
+
+
+def _plain(override: str, own: list[str]) -> str:
+    if re.match(r"(planner|arm|baseline|task)_options\.", override):
+        return f"++{override}"
+    if override.startswith("arms."):
+        return f"++own_arms.{override.removeprefix('arms.')}"
+    if own and re.fullmatch(r"arms=\[.*\]", override):
+        return f"{override[:-1]}{',' if override[6:-1].strip() else ''}{','.join(own)}]"
+    return override

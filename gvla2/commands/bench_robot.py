@@ -11,17 +11,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
+from gvla2.commands.bench_arms import arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_design import Design, Planned, designs
 from gvla2.commands.bench_episodes import (
+    EXPLORED,
     EpisodeUnit,
     Outcome,
     chosen_memory,
-    has_file,
     run_there,
     run_unit,
 )
 from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_subjects import kind_of
 from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.robot.design import EXPLORATION, NOT_MEASURED, SUITE, others_of
@@ -114,10 +116,11 @@ class _PlannerBench:
 
         banks = {}
         for arm in arms:
-            if arm in ("off", "none", "best_theta") or not has_file(self.registry, arm):
+            made = arm_named(self.design.config, arm)
+            if not has_bank(self.registry, made):
                 continue
-            path = make_folder(self.folder / "banks" / self.design.planner).absolute() / f"{arm}.db"
-            root = chosen_memory(self.design.config, self.registry, arm, str(path))
+            path = make_folder(self.folder / "banks" / self.design.place).absolute() / f"{arm}.db"
+            root = chosen_memory(self.design.config, self.registry, made, str(path))
             with closing(self.registry.build(root, "memory")) as memory:
                 teach(memory, (one for learnt in experiences.values() for one in learnt))
             banks[arm] = str(path)
@@ -142,7 +145,7 @@ class _PlannerBench:
                 chosen.append(one)
         banks = {**banks, **self._banks(sorted({one.arm for one in chosen} - set(banks)), experiences)}
         for one in chosen:
-            place = (self.folder / "failures" / design.planner / f"{one.task}-{one.arm}").absolute()
+            place = (self.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()
             (unit,) = _units(design.config, [one], experiences, banks, design.tasks, str(place))
             log.info("Filming %s, %s, %s, layout %d.", design.planner, one.task, one.arm, one.layout)
             (outcome,) = run_unit(unit, self.registry)
@@ -175,10 +178,11 @@ def _units(
     units = []
     for (task, arm), layouts in grouped.items():
         learnt, asked = experiences or {}, None
-        if arm == "shuffled":
-            others = (e for other in others_of(task, tasks) for e in learnt.get(other, ()))
-            asked = next((e.episode.task for e in others), None)
-        own = learnt.get(task, ()) if arm == "best_theta" else [e for one in learnt.values() for e in one]
+        source = "off" if arm == EXPLORED else arm_named(config, arm).source
+        if source == "shuffled":
+            others = sorted(others_of(task, tasks), key=lambda other: kind_of(other) != kind_of(task))
+            asked = next((e.episode.task for other in others for e in learnt.get(other, ())), None)
+        own = learnt.get(task, ()) if source == "best_theta" else [e for one in learnt.values() for e in one]
         for start in range(0, len(layouts), TOGETHER):
             some = tuple(layouts[start : start + TOGETHER])
             bank = (banks or {}).get(arm, "")

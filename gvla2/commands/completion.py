@@ -15,7 +15,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from gvla2.commands import COMMANDS
-from gvla2.kinds import KINDS, SLOTS
 
 if TYPE_CHECKING:
     from gvla2.catalog import Registry
@@ -81,13 +80,16 @@ def _overrides(command: str, words: list[str]) -> list[str]:
     from hydra.errors import HydraException
     from hydra.plugins.completion_plugin import DefaultCompletionPlugin
 
-    with hydra_application() as application:
+    from gvla2.catalog import load_plugins
+
+    registry = load_plugins()
+    with hydra_application(registry) as application:
         completer = DefaultCompletionPlugin(application.config_loader)
         # argparse exits over a flag that is not finished; there is nothing to offer then
         with contextlib.suppress(HydraException, SystemExit), contextlib.redirect_stderr(io.StringIO()):
             offered = completer._query(config_name=command, line=" ".join(words))
             # A component's name is not to be set: the choice `planner=skill` fills it in.
-            return [word for word in offered if word not in {f"{kind}.name=" for kind in (*KINDS, *SLOTS)}]
+            return [word for word in offered if word not in {f"{group}.name=" for group in registry.groups}]
     return []
 
 

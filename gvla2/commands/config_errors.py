@@ -21,7 +21,6 @@ from omegaconf.errors import (
 from gvla2.catalog import Registry
 from gvla2.discovery import closest, describe
 from gvla2.errors import Gvla2Error, UnknownComponentError
-from gvla2.kinds import KINDS, SLOTS
 
 
 def explain(error: BaseException, registry: Registry | None = None) -> str:
@@ -54,11 +53,12 @@ def unreadable_choice(
         return None
     for override in overrides:
         kind, _, values = override.lstrip("+").partition("=")
-        own = SLOTS.get(kind, kind)
-        offered = registry.components(own) if own in KINDS else {}
+        if kind not in registry.groups:
+            continue
+        offered = registry.components(kind)
         for value in values.split(","):  # a sweep has several
-            if own in KINDS and value not in offered:
-                return UnknownComponentError(kind, value, offered, registry.broken_note(own))
+            if value not in offered:
+                return UnknownComponentError(kind, value, offered, registry.broken_note(kind))
     return None
 
 
@@ -67,8 +67,7 @@ def _missing_choice(error: MissingConfigException, registry: Registry | None) ->
     if not group:
         return str(error)
     name = name.removesuffix(".yaml")
-    kind = SLOTS.get(group, group)
-    note = registry.broken_note(kind, name) if registry is not None and kind in KINDS else ""
+    note = registry.broken_note(group) if registry is not None and group in registry.groups else ""
     return str(UnknownComponentError(group, name, error.options or (), note))
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -27,7 +28,6 @@ from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
 from gvla2.commands.printable import printable
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
-from gvla2.kinds import KINDS
 
 JobFunction = Callable[[Any, Registry], object]
 """Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
@@ -96,10 +96,13 @@ def launch(
     of an error is added to ``errors``, too.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
+    if advice := dashed_option(argv):
+        print(f"gvla2: {printable(advice)}", file=sys.stderr)
+        return 2
     registry = load_plugins()
-    own = [kind for kind in KINDS if kind in {field.name for field in fields(PRIMARY[config_name])}]
+    own = [group for group in registry.groups if group in {f.name for f in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
-    register(registry, PRIMARY, own) if config_name == "memory" else register(registry, PRIMARY)
+    register(registry, PRIMARY, own if config_name == "memory" else None)
     main = hydra.main(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
     )
@@ -132,6 +135,20 @@ def launch(
     except Exception as error:
         return tell(error, registry)
     return 0
+
+
+def dashed_option(argv: Sequence[str]) -> str:
+    """What to write in place of the first ``--option value`` that is no flag of Hydra's; "" when there is none."""
+    flags = [flag for action in get_args_parser()._actions for flag in action.option_strings]
+    for word, following in zip(argv, [*argv[1:], ""], strict=True):
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not word.startswith("--") or not name or any(flag.startswith(f"--{name}") for flag in flags):
+            continue
+        if not equals:
+            value = "true" if not following or following.startswith("-") or "=" in following else following
+        asked = word if equals or value != following else f"{word} {value}"
+        return f"options have no dashes: in place of `{asked}` write {name.replace('-', '_')}={value}"
+    return ""
 
 
 def report(error: Exception, registry: Registry | None = None) -> int:

@@ -39,7 +39,6 @@ class Verb:
 
 
 _LIMIT = ("limit=20", "so many (0: all); without it 50 are shown, and --json has all")
-_LAYOUT = ("layout=states|items|robot", "which of the released layouts")
 VERBS: Mapping[str, Verb] = MappingProxyType(
     {
         "list": Verb("", "the records, those changed last first", "memory_looking:list_records",
@@ -58,9 +57,10 @@ VERBS: Mapping[str, Verb] = MappingProxyType(
                        options=(("head=SEQ:HASH", "a head that `stats` gave once must still be in the chain"),)),
         "import": Verb("PATH", "read a memory of the released layouts; - is standard input",
                        "memory_changing:import_", 1, 1,
-                       (_LAYOUT, ("trusted=true", "a backup of one's own: keep its states"))),
-        "export": Verb("PATH", "write the bank in one of them", "memory_changing:export", 1, 1,
-                       (_LAYOUT, ("states=[active]", "only these"), ("overwrite=true", "replace an earlier export"))),
+                       (("layout=states|items|robot", "which of the released layouts"),
+                        ("trusted=true", "a backup of one's own: keep its states"))),
+        "export": Verb("PATH", "write the bank as a folder that import reads", "memory_changing:export", 1, 1,
+                       (("states=[active]", "only these"),)),
         "forget": Verb("ID...", "remove records for good, bytes and all", "memory_changing:forget", 1, None,
                        (("--yes", "without asking; takes whole ids alone"),)),
         "compact": Verb("", "give space back", "memory_changing:compact",

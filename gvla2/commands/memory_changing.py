@@ -54,16 +54,14 @@ def import_(request: Request) -> Answer:
 
 
 def export(request: Request) -> Answer:
-    """Write the bank in one of the released layouts."""
+    """Write the bank in the released layout ``states``."""
     config, path = request.config, Path(request.words[0]).expanduser()
     with opened(request) as store:
         done = export_path(
             store,
             config.bank,
             path,
-            layout=config.layout or "states",
             states=config.states or None,  # type: ignore[arg-type]  # checked by the configuration
-            overwrite=config.overwrite,
         )
     files = ", ".join(printable(str(file)) for file in done.files)
     told = [f"{counted(done.records, 'record')}: {files}."]

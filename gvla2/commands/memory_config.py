@@ -22,9 +22,8 @@ class MemoryCommandConfig:
     ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
     processes. ``limit`` bounds how many rows are shown (0: all; None: 50, and all as JSON). ``states`` keeps records
     of these states in `list` and `export` (none given: all that there are). ``layout`` is that of `import` ("": as
-    the lines say) and `export` ("": states); ``trusted`` imports a backup of one's own as it was;
-    ``overwrite`` lets an export replace an earlier one. ``head`` is a head of the chain to `verify` against,
-    SEQ:HASH. ``archived_days`` lets `compact` forget what has been archived for longer than that.
+    the lines say); ``trusted`` imports a backup of one's own as it was. ``head`` is a head of the chain to `verify`
+    against, SEQ:HASH. ``archived_days`` lets `compact` forget what has been archived for longer than that.
     """
 
     url: str = ""
@@ -34,7 +33,6 @@ class MemoryCommandConfig:
     states: list[str] = field(default_factory=list)
     layout: str = ""
     trusted: bool = False
-    overwrite: bool = False
     head: str = ""
     archived_days: float | None = None
     retriever: ComponentConfig = field(default_factory=ComponentConfig)

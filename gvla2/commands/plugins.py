@@ -12,12 +12,14 @@ from typing import Any
 
 from omegaconf import OmegaConf
 
-from gvla2.catalog import Offer, Registry, load_plugins, structured
+from gvla2.catalog import Offer, Registry, load_plugins
+from gvla2.commands.printable import printable
 from gvla2.commands.skill_listing import SKILL, find_skill, print_skills, skills_json
 from gvla2.commands.tables import console, row, table
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError
-from gvla2.kinds import KINDS, kind_of
+from gvla2.fitness import structured
+from gvla2.kinds import KINDS
 
 USAGE = f"""\
 Usage: gvla2 plugins [KIND [NAME]] [--json]
@@ -28,7 +30,7 @@ Usage: gvla2 plugins [KIND [NAME]] [--json]
   gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and numbers
   --json                        the same for programs
 
-Kinds: {", ".join(KINDS)}, skill.
+Kinds: {", ".join(KINDS)}, skill, and those that plugins add.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
 """
 
@@ -53,10 +55,10 @@ def main(argv: Sequence[str]) -> int:
         registry = load_plugins()
         if kind == SKILL and name:
             find_skill(registry, name)
-        elif kind and name:
-            registry.get(kind, name)
+        elif kind and kind != SKILL:
+            registry.get(kind, name) if name else registry.kind_of(kind)
     except ConfigurationError as error:
-        print(f"gvla2: {error}", file=sys.stderr)
+        print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 2
     if "--json" in argv:
         print(json.dumps(as_json(registry, kind, name), indent=2))
@@ -70,11 +72,11 @@ def main(argv: Sequence[str]) -> int:
 def complete(words: Sequence[str]) -> list[str]:
     """What may stand in place of the last word: a kind, then a name of that kind, then ``--json``."""
     if len(words) == 1:
-        return [*KINDS, SKILL, "--json"]
+        return [*load_plugins().kinds, SKILL, "--json"]
     if len(words) == 2 and words[0] == SKILL:
         return [*load_plugins().skills, "--json"]
-    if len(words) == 2 and words[0] in KINDS:
-        return [*load_plugins().components(words[0]), "--json"]
+    if len(words) == 2 and words[0] in (registry := load_plugins()).kinds:
+        return [*registry.components(words[0]), "--json"]
     return ["--json"]
 
 
@@ -108,7 +110,7 @@ def as_json(registry: Registry, kind: str = "", name: str = "") -> dict[str, Any
     return {
         "components": {
             k: [_offer_json(o) for n, o in registry.offers(k).items() if name in ("", n)]
-            for k in ([kind] if kind else KINDS)
+            for k in ([kind] if kind else registry.kinds)
             if k != SKILL
         },
         "skills": skills_json(registry, name) if kind in ("", SKILL) else [],
@@ -133,7 +135,7 @@ def _offer_json(offer: Offer) -> dict[str, Any]:
 def _print(registry: Registry, kind: str, name: str) -> None:
     out = console()
     listing = table("kind", "choice", "what it is", "from")
-    for k in [kind] if kind else KINDS:
+    for k in [kind] if kind else registry.kinds:
         offers = {n: o for n, o in registry.offers(k).items() if name in ("", n)}
         for n, offer in offers.items():
             row(listing, k, n, offer.component.summary, _origin(offer))
@@ -164,7 +166,7 @@ def _print_options(out: Any, kind: str, name: str, offer: Offer) -> None:
     out.print(f"\n[bold]{kind}={name}[/bold]{'  needs ' + needs if needs else ''}")
     described = inspect.getdoc(offer.component.config) or ""
     if described and not described.startswith(f"{offer.component.config.__name__}("):  # dataclass's own words
-        out.print(described, style="dim", markup=False)
+        out.print(printable(described), style="dim", markup=False)
     if not rows:
         out.print("no options", style="dim")
         return
@@ -193,8 +195,6 @@ def _selection(words: Sequence[str]) -> tuple[str, str]:
         chosen[key] = value
     if chosen["name"] and not chosen["kind"]:
         raise ConfigurationError("Say which kind the name is of: gvla2 plugins KIND NAME.")
-    if chosen["kind"] and chosen["kind"] != SKILL:
-        kind_of(chosen["kind"])
     return chosen["kind"], chosen["name"]
 
 

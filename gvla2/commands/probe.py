@@ -61,7 +61,7 @@ def components(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     with hydra_application(registry):
         config = hydra.compose(config_name=names[0])
     found: dict[str, dict[str, Any]] = {}
-    chosen = chosen_kinds(config)
+    chosen = chosen_kinds(config, registry.kinds)
     needed = {need for kind in chosen for need in registry.get(kind, config[kind].name).needs}
     for kind in chosen:
         if kind == "language" and kind not in needed:  # asked by nobody

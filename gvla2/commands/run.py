@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from omegaconf import OmegaConf
 
 from gvla2.errors import Gvla2Error
-from gvla2.kinds import SLOTS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,11 +30,6 @@ log = logging.getLogger(__name__)
 
 _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
-CHOICES = (
-    "robot", "camera", "task", "perceiver", "reconstructor", "prior", "axis", "fusion", "renderer",
-    "memory", "retriever", "embedder", "inducer", "judge", "planner", "fallback", "verifier",
-)  # fmt: skip
-"""The Hydra groups of a run, whose choices are part of its result; so is the language model where one is asked."""
 
 
 @dataclass
@@ -125,7 +119,7 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
     geometry = ("reconstructor", "prior", "axis", "fusion", "renderer")
     built: dict[str, Any] = {}
     registry.build_all(config, (*loop, *geometry), built)
-    chosen = (*CHOICES, "language") if "language" in built else CHOICES
+    chosen = [group for group in registry.groups if group != "language" or group in built]
     return Parts(
         **{kind: built[kind] for kind in loop},
         geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
@@ -140,9 +134,8 @@ def crashed_component(parts: Parts, registry: Registry, error: BaseException) ->
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
     """
-    built = {kind: getattr(parts, kind) for kind in CHOICES if hasattr(parts, kind)}
-    built |= {kind: getattr(parts.geometry, kind) for kind in CHOICES if hasattr(parts.geometry, kind)}
-    homes = {kind: type(made).__module__ for kind, made in built.items() if made is not None}
+    built = {**vars(parts.geometry), **vars(parts)}
+    homes = {kind: type(built[kind]).__module__ for kind in parts.choices if built.get(kind) is not None}
     for frame, _ in reversed(list(traceback.walk_tb(error.__traceback__))):
         module = str(frame.f_globals.get("__name__", ""))
         for kind, home in homes.items():
@@ -150,7 +143,7 @@ def crashed_component(parts: Parts, registry: Registry, error: BaseException) ->
             inside = package not in ("", "gvla2") and f"{module}.".startswith(f"{package}.")
             if module == home or inside:
                 name = parts.choices[kind]
-                plugin = registry.offers(SLOTS.get(kind, kind))[name].plugin.name
+                plugin = registry.offers(kind)[name].plugin.name
                 return f"The {kind} '{name}' of plugin '{plugin}' crashed"
     return ""
 
@@ -174,6 +167,7 @@ def _run_one(
         replan=config.replan,
         planner_timeout=config.planner_timeout,
         max_parts=config.max_parts,
+        agreement=config.agreement,
     )
     with Progress(quiet=config.quiet) as progress:
         listener = _Listener(recorder, progress)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
+from gvla2.hydra_bridge import EveryKind
 
 DEPTH_NOISE_KINDS = ("none", "gaussian", "l515", "realistic")
 
@@ -60,14 +60,15 @@ class DepthNoiseConfig:
 
 
 @dataclass
-class RunConfig:
-    """One episode, or many.
+class RunConfig(EveryKind):
+    """One episode, or many. Beside these options there is one group for each kind of component.
 
     ``instruction`` replaces the task's own sentence; ``seed`` lays out the first episode, the next ones count up;
     ``quiet`` leaves only the result on the terminal. After an attempt that the verifier is sure has failed, the robot
     looks and plans again up to ``replan`` times an episode, told what went wrong. A planner that gives no answer within
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
-    means, ``fallback`` plans, another planner or none. A program that takes several plans is carried out in up to
+    means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they do
+    not mean the same the one that is sure decides. A program that takes several plans is carried out in up to
     ``max_parts``.
     """
 
@@ -78,24 +79,7 @@ class RunConfig:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
-    robot: ComponentConfig = field(default_factory=ComponentConfig)
-    camera: ComponentConfig = field(default_factory=ComponentConfig)
-    task: ComponentConfig = field(default_factory=ComponentConfig)
-    perceiver: ComponentConfig = field(default_factory=ComponentConfig)
-    reconstructor: ComponentConfig = field(default_factory=ComponentConfig)
-    prior: ComponentConfig = field(default_factory=ComponentConfig)
-    axis: ComponentConfig = field(default_factory=ComponentConfig)
-    fusion: ComponentConfig = field(default_factory=ComponentConfig)
-    renderer: ComponentConfig = field(default_factory=ComponentConfig)
-    memory: ComponentConfig = field(default_factory=ComponentConfig)
-    retriever: ComponentConfig = field(default_factory=ComponentConfig)
-    embedder: ComponentConfig = field(default_factory=ComponentConfig)
-    inducer: ComponentConfig = field(default_factory=ComponentConfig)
-    judge: ComponentConfig = field(default_factory=ComponentConfig)
-    planner: ComponentConfig = field(default_factory=ComponentConfig)
-    fallback: ComponentConfig = field(default_factory=ComponentConfig)
-    verifier: ComponentConfig = field(default_factory=ComponentConfig)
-    language: ComponentConfig = field(default_factory=ComponentConfig)
+    agreement: bool = False
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,6 +192,15 @@ class Embedder(Protocol):
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, D) unit rows; an empty text gives a zero row."""
+        ...
+
+
+@runtime_checkable
+class ChoosingEmbedder(Embedder, Protocol):
+    """An embedder that is another one for each bank."""
+
+    def for_bank(self, model: str) -> Embedder:
+        """The embedder for a bank whose vectors are of ``model``, "" for one without any."""
         ...
 
 

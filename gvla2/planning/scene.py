@@ -30,6 +30,29 @@ class Box:
 
 
 @dataclass(frozen=True)
+class KnownShape:
+    """The scan that a thing was recognised as, and how it lies.
+
+    ``path`` is the scan's file (.obj, .glb, .ply); ``scale`` takes its units to metres, and ``world_from_scan``
+    (4, 4), rigid, takes the scaled vertices to the world. ``residual`` is the median distance of the seen points
+    from the placed surface, metres.
+    """
+
+    name: str
+    path: str
+    world_from_scan: FloatArray = field(repr=False)
+    scale: float = 1.0
+    residual: float = 0.0
+
+    def mesh(self) -> Mesh:
+        """The whole scan in the world frame, also where no camera saw it; raises :class:`GeometryError`."""
+        from gvla2.geometry.mesh_files import read_mesh  # scenes are read without trimesh, too
+
+        scan = read_mesh(self.path)
+        return scan.with_vertices(transform_points(self.world_from_scan, self.scale * scan.vertices))
+
+
+@dataclass(frozen=True)
 class SceneObject:
     """One labelled thing, as seen.
 
@@ -39,8 +62,9 @@ class SceneObject:
     ``label`` is what a person would call it ("red cube"), ``colour`` a colour word or "" where unsure.
     ``parent`` is the id of the object that this is a part of (a button of a lamp), or "".
     ``confidence`` in [0, 1]. ``opening`` is the narrowest inner width of a hollow thing at its top (a cup, an open
-    box) or of a ring's hole, metres; 0 where it is closed. ``mesh`` is its whole surface in its own frame, metres,
-    where that is known (a gallery's scan); None elsewhere.
+    box) or of a ring's hole, metres; 0 where it is closed.
+    ``named_by`` tells where ``label`` comes from: "" for colour and shape, else the source's name; ``sureness`` in
+    [0, 1] is how sure that source is of the name. ``known`` is the scan that it was recognised as, with its pose.
     """
 
     id: str
@@ -54,7 +78,9 @@ class SceneObject:
     parent: str = ""
     confidence: float = 1.0
     opening: float = 0.0
-    mesh: Mesh | None = field(default=None, repr=False, compare=False)
+    named_by: str = ""
+    sureness: float = 1.0
+    known: KnownShape | None = None
 
     @property
     def centre(self) -> FloatArray:

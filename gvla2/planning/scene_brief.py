@@ -125,6 +125,8 @@ def _line(thing: SceneObject, name: str, scene: Scene, sizes: bool, positions: b
         words.append(f"({place})")
     if thing.confidence < UNSURE:
         words.append("(unsure)")
+    if thing.named_by:
+        words.append(f"(name {100 * thing.sureness:.0f}% sure)")
     if points > 0:
         low = np.array([0.0, 0.0, scene.table_height])
         some = [",".join(str(_mm(v)) for v in p) for p in spread_points(thing.points, points) - low]

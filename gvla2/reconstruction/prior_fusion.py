@@ -5,18 +5,40 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+import numpy as np
+
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.colouring import vertex_colours
-from gvla2.reconstruction.contracts import GeometryPrior, Reconstruction, StageReport
-from gvla2.reconstruction.evidence import gather
+from gvla2.reconstruction.contracts import GeometryEstimate, GeometryPrior, Reconstruction, StageReport
+from gvla2.reconstruction.evidence import DepthEvidence, gather
 from gvla2.reconstruction.placing import place
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.volume import fuse_volume
+from gvla2.reconstruction.volume import Posterior, fuse_volume
 from gvla2.reconstruction.zbuffer import depth_map
 
 STAGE = "prior"
+
+
+ROUNDS = 2
+"""Times that depth is corrected and fused: once by what the views say, once by what the masks say to that."""
+
+
+def agreed(estimate: GeometryEstimate, seen: ViewSet, g0: Mesh | None) -> tuple[DepthEvidence, Posterior]:
+    """What a prior's depth and the views agree on.
+
+    Depth that is wrong where no other depth looks still cuts away what other views' masks show. Those points go back
+    into the correction of depth, as what it must not look through.
+    """
+    needed = np.zeros((0, 3))
+    for _ in range(ROUNDS):
+        evidence = gather(estimate, seen.views, seen.hull_surface, needed)
+        posterior = fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
+        needed = np.concatenate([needed, posterior.needed])
+        if not len(posterior.needed):
+            break
+    return evidence, posterior
 
 
 def fuse_prior(
@@ -33,8 +55,7 @@ def fuse_prior(
     if estimate is None:
         return thing, StageReport(STAGE, "skipped", "There is no geometry prior.")
     try:
-        evidence = gather(estimate, seen.views, seen.hull_surface)
-        posterior = fuse_volume(seen.hull, evidence, seen.views, thing.mesh, seen.hull_surface)
+        evidence, posterior = agreed(estimate, seen, thing.mesh)
         if not (posterior.field.values > 0).any():
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:

@@ -34,6 +34,17 @@ def scene_json(scene: Scene) -> dict[str, Any]:
                 "points": len(o.points),
                 "parent": o.parent,
                 "confidence": o.confidence,
+                "named_by": o.named_by,
+                "sureness": o.sureness,
+                "known": None
+                if o.known is None
+                else {
+                    "name": o.known.name,
+                    "path": o.known.path,
+                    "world_from_scan": plain(o.known.world_from_scan),
+                    "scale": o.known.scale,
+                    "residual": o.known.residual,
+                },
             }
             for o in scene.objects
         ],

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,21 +84,30 @@ class Skin:
 
 
 def skin_of(thing: SceneObject) -> Skin | None:
-    """The thing's surface: its mesh's where it carries one, else what was seen; None when that is too little."""
-    rng = np.random.default_rng(0)
-    if thing.mesh is not None:
-        points, faces = thing.mesh.sample(MOST, rng)
-        normals = thing.mesh.normals[faces] @ thing.world_from_object[:3, :3].T
-        return Skin(transform_points(thing.world_from_object, points), normals)
+    """The thing's surface: that of the scan it is known as, else what was seen; None when that is too little."""
+    if thing.known is not None:
+        whole = _skin_of_scan(thing.known.path, thing.known.scale)
+        pose = thing.known.world_from_scan
+        return Skin(transform_points(pose, whole.points), whole.normals @ pose[:3, :3].T)
     points = thing.points[np.isfinite(thing.points).all(axis=1)]
     if len(points) < FEWEST:
         return None
     if len(points) > MOST:
-        points = points[rng.choice(len(points), MOST, replace=False)]
+        points = points[np.random.default_rng(0).choice(len(points), MOST, replace=False)]
     _, near = cKDTree(points).query(points, min(NEIGHBOURS, len(points)))
     around = points[near] - points[near].mean(axis=1, keepdims=True)  # (N, K, 3)
     _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
     return Skin(points, axes[:, :, 0])
+
+
+@lru_cache(maxsize=64)
+def _skin_of_scan(path: str, scale: float) -> Skin:
+    """The scan's surface in its own frame, metres."""
+    from gvla2.geometry.mesh_files import read_mesh  # most things are not known, and trimesh takes its time
+
+    mesh = read_mesh(path)
+    points, faces = mesh.sample(MOST, np.random.default_rng(0))
+    return Skin(scale * points, mesh.normals[faces])
 
 
 def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray) -> list[Antipodal]:

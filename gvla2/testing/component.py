@@ -9,10 +9,11 @@ from typing import Any
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from gvla2.catalog import assemble, structured
+from gvla2.catalog import load_plugins
 from gvla2.component import Component
-from gvla2.discovery import Offering, Plugin
-from gvla2.kinds import KINDS, kind_of
+from gvla2.fitness import fault_of_item, structured
+from gvla2.kinds import KINDS, Kind, kind_of
+from gvla2.testing.agent import check_agent
 from gvla2.testing.camera import check_camera
 from gvla2.testing.conformance import allowed, require, require_members, require_type
 from gvla2.testing.inducer import check_inducer
@@ -46,20 +47,23 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "judge": check_judge,
     "planner": check_planner,
     "verifier": check_verifier,
+    "agent": check_agent,
     "language": check_language,
 }
 """The check of each kind, called with its defaults."""
 
 
-def check_component(component: Component[Any], kind: str = "", **needs: object) -> None:
+def check_component(component: Component[Any], kind: str | Kind = "", **needs: object) -> None:
     """Whether gvla2 would accept the component, and whether its options survive YAML and worker processes.
 
     With ``kind`` it is also built with its default options (and ``needs``, by kind) and put to its kind's check.
+    A kind of your own is passed as it is; what is built must then have what its protocol asks for.
     """
     require_type(component, Component, "What a hook returns")
-    anywhere = KINDS[kind_of(kind).name] if kind else next(iter(KINDS.values()))
-    problems = assemble([], [Offering(Plugin("checked"), anywhere.hook, (component,))]).problems
-    require(not problems, problems[0].message if problems else "")
+    known = KINDS if set(component.needs) <= KINDS.keys() else load_plugins().kinds
+    own = kind_of(kind, known) if isinstance(kind, str) and kind else kind
+    fault = fault_of_item(component, getattr(own, "hook", ""), known)
+    require(not fault, fault)
     require(
         component.summary, f"'{component.name}' has no summary: give its build a docstring, or pass summary=."
     )
@@ -71,11 +75,12 @@ def check_component(component: Component[Any], kind: str = "", **needs: object) 
         require(False, f"The options of '{component.name}' do not survive YAML: {error}")
     with allowed(f"Pickling {component.config.__name__}, which sweeps over several processes do,"):
         pickle.loads(pickle.dumps(component.config))
-    if not kind:
+    if not isinstance(own, Kind):
         return
     lacking = set(component.needs) - set(needs)
     require(not lacking, f"'{component.name}' needs {', '.join(sorted(lacking))}: pass them by keyword.")
     with allowed(f"Building '{component.name}' with its default options"):
         made = component.build(OmegaConf.to_object(node), **needs)
-    require_members(made, kind)
-    CHECKS[kind](made)
+    require_members(made, own)
+    if own.name in CHECKS:
+        CHECKS[own.name](made)

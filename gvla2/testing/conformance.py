@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError, Gvla2Error
 from gvla2.geometry.transform import check_rigid
+from gvla2.kinds import Kind, kind_of
 
 
 class ConformanceError(Gvla2Error, AssertionError):
@@ -31,12 +32,11 @@ def require_type(value: object, expected: type | tuple[type, ...], what: str) ->
     )
 
 
-def require_members(made: object, kind: str) -> None:
+def require_members(made: object, kind: str | Kind) -> None:
     """The component has all that its kind's protocol asks for."""
-    from gvla2.kinds import kind_of
-
-    lacking = kind_of(kind).missing(made)
-    require(not lacking, f"{type(made).__name__} is no {kind}: it lacks {', '.join(lacking)}.")
+    own = kind_of(kind) if isinstance(kind, str) else kind
+    lacking = own.missing(made)
+    require(not lacking, f"{type(made).__name__} is no {own.name}: it lacks {', '.join(lacking)}.")
 
 
 def require_array(value: Any, shape: tuple[int | None, ...], what: str, finite: bool = True) -> NDArray[Any]:

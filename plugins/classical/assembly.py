@@ -24,11 +24,17 @@ TOUCH = 0.008  # metres between a thing and what carries it
 
 
 def assemble(
-    frames: Sequence[Frame], pixels: Pixels, labels: IntArray, min_points: int, gap: float, hand: FloatArray
+    frames: Sequence[Frame],
+    pixels: Pixels,
+    labels: IntArray,
+    bodies: IntArray,
+    min_points: int,
+    gap: float,
+    hand: FloatArray,
 ) -> list[Thing]:
     """Solids of the labelled pixels (N,), -1 for none; what carries each is set.
 
-    ``hand`` (3,) is the point between the fingertips: what is there may hang in the air.
+    ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point between the fingertips: what is there may hang in the air.
     """
     clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
     clusters = [c for c in clusters if len(c) >= min_points]
@@ -38,7 +44,13 @@ def assemble(
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
         parts += [replace(opened(frames, p), group=group) for p in taken]
-    return rest_on_each_other(with_their_walls(pixels, parts), hand)
+    parts = with_their_walls(pixels, parts)
+    for k in np.unique(bodies[bodies >= 0]):
+        members = np.nonzero(bodies == k)[0]
+        if len(members) >= min_points:
+            whole = opened(frames, shape_thing(frames, pixels, members, gap))
+            parts.append(replace(whole, group=len(things) + int(k), textured=True))
+    return rest_on_each_other(parts, hand)
 
 
 def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:

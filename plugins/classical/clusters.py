@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, convolve
+from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, convolve
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -131,7 +131,9 @@ def grow_down(
     """
     grown = []
     for frame, mask, near, other in zip(frames, masks, low, different, strict=True):
-        current, candidates = mask.copy(), near & other & ~mask
+        # What looks unlike the table inside a raised rim is the floor of a plate or a bowl.
+        current = mask | (binary_fill_holes(binary_closing(mask, iterations=1)) & near & other)
+        candidates = near & other & ~current
         band = binary_dilation(mask, np.ones((3, 3), bool), iterations=steps + 1)
         look = np.full((*mask.shape, 3), np.nan)
         look[band] = appearance_of(frame.image[band] / 255.0)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
@@ -13,6 +14,7 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
+from gvla2_plugins.classical.bodies import bodies_of, textured
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
@@ -20,6 +22,7 @@ from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape
 from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.plane import Table, find_table
 from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
+from gvla2_plugins.classical.registration import agreed
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
 from gvla2_plugins.classical.wholes import WHOLES
@@ -71,6 +74,10 @@ class ClassicalPerceiver:
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
         frames, notes = usable_frames(observation.views, config.robot_margin)
         table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
+        if (better := agreed(frames, table, workspace)) is not frames:
+            frames = better
+            notes.append("The cameras' poses disagreed and were corrected.")
+            table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
         frames = [frame.moved(table.table_from_world) for frame in frames]
         hand = transform_points(table.table_from_world, observation.world_from_tcp[:3, 3])
         pixels, things, painted, patches = self._find(frames, table, workspace, hand)
@@ -104,8 +111,14 @@ class ClassicalPerceiver:
         things: list[Thing] = []
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
-            labels = join_across_views(pixels, pieces, reach=0.004 + 1.5 * table.noise)
-            things = assemble(frames, pixels, labels, config.min_points, config.gap, hand)
+            reach = 0.004 + 1.5 * table.noise
+            labels = join_across_views(pixels, pieces, reach=reach)
+            bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
+            grain = max(map(_grain, frames, flat))
+            rough = np.append(textured(pixels, bodies, config.jump, grain), False)[bodies]
+            labels[rough] = -1
+            bodies[~rough] = -1
+            things = assemble(frames, pixels, labels, bodies, config.min_points, config.gap, hand)
             things = put_together(pixels, things, WHOLES)
         paint = [mask & other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
         bare = [mask & ~other & ~up for mask, other, up in zip(flat, different, raised, strict=True)]
@@ -115,6 +128,15 @@ class ClassicalPerceiver:
         # What is seen flat on the table inside a hollow thing is its floor.
         patches = [p for p in patches if not any(t.hollow and t.covers(p.centre[None])[0] for t in things)]
         return pixels, things, painted, patches
+
+
+def _grain(frame: Frame, flat: NDArray[np.bool_]) -> float:
+    """What most neighbouring pixels of the table differ by at most, in colour from 0 to 1: the picture's noise."""
+    both = flat[:, :-1] & flat[:, 1:]
+    if not both.any():
+        return 0.0
+    step = frame.image[:, :-1][both].astype(np.float64) - frame.image[:, 1:][both]
+    return float(np.percentile(np.linalg.norm(step, axis=1), 75.0)) / 255.0
 
 
 def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:

@@ -7,10 +7,9 @@ from typing import get_args
 
 import numpy as np
 
-from gvla2.geometry.mesh import Mesh
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import nearest_colours
-from gvla2.planning.scene import Box, Scene, SceneObject, Shape
+from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
 from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Layout
 from gvla2.robot.volumes import extent
@@ -58,13 +57,13 @@ def _without_what_stands_off(body: Body) -> Body:
 
 
 def _scanned(body: Body, scan: Scan, pose: FloatArray, parent: str) -> SceneObject:
-    """A body that is one mesh, in the slimmest upright box about it, with its mesh."""
+    """A body that is one mesh, in the slimmest upright box about it, known by its file."""
     hull = transform_points(pose @ scan.body_from_shape, scan.hull)
     world_from_box, extents = upright_box(hull)
-    mesh = scan.textured.mesh
-    box_from_shape = invert_rigid(world_from_box) @ pose @ scan.body_from_shape
-    own = Mesh(transform_points(box_from_shape, mesh.vertices), mesh.faces)
-    points, _ = own.sample(POINTS, np.random.default_rng(0))
+    points, _ = scan.textured.mesh.sample(POINTS, np.random.default_rng(0))
+    known = KnownShape(
+        body.name, scan.path, pose @ scan.body_from_shape @ rigid(translation=-scan.offset), scan.scale
+    )
     low, high = extent(body.solids)
     turned = abs(float(pose[2, 2])) < 0.9
     return SceneObject(
@@ -74,11 +73,11 @@ def _scanned(body: Body, scan: Scan, pose: FloatArray, parent: str) -> SceneObje
         nearest_colours(np.array(scan.rgb), 1)[0][0],
         world_from_box,
         extents,
-        transform_points(world_from_box, points),
+        transform_points(pose @ scan.body_from_shape, points),
         np.array(scan.rgb),
         parent,
         opening=0.0 if turned or pose[2, 2] < 0 else opening(body.solids, low, high),
-        mesh=own,
+        known=known,
     )
 
 

@@ -13,6 +13,7 @@ from gvla2.robot.task import Layout
 from gvla2_plugins.sapien import SapienConfig
 from gvla2_plugins.sapien.attachment import Clamp, in_zone
 from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
+from gvla2_plugins.sapien.catches import Caught
 from gvla2_plugins.sapien.cell import Cell
 from gvla2_plugins.sapien.description import load_robot
 from gvla2_plugins.sapien.engine import import_sapien
@@ -79,6 +80,8 @@ class World:
         self._threads = {
             t.name: Screwed(self._scene, t, layout, self._bodies.entities) for t in layout.threads
         }
+        by_name = {joint.name: joint for joint in layout.joints}
+        self._catches = [Caught(c, by_name[c.joint], self._bodies.joints) for c in layout.catches]
         self._clamp = Clamp(self._scene, self._links[cell.hand_link].entity)
         self._movers = [
             component
@@ -112,6 +115,8 @@ class World:
         self.time += 1.0 / self.rate
         for name, (articulation, index) in self._bodies.joints.items():
             self.peaks[name] = max(self.peaks[name], float(articulation.qpos[index]))
+        for catch in self._catches:
+            catch.watch()
         for name, thread in self._threads.items():
             thread.watch()
             self.peaks[name] = thread.peak

@@ -65,9 +65,8 @@ def prepared(item, dataset):
 
 
 def main() -> None:
-    from gvla2.reconstruction.carving import hull_field
-    from gvla2.reconstruction.evidence import gather
-    from gvla2.reconstruction.volume import fuse_volume
+    from gvla2.reconstruction.prior_fusion import agreed
+    from gvla2.reconstruction.view_set import ViewSet
 
     parser = argparse.ArgumentParser()
     parser.add_argument("noises", nargs="*", default=["low1"])
@@ -94,10 +93,7 @@ def main() -> None:
                 elif row == "tsdf":
                     made = aligned_tsdf(views, prior)
                 else:
-                    hull = hull_field(views)
-                    shape = mesh_of(hull)
-                    post = fuse_volume(hull, gather(prior, views, shape), views, g0.mesh, shape)
-                    made = mesh_of(post.field)
+                    made = mesh_of(agreed(prior, ViewSet(views), g0.mesh)[1].field)
                 spent = time.perf_counter() - began
                 found[row] = cd(made, truth) if made is not None and len(made.faces) else found["g0"]
             table.append(list(found.values()))

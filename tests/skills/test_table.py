@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
-from gvla2.catalog import assemble
-from gvla2.discovery import Offering, Plugin
-from gvla2.kinds import SKILL_HOOK
+import gvla2
+from gvla2.hookspecs import SKILL_HOOK
+from gvla2.plugins import load_plugins
 from gvla2.skills.skill import Parameter, Role, Skill, fault_of
 from gvla2.skills.table import PARAMETERS, STANDARD, describe
 
 PICK = STANDARD["pick"]
+
+
+@pytest.fixture
+def register() -> Iterator[Callable[..., object]]:
+    """Offers skills in this process: ``register(plugin, *skills)``."""
+    names = []
+
+    def make(plugin: str, *skills: object) -> None:
+        names.append(gvla2.register(SimpleNamespace(gvla2_skills=gvla2.hookimpl(lambda: skills)), plugin))
+
+    yield make
+    for name in names:
+        gvla2.unregister(name)
 
 
 @pytest.mark.parametrize("skill", STANDARD.values(), ids=lambda s: s.name)
@@ -47,19 +62,21 @@ def test_the_table_as_text_is_a_line_a_skill_with_units_on_request():
         (replace(PICK, description=""), "no description"),
     ],
 )
-def test_what_is_no_skill_is_said_and_left_out(offered, said):
-    registry = assemble([], [Offering(Plugin("mine"), SKILL_HOOK, (offered, replace(PICK, name="mine")))])
-    assert list(registry.skills) == ["mine"]
+def test_what_is_no_skill_is_said_and_left_out(register, offered, said):
+    register("mine", offered, replace(PICK, name="mine"))
+    registry = load_plugins()
+    assert set(registry.skills) == {"mine", *STANDARD}
     (problem,) = registry.problems
     assert said in problem.message
     assert (problem.plugin, problem.hook) == ("mine", SKILL_HOOK)
 
 
-def test_of_two_skills_of_one_name_the_first_wins():
-    first, second = Plugin("first"), Plugin("second")
-    registry = assemble([], [Offering(first, SKILL_HOOK, (PICK,)), Offering(second, SKILL_HOOK, (PICK,))])
-    assert registry.skill_plugin("pick") == first
-    assert "already offered by plugin 'first'" in registry.problems[0].message
+def test_of_two_skills_of_one_name_the_first_wins(register):
+    register("mine", PICK)
+    registry = load_plugins()
+    assert registry.skill_plugin("pick").name == "mine"
+    (problem,) = registry.problems
+    assert "already offered by plugin 'mine'" in problem.message
 
 
 def test_a_signature_says_what_may_be_left_out():

@@ -14,6 +14,7 @@ from gvla2.evaluation.results import Cell
 from gvla2.evaluation.robot.design import PAPER, PROFILES, SUITE, ordered
 from gvla2.evaluation.robot.planners import (
     NONE,
+    TAUGHT,
     arm_of,
     arms_of,
     columns_of,
@@ -24,7 +25,7 @@ from gvla2.evaluation.robot.planners import (
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone
 from gvla2.evaluation.statistics import mean_and_deviation
 
-HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale")
+HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale", "world", "replan")
 """Factors that planners must have in common to be compared."""
 PLANNER = ("planner", "model")
 """Factors that the arms of a table have in common besides."""
@@ -92,7 +93,7 @@ def make_robot_tables(cells: Iterable[Cell], layout: RobotLayout) -> list[RobotT
     order = {_of(cell, PLANNER): place for place, cell in reversed(list(enumerate(given)))}
     latest: dict[tuple[str, ...], Cell] = {}
     for cell in sorted(given, key=lambda cell: cell.run):
-        which = (*PLANNER, "task", "arm", "teacher", "profile", "seed", "episode")
+        which = (*PLANNER, "task", "arm", "variant", "teacher", "profile", "seed", "episode")
         latest[_of(cell, HOUSE) + _of(cell, which)] = cell
     tables = []
     kept = sorted(latest.values(), key=lambda cell: (_of(cell, HOUSE), order[_of(cell, PLANNER)]))
@@ -237,7 +238,8 @@ def _effects(
 ) -> Sheet:
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
     for arm in arms:
-        on = f"on{arm[len(arm.split(' (')[0]) :]}"  # taught alike
+        taught = arm[arm.find(TAUGHT) :] if TAUGHT in arm else ""
+        on = f"on{taught}"  # taught alike
         against += [(on, arm)] if arm not in (on, "off") and on in arms else []
     rows = []
     for second, first in against:

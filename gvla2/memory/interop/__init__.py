@@ -1,4 +1,4 @@
-"""The memory layouts of the paper's released code, read and written: JSON, one record a line.
+"""The memory layouts of the paper's released code: JSON, one record a line. All are read, ``states`` is written.
 
 * ``states``: a folder with ``active.jsonl``, ``provisional.jsonl``, ``summary.jsonl`` and ``archive.jsonl``;
 * ``items``: one file, a line a task with its ``memory_items`` and ``status``;

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gvla2.errors import MemoryStoreError
-from gvla2.memory.contracts import LifecycleState, Trust
+from gvla2.errors import ConfigurationError, MemoryStoreError
+from gvla2.memory.contracts import Trust
 from gvla2.memory.curation.trust import LEVELS, Origin, believed, trust_of
-from gvla2.memory.interop.layouts import LAYOUTS, STATES, Entry, Layout, count, layout_named
+from gvla2.memory.interop.layouts import READERS, STATES, Entry, count
 from gvla2.memory.interop.lines import Line, LineError, Remark, read_lines
 from gvla2.memory.records import Record, clean, dedup_key, dump, finite, record_id
 from gvla2.memory.screening.instructions import screen
@@ -61,9 +61,10 @@ def import_path(
     new: dict[str, Record] = {}
     known = 0
     with store.writing(bank, actor=actor, now=at) as tx:
-        for entry in entries:
-            record = _record(entry, found, bank, at, Origin(trusted, source))
-            there = new.get(record.id) or tx.by_key(record.dedup_key)
+        made = [_record(entry, found, bank, at, Origin(trusted, source)) for entry in entries]
+        stored = tx.view.by_keys(bank, {record.dedup_key for record in made})
+        for entry, record in zip(entries, made, strict=True):
+            there = new.get(record.id) or stored.get(record.dedup_key)
             ids.setdefault(entry.key, record.id if there is None else there.id)
             if there is not None:
                 known += 1
@@ -73,21 +74,21 @@ def import_path(
             new[record.id] = record
         _link(tx, entries, ids, new)
     held = sum(record.state == "provisional" for record in new.values())
-    return Imported(found.name, tuple(new), known, held, tuple(remarks))
+    return Imported(found, tuple(new), known, held, tuple(remarks))
 
 
-def _record(entry: Entry, layout: Layout, bank: str, now: float, origin: Origin) -> Record:
+def _record(entry: Entry, layout: str, bank: str, now: float, origin: Origin) -> Record:
     effect = entry.ours.get("effect")
     effect = effect if isinstance(effect, dict) else None
     skill = clean(str(entry.ours.get("skill") or ""), 64)
-    signature = entry.ours.get("signature")
+    told = entry.ours.get("signature")
+    signature = told if isinstance(told, dict) else {}
     key = dedup_key(entry.type, entry.content, skill, effect)
     screened = screen(f"{entry.query}\n{entry.content}")
     trust: Trust = trust_of([origin], screened=bool(screened))
     if origin.own and entry.ours.get("trust") in LEVELS:
         trust = min(trust, str(entry.ours["trust"]), key=LEVELS.index)  # type: ignore[arg-type]
-    state: LifecycleState = entry.state
-    note = ""
+    state, note = entry.state, ""
     if not believed(trust) and state != "archive":
         state, note = "provisional", screened or "it was imported, and nobody here has borne it out yet"
     created = now if entry.created is None else min(entry.created, now)
@@ -110,14 +111,12 @@ def _record(entry: Entry, layout: Layout, bank: str, now: float, origin: Origin)
         usage=entry.usage,
         recalled=max(entry.usage, count(entry.ours.get("recalled"))),
         verifier=dump(dict(entry.verifier)),
-        signature=dump(finite({k: v for k, v in signature.items() if isinstance(v, int | float)}))
-        if isinstance(signature, dict)
-        else "{}",
+        signature=dump(finite({k: v for k, v in signature.items() if isinstance(v, int | float)})),
         skill=skill,
         effect=dump(effect) if effect else "",
         provenance=dump(
             {
-                "made_by": {"import": layout.name},
+                "made_by": {"import": layout},
                 "sources": [clean(entry.task_id, 200)] if entry.task_id else [],
                 "key": clean(entry.key, 1000),
             }
@@ -136,35 +135,30 @@ def _link(tx: Transaction, entries: Sequence[Entry], ids: dict[str, str], new: d
                     tx.link(ids[entry.key], kind, ids[target], why="imported")
 
 
-# Reading --------------------------------------------------------------------------------------------------------------
-
-
-def read_path(path: Path, layout: str = "") -> tuple[Layout, list[Entry], list[Remark]]:
-    """All lessons of a file or folder, and remarks on its lines, broken ones included.
+def read_path(path: Path, layout: str = "") -> tuple[str, list[Entry], list[Remark]]:
+    """The layout of a file or folder, all its lessons, and remarks on its lines, broken ones included.
 
     ``layout`` "" looks at the lines themselves. Raises :class:`MemoryStoreError` when there is nothing to read,
     or it is of no known layout.
     """
-    wanted = layout_named(layout) if layout else None
+    if layout and layout not in READERS:
+        raise ConfigurationError(f"No memory layout '{layout}'. Available: {', '.join(READERS)}.")
     lines: list[Line] = []
     remarks: list[Remark] = []
     try:
-        files = _files(path)
+        for file in _files(path):
+            found, broken = read_lines(file)
+            lines += found
+            remarks += broken
     except OSError as error:  # a folder that may not be looked into
         raise MemoryStoreError(f"Cannot read {path}: {error.strerror or error}.") from error
-    for file in files:
-        found, broken = read_lines(file)
-        lines += found
-        remarks += broken
-    chosen = wanted or _layout_of(path, lines, bool(remarks))
+    chosen = layout or _layout_of(path, lines, bool(remarks))
     entries = []
     for line in lines:
         try:
-            made = chosen.read(line)
-        except (LineError, ValueError, OverflowError, RecursionError) as error:
-            remarks.append(
-                Remark(line.file, line.number, str(error))
-            )  # one odd value must not stop the others
+            made = READERS[chosen][1](line)
+        except (LineError, ValueError, OverflowError, RecursionError) as error:  # the others are read
+            remarks.append(Remark(line.file, line.number, str(error)))
             continue
         entries += made
         remarks += [Remark(line.file, line.number, note, broken=False) for e in made for note in e.notes]
@@ -178,21 +172,19 @@ def _files(path: Path) -> list[Path]:
         )
     if not path.is_dir():  # a pipe is read like a file: `... | gvla2 memory import /dev/stdin`
         return [path]
-    if found := _states(path):
-        return found
-    models = sorted(p.name for p in path.iterdir() if p.is_dir() and _states(p))
-    if len(models) == 1:
-        return _states(path / models[0])
-    if models:
-        raise MemoryStoreError(
-            f"{path} has memories of several models. Give one of them: {', '.join(models)}."
-        )
-    single = sorted(path.glob("*.jsonl"))
-    if len(single) == 1:
-        return single
-    which = f" It has: {', '.join(p.name for p in single)}; give one of them." if single else ""
+    folders = [
+        path,
+        *sorted(inner for inner in path.iterdir() if inner.is_dir()),
+    ]  # the releases' own: ROOT/MODEL
+    found = [files for folder in folders if (files := _states(folder))]
+    if len(found) == 1 or (found and found[0][0].parent == path):
+        return found[0]
+    which = (
+        f" It has {', '.join(files[0].parent.name for files in found)}: give one of them." if found else ""
+    )
     raise MemoryStoreError(
-        f"{path} has no active.jsonl, provisional.jsonl, summary.jsonl or archive.jsonl.{which}"
+        f"{path} has no active.jsonl, provisional.jsonl, summary.jsonl or archive.jsonl.{which} "
+        "Of another layout give the file."
     )
 
 
@@ -200,15 +192,15 @@ def _states(folder: Path) -> list[Path]:
     return [path for state in STATES if (path := folder / f"{state}.jsonl").is_file()]
 
 
-def _layout_of(path: Path, lines: Sequence[Line], broken: bool) -> Layout:
+def _layout_of(path: Path, lines: Sequence[Line], broken: bool) -> str:
     """The layout of the first line that fits one; an empty memory fits the first."""
     for line in lines:
-        for layout in LAYOUTS.values():
-            if layout.fits(line.fields):
-                return layout
+        for name, (fields, _) in READERS.items():
+            if all(field in line.fields for field in fields):
+                return name
     if not lines and (path.is_dir() or not broken):
-        return LAYOUTS["states"]
+        return "states"
     raise MemoryStoreError(
         f"{path} is of no known layout: no line has memory_id and content, memory_items, or memory_text and "
-        f"task_text. Layouts: {', '.join(LAYOUTS)}."
+        f"task_text. Layouts: {', '.join(READERS)}."
     )

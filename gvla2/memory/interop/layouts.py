@@ -1,4 +1,4 @@
-"""What a line of each released layout means, and how a record is told in it."""
+"""What a line of each released layout means, and how a record is told in the layout ``states``."""
 
 from __future__ import annotations
 
@@ -10,26 +10,22 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any
 
-from gvla2.errors import ConfigurationError
 from gvla2.memory.contracts import TYPES, LifecycleState, Outcome, RecordType
-from gvla2.memory.interop.lines import LONGEST_TEXT, Line, LineError, kind_of, text_field
+from gvla2.memory.interop.lines import LONGEST_TEXT, Line, LineError, text_field
 from gvla2.memory.records import Record, clean, finite
 
 STATES: tuple[LifecycleState, ...] = ("active", "provisional", "summary", "archive")
 """The lifecycle states in the order of their files."""
-OUTCOMES: Mapping[str, Outcome] = MappingProxyType(
-    {
-        **dict.fromkeys(
-            ("success", "succeeded", "verified_success", "pass", "passed", "true"), "verified_success"
-        ),
-        **dict.fromkeys(
-            ("fail", "failed", "failure", "verified_fail", "verified_failure", "false"), "verified_fail"
-        ),
-        **dict.fromkeys(("uncertain", "unknown", "unverified", "", "none"), "uncertain"),
-        "unavailable": "unavailable",
-    }
-)
+_SPELT: Mapping[Outcome, str] = {
+    "verified_success": "success succeeded verified_success pass passed true",
+    "verified_fail": "fail failed failure verified_fail verified_failure false",
+    "uncertain": "uncertain unknown unverified none",
+    "unavailable": "unavailable",
+}
 """Every spelling of a status that the releases have used."""
+OUTCOMES: Mapping[str, Outcome] = MappingProxyType(
+    {"": "uncertain", **{word: outcome for outcome, words in _SPELT.items() for word in words.split()}}
+)
 QUALITIES: Mapping[Outcome, float] = MappingProxyType(
     {"verified_success": 0.8, "verified_fail": 0.2, "uncertain": 0.5, "unavailable": 0.5}
 )
@@ -37,7 +33,6 @@ QUALITIES: Mapping[Outcome, float] = MappingProxyType(
 _HEADING = re.compile(r"^[ \t]*#[ \t]*Memory[ \t]+Item\b[^\n]*", re.MULTILINE | re.IGNORECASE)
 _FIELD = re.compile(r"^[ \t]*##[ \t]*(title|description|content)\b[ \t:]*", re.MULTILINE | re.IGNORECASE)
 _FENCE = re.compile(r"^[ \t]*```\w*[ \t]*$", re.MULTILINE)
-_OURS = ("skill", "effect", "signature", "count", "recalled", "trust")
 
 
 @dataclass(frozen=True)
@@ -68,35 +63,6 @@ class Entry:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Told:
-    """A record for a line, with the ids that it ``replaces`` and that it is in ``conflict`` with."""
-
-    record: Record
-    replaces: tuple[str, ...] = ()
-    conflict: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A layout: whether a line ``fits`` it, how a line is read, and how a record is told."""
-
-    name: str
-    fits: Callable[[Mapping[str, Any]], bool]
-    read: Callable[[Line], list[Entry]]
-    write: Callable[[Told], dict[str, Any]]
-
-
-def layout_named(name: str) -> Layout:
-    """The layout; raises :class:`ConfigurationError` with those that exist."""
-    if name not in LAYOUTS:
-        raise ConfigurationError(f"No memory layout '{name}'. Available: {', '.join(LAYOUTS)}.")
-    return LAYOUTS[name]
-
-
-# states ---------------------------------------------------------------------------------------------------------------
-
-
 def read_states(line: Line) -> list[Entry]:
     """The one record of a line; raises :class:`LineError` when it has no id or says nothing.
 
@@ -104,17 +70,15 @@ def read_states(line: Line) -> list[Entry]:
     """
     fields, notes = line.fields, list[str]()
     told = text_field(fields, "state")
-    named = line.file.rpartition("/")[2].removesuffix(".jsonl")
-    state = next((s for s in STATES if s == named), None) or next((s for s in STATES if s == told), None)
+    named = line.file.removesuffix(".jsonl")
+    state = next((s for word in (named, told) for s in STATES if s == word), None)
     if state is None:
         raise LineError(f"neither the file's name nor 'state' ('{told}') is one of {', '.join(STATES)}")
-    if told and told != state:
-        notes.append(f"it calls itself '{told}' in the file of the {state} ones: taken as {state}")
     outcome, quality = _verdict(text_field(fields, "verifier_label") or fields.get("source_status"), notes)
     scored, confidence = share(fields.get("quality_score")), share(fields.get("confidence"))
     quality = quality if scored is None else scored
-    criteria = fields.get("verifier_criteria")
-    ours = fields.get("gvla2")
+    criteria, ours = fields.get("verifier_criteria"), fields.get("gvla2")
+    scores = criteria if isinstance(criteria, Mapping) else {}
     return [
         Entry(
             key=text_field(fields, "memory_id", needed=True)[:1000],
@@ -127,26 +91,23 @@ def read_states(line: Line) -> list[Entry]:
             quality=quality,
             confidence=2 * abs(quality - 0.5) if confidence is None else confidence,
             usage=count(fields.get("use_count")),
-            created=_when(fields, "created_at", notes),
-            used=_when(fields, "last_used_at", notes),
+            created=_when(fields.get("created_at")),
+            used=_when(fields.get("last_used_at")),
             supersedes=_names(fields.get("supersedes")),
             conflicts=_names(fields.get("conflicts_with")),
             verifier={
                 "verifier": text_field(fields, "verifier_model"),
-                "criteria": {str(k): n for k, v in criteria.items() if (n := number(v)) is not None}
-                if isinstance(criteria, Mapping)
-                else {},
+                "criteria": {str(name): n for name, v in scores.items() if (n := number(v)) is not None},
                 "reasons": [],
             },
-            ours={name: ours[name] for name in _OURS if name in ours} if isinstance(ours, Mapping) else {},
+            ours=ours if isinstance(ours, Mapping) else {},
             notes=tuple(notes),
         )
     ]
 
 
-def write_states(told: Told) -> dict[str, Any]:
+def write_states(record: Record, replaces: list[str], conflicts: list[str]) -> dict[str, Any]:
     """All fields of the layout, and under ``gvla2`` what it has no field for."""
-    record = told.record
     judged = record.outcome in ("verified_success", "verified_fail", "uncertain")
     verifier = record.verifier_json()
     return {
@@ -163,8 +124,8 @@ def write_states(told: Told) -> dict[str, Any]:
         "last_used_at": _date(record.used) if record.usage and record.used else None,
         "use_count": record.usage,
         "dedup_key": f"{record.type}:{record.id}",
-        "supersedes": list(told.replaces),
-        "conflicts_with": list(told.conflict),
+        "supersedes": replaces,
+        "conflicts_with": conflicts,
         "embedding": None,
         "verifier_score": record.quality if judged else None,
         "verifier_confidence": record.confidence if judged else None,
@@ -182,84 +143,21 @@ def write_states(told: Told) -> dict[str, Any]:
     }
 
 
-# items ----------------------------------------------------------------------------------------------------------------
-
-
 def read_items(line: Line) -> list[Entry]:
     """The records of a line, one an item; raises :class:`LineError` when it teaches nothing."""
-    fields, notes = line.fields, list[str]()
-    value = fields.get("memory_items")
-    if not isinstance(value, str | list):
-        raise LineError("'memory_items' is neither text nor a list")
+    value = line.fields.get("memory_items")
     texts: list[str] = []
-    for place, item in enumerate([value] if isinstance(value, str) else value):
+    for item in [value] if isinstance(value, str) else value if isinstance(value, list) else [None]:
         if isinstance(item, Mapping):
-            told = {name: clean(text, LONGEST_TEXT) for name, text in item.items() if isinstance(text, str)}
-            texts.append(_joined(told))
+            texts.append(_joined({name: str(text) for name, text in item.items()}))
         elif isinstance(item, str):
             cuts = [match.start() for match in _HEADING.finditer(item)][1:]
             texts += [lesson_of(item[a:b]) for a, b in zip([0, *cuts], [*cuts, len(item)], strict=True)]
         else:
-            raise LineError(f"'memory_items[{place}]' is {kind_of(item)}, neither text nor an object")
+            raise LineError("'memory_items' holds what is neither text nor an object")
     if not any(texts):
         raise LineError("'memory_items' says nothing")
-    task = text_field(fields, "task_id")
-    outcome, quality = _verdict(fields.get("status"), notes)
-    created = _when(fields, "created_at", notes)
-    return [
-        Entry(
-            key=f"{task}#{line.number}.{place}",
-            task_id=task,
-            query=text_field(fields, "query"),
-            content=text,
-            type=_type("", outcome, notes),
-            state="active" if outcome.startswith("verified") else "provisional",
-            outcome=outcome,
-            quality=quality,
-            confidence=2 * abs(quality - 0.5),
-            usage=count(fields.get("use_count")),
-            created=created,
-            notes=tuple(notes) if place == 0 else (),
-        )
-        for place, text in enumerate(texts)
-        if text
-    ]
-
-
-def write_items(told: Told) -> dict[str, Any]:
-    """One record as a task with one item."""
-    record = told.record
-    return {
-        "task_id": next(iter(record.sources()), ""),
-        "query": record.query,
-        "memory_items": [record.content],
-        "status": {"verified_success": "success", "verified_fail": "fail"}.get(record.outcome, "uncertain"),
-        "created_at": record.created,
-        "use_count": record.usage,
-    }
-
-
-def lesson_of(item: str) -> str:
-    """What an item says, a line for each of title, description and content; "" when it says nothing.
-
-    Text without such headings, a workflow or a whole trajectory, is the lesson as it stands.
-    """
-    item = clean(item, LONGEST_TEXT)
-    start = _HEADING.search(item)
-    body = _FENCE.sub("", item[start.end() :] if start else item)
-    marks = list(_FIELD.finditer(body)) if start else []
-    if not marks:
-        return body.strip()
-    ends = [mark.start() for mark in marks[1:]] + [len(body)]
-    return _joined({m[1].lower(): body[m.end() : end].strip() for m, end in zip(marks, ends, strict=True)})
-
-
-def _joined(fields: Mapping[str, str]) -> str:
-    parts = (fields.get(name, "").strip() for name in ("title", "description", "content"))
-    return "\n".join(part for part in parts if part)
-
-
-# robot ----------------------------------------------------------------------------------------------------------------
+    return _taught(line, "query", "status", [text for text in texts if text])
 
 
 def read_robot(line: Line) -> list[Entry]:
@@ -267,55 +165,63 @@ def read_robot(line: Line) -> list[Entry]:
 
     The reason of a failure is part of what was learnt: the text alone is often a recipe.
     """
+    text = text_field(line.fields, "memory_text", needed=True)
+    reason = text_field(line.fields, "failure_reason").strip()
+    failed = _verdict(line.fields.get("outcome"), [])[0] != "verified_success"
+    return _taught(line, "task_text", "outcome", [f"{text}\nFailed: {reason}" if reason and failed else text])
+
+
+def _taught(line: Line, query: str, status: str, texts: list[str]) -> list[Entry]:
+    """What a line about a whole task taught: a lesson for each text, with one verdict."""
     fields, notes = line.fields, list[str]()
     task = text_field(fields, "task_id")
-    outcome, quality = _verdict(fields.get("outcome"), notes)
-    text, reason = (
-        text_field(fields, "memory_text", needed=True),
-        text_field(fields, "failure_reason").strip(),
-    )
+    outcome, quality = _verdict(fields.get(status), notes)
     return [
         Entry(
-            key=f"{task}#{line.number}",
+            key=f"{task}#{line.number}.{place}",
             task_id=task,
-            query=text_field(fields, "task_text"),
-            content=f"{text}\nFailed: {reason}" if reason and outcome != "verified_success" else text,
+            query=text_field(fields, query),
+            content=text,
             type=_type("", outcome, notes),
             state="active" if outcome.startswith("verified") else "provisional",
             outcome=outcome,
             quality=quality,
             confidence=2 * abs(quality - 0.5),
-            notes=tuple(notes),
+            usage=count(fields.get("use_count")),
+            created=_when(fields.get("created_at")),
+            notes=tuple(notes) if place == 0 else (),
         )
+        for place, text in enumerate(texts)
     ]
 
 
-def write_robot(told: Told) -> dict[str, Any]:
-    """One task's line."""
-    record = told.record
-    return {
-        "task_id": next(iter(record.sources()), record.id),
-        "task_text": record.query,
-        "outcome": {"verified_success": "success", "verified_fail": "failure"}.get(
-            record.outcome, "uncertain"
-        ),
-        "failure_reason": None,
-        "memory_text": record.content,
-        "tags": [],
-        "embedding": None,
-    }
-
-
-LAYOUTS: Mapping[str, Layout] = MappingProxyType(
+READERS: Mapping[str, tuple[tuple[str, ...], Callable[[Line], list[Entry]]]] = MappingProxyType(
     {
-        "states": Layout("states", lambda f: "memory_id" in f and "content" in f, read_states, write_states),
-        "items": Layout("items", lambda f: "memory_items" in f, read_items, write_items),
-        "robot": Layout("robot", lambda f: "memory_text" in f and "task_text" in f, read_robot, write_robot),
+        "states": (("memory_id", "content"), read_states),
+        "items": (("memory_items",), read_items),
+        "robot": (("memory_text", "task_text"), read_robot),
     }
 )
+"""Of each layout the fields that a line of it has, and how it is read."""
 
 
-# Words and numbers ----------------------------------------------------------------------------------------------------
+def lesson_of(item: str) -> str:
+    """What an item says, a line for each of title, description and content; "" when it says nothing.
+
+    Text without such headings, a workflow or a whole trajectory, is the lesson as it stands.
+    """
+    start = _HEADING.search(item)
+    body = _FENCE.sub("", clean(item, LONGEST_TEXT)[start.end() if start else 0 :])
+    marks = list(_FIELD.finditer(body)) if start else []
+    if not marks:
+        return body.strip()
+    ends = [mark.start() for mark in marks[1:]] + [len(body)]
+    return _joined({m[1].lower(): body[m.end() : end] for m, end in zip(marks, ends, strict=True)})
+
+
+def _joined(fields: Mapping[str, str]) -> str:
+    parts = (clean(fields.get(n, ""), LONGEST_TEXT).strip() for n in ("title", "description", "content"))
+    return "\n".join(part for part in parts if part)
 
 
 def _verdict(status: object, notes: list[str]) -> tuple[Outcome, float]:
@@ -331,29 +237,21 @@ def _type(told: str, outcome: Outcome, notes: list[str]) -> RecordType:
     kind = next((known for known in TYPES if known == told), None)
     if told and kind is None:
         notes.append(f"its type '{told}' is not known")
-    if outcome == "verified_fail" and kind == "procedural_hint":
-        notes.append("a recipe from a failure is taken as something to avoid")
     if outcome == "verified_fail" and kind in (None, "procedural_hint"):
         return "failure_avoidance"
     return kind or "procedural_hint"
 
 
-def _when(fields: Mapping[str, Any], name: str, notes: list[str]) -> float | None:
+def _when(value: object) -> float | None:
     """Seconds since the epoch of a number or an ISO date (UTC where it names no zone); None if it is neither."""
-    value = fields.get(name)
-    told: object = value
     if isinstance(value, str):
         try:
             date = datetime.fromisoformat(value.strip())
             value = (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
         except (ValueError, OverflowError):
-            value = None
+            return None
     found = number(value)
-    if found is not None and 0 <= found < 4e11:
-        return found
-    if told not in (None, ""):
-        notes.append(f"'{name}' is no time")
-    return None
+    return found if found is not None and 0 <= found < 4e11 else None
 
 
 def _date(seconds: float) -> str | None:

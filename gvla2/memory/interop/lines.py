@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any
 
 from gvla2.errors import Gvla2Error, MemoryStoreError
-from gvla2.memory.records import clean
+from gvla2.memory.records import clean, load_object
 
 LONGEST_TEXT = 100_000
 """Characters of a field."""
-LONGEST_LINE = 16_000_000
-"""Bytes; a longer line is no record of a lesson."""
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 
 
@@ -53,9 +51,12 @@ def read_lines(path: Path) -> tuple[list[Line], list[Remark]]:
     remarks: list[Remark] = []
     try:
         with path.open("rb") as stream:
-            for number, raw in raw_lines(stream):
+            for number, raw in enumerate(stream, 1):
+                text = raw.removeprefix(b"\xef\xbb\xbf") if number == 1 else raw
+                if not text.strip():
+                    continue
                 try:
-                    lines.append(Line(path.name, number, parse(raw)))
+                    lines.append(Line(path.name, number, parse(text)))
                 except LineError as error:
                     remarks.append(Remark(path.name, number, str(error)))
     except OSError as error:
@@ -63,37 +64,14 @@ def read_lines(path: Path) -> tuple[list[Line], list[Remark]]:
     return lines, remarks
 
 
-def raw_lines(stream: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """The lines that say anything, numbered from 1, without the mark of byte order.
-
-    Of one that is too long, only as much is held as shows it.
-    """
-    number = 0
-    while raw := stream.readline(LONGEST_LINE + 1):
-        number += 1
-        rest = raw
-        while len(rest) > LONGEST_LINE and not rest.endswith(b"\n"):
-            rest = stream.readline(LONGEST_LINE + 1)
-        text = raw.removeprefix(b"\xef\xbb\xbf") if number == 1 else raw
-        if text.strip():
-            yield number, text
-
-
 def parse(raw: bytes) -> dict[str, Any]:
     """One JSON object; raises :class:`LineError` for anything else, NaN and infinities included."""
-    if len(raw) > LONGEST_LINE:
-        raise LineError(f"it is longer than {LONGEST_LINE} bytes")
     try:
-        data = json.loads(raw.decode(errors="surrogatepass"), parse_constant=_no_number)
+        return load_object(raw.decode(errors="surrogatepass").strip())
     except UnicodeDecodeError as error:
         raise LineError(f"it is not UTF-8 (byte {error.start})") from error
-    except ValueError as error:
-        raise LineError(f"it is no JSON: {str(error)[:100]}") from error
-    except RecursionError as error:
-        raise LineError("it is nested too deeply") from error
-    if not isinstance(data, dict):
-        raise LineError(f"it holds {kind_of(data)}, not an object")
-    return data
+    except (ValueError, RecursionError) as error:
+        raise LineError(f"it is no JSON object: {str(error)[:100]}") from error
 
 
 def to_bytes(rows: Iterable[Mapping[str, Any]]) -> bytes:
@@ -114,25 +92,8 @@ def text_field(fields: Mapping[str, Any], name: str, *, needed: bool = False) ->
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = str(value)
     if value is not None and not isinstance(value, str):
-        raise LineError(f"'{name}' is {kind_of(value)}, not text")
+        raise LineError(f"'{name}' is no text")
     text = clean(value or "", LONGEST_TEXT)
     if needed and not text.strip():
-        raise LineError(f"'{name}' is missing" if value is None else f"'{name}' is empty")
+        raise LineError(f"'{name}' is missing or empty")
     return text
-
-
-def kind_of(value: object) -> str:
-    """What a JSON value is, in words."""
-    kinds = {
-        type(None): "null",
-        bool: "true or false",
-        int: "a number",
-        float: "a number",
-        str: "text",
-        list: "a list",
-    }
-    return kinds.get(type(value), "an object")
-
-
-def _no_number(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number")

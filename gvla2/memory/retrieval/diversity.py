@@ -11,25 +11,35 @@ from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions
 
 _CONSTRAINT = TYPES.index("failure_avoidance")
+_MOST_KINDS = 6
+"""Constraints, hints, and programs of four languages: what names a fifth is passed over, so that recall is bounded."""
+_FARTHEST = 256
+"""So many rows are looked at for programs once the other places are filled."""
 
 
 def chosen(ranked: Iterable[int], candidates: Candidates, options: HybridOptions) -> list[int]:
-    """Of rows that come best first, those that fill the places for constraints and for hints, in the same order.
+    """Of rows that come best first, those that fill the places of their kind, in the same order.
 
-    A row that says the same as one taken before it is passed over.
+    Constraints, hints and the programs of each language have places of their own: a planner reads programs of one
+    language, which those of another must not crowd out. A row that says the same as one taken before is passed over.
     """
-    places = {True: options.top_k_constraints, False: options.top_k}
-    taken: dict[bool, list[int]] = {True: [], False: []}
+    constraints, programs = candidates.types == _CONSTRAINT, candidates.programs
+    places = {"constraint": options.top_k_constraints, "hint": options.top_k}
+    taken: dict[str, list[int]] = {kind: [] for kind in places}
     rows: list[int] = []
-    for row in ranked:
-        binding = bool(candidates.types[row] == _CONSTRAINT)
-        if len(taken[binding]) < places[binding] and not any(
-            _same(row, other, candidates, options) for other in taken[binding]
-        ):
-            taken[binding].append(row)
-            rows.append(row)
-        if all(len(taken[kind]) >= places[kind] for kind in places):
+    for number, row in enumerate(ranked):
+        if number >= _FARTHEST and all(len(taken[kind]) == places[kind] for kind in ("constraint", "hint")):
             break
+        kind = "constraint" if constraints[row] else "hint"
+        if programs[row]:
+            kind = f"program {(candidates.effect(row) or {}).get('language')}"
+            if kind not in taken and len(taken) == _MOST_KINDS:
+                continue
+            places[kind] = options.programs
+        others = taken.setdefault(kind, [])
+        if len(others) < places[kind] and not any(_same(row, other, candidates, options) for other in others):
+            others.append(row)
+            rows.append(row)
     return rows
 
 

@@ -44,7 +44,8 @@ class HybridOptions:
 
     Text relevance is ``lexical_weight`` x the share of the query's information that a record's words hold +
     ``cosine_weight`` x cosine, and r_text its share of the best record's. At most ``top_k`` hints are recalled, and at
-    most ``top_k_constraints`` constraints beside them: a hint must not crowd out a constraint.
+    most ``top_k_constraints`` constraints and ``programs`` programs of each language beside them: none of these must
+    crowd out another.
 
     A record is about the query when its cosine + ``words_count`` x its lexical share is at least ``min_evidence``, or
     that share alone is ``min_words``. It is reliable when its score S is at least ``min_score``. ``weights`` are the
@@ -62,6 +63,7 @@ class HybridOptions:
     cosine_weight: float = 0.4
     top_k: int = 3
     top_k_constraints: int = 3
+    programs: int = 2
     words_count: float = 0.15
     min_evidence: float = 0.32
     min_words: float = 0.6

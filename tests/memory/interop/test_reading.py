@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.interop import lines
 from gvla2.memory.interop.importing import import_path, read_path
-from gvla2.memory.interop.lines import read_lines
 from gvla2.memory.storage.store import Store
 
 GOOD = {"memory_id": "good", "content": "Hold the rim.", "state": "active", "source_status": "success"}
@@ -26,17 +24,6 @@ def test_odd_numbers_stop_nothing(tmp_path: Path, name: str, number: str):
     with Store.open(tmp_path / "m.db") as store:
         assert len(import_path(store, "b", file, now=1.8e9).added) == 2
         assert store.verify("b") == []
-
-
-def test_a_line_without_an_end_is_not_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(lines, "LONGEST_LINE", 100)
-    file = tmp_path / "m.jsonl"
-    file.write_text('{"a": 1}\n' + "x" * 1000 + '\n{"b": 2}\n')
-    found, (remark,) = read_lines(file)
-    assert [(line.number, dict(line.fields)) for line in found] == [(1, {"a": 1}), (3, {"b": 2})]
-    assert (remark.line, "longer than 100 bytes" in remark.why) == (2, True)
-    with file.open("rb") as stream:
-        assert max(len(raw) for _, raw in lines.raw_lines(stream)) <= 101
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes with names are POSIX's")

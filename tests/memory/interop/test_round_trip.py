@@ -153,19 +153,15 @@ def test_importing_again_adds_nothing(store: Store, tmp_path: Path):
     assert store.rev("b") == rev
 
 
-@pytest.mark.parametrize("layout", ["states", "items", "robot"])
-def test_each_layout_is_read_as_it_was_written(store: Store, tmp_path: Path, layout: str):
+def test_an_export_reads_back_whole(store: Store, tmp_path: Path):
     source, _ = folder(tmp_path)
     import_path(store, "b", source, trusted=True, now=NOW)
-    done = export_path(store, "b", tmp_path / "out", layout=layout)
-    assert (done.records, done.left_out) == (
-        (6, 0) if layout == "states" else (4, 2)
-    )  # archived and provisional ones
-    served = [r for r in store.records("b") if layout == "states" or r.state in ("active", "summary")]
-    assert len(import_path(store, "c", tmp_path / "out", trusted=True, now=NOW).added) == done.records
-    assert {(r.query, r.content, r.outcome) for r in store.records("c")} == {
-        (r.query, r.content, r.outcome) for r in served
-    }
+    done = export_path(store, "b", tmp_path / "out")
+    assert (done.records, done.left_out) == (6, 0)
+    assert len(import_path(store, "c", tmp_path / "out", trusted=True, now=NOW).added) == 6
+    before, after = ({(r.query, r.content, r.outcome, r.state) for r in store.records(bank)} for bank in "bc")
+    assert after == before
+    assert len(store.links("c")) == len(store.links("b")) > 0
 
 
 def test_items_and_robot_lines(store: Store, tmp_path: Path):
@@ -252,30 +248,30 @@ def test_an_unknown_layout_names_the_known_ones(store: Store, tmp_path: Path):
 # -- writing ----------------------------------------------------------------------------------------------------
 
 
-def test_an_export_replaces_nothing_unless_told(store: Store, tmp_path: Path):
+def test_an_export_replaces_nothing(store: Store, tmp_path: Path):
     source, _ = folder(tmp_path)
     import_path(store, "b", source, trusted=True, now=NOW)
     out = tmp_path / "out"
-    export_path(store, "b", out)
-    with pytest.raises(OutputError, match="overwrite=true"):
-        export_path(store, "b", out)
-    export_path(store, "b", out, states=["summary"], overwrite=True)
+    done = export_path(store, "b", out, states=["summary"])
+    assert (done.records, done.left_out) == (1, 5)
     assert (len(read(out / "summary.jsonl")), read(out / "active.jsonl")) == (1, [])
-    (out / "notes.txt").write_text("mine")
-    with pytest.raises(OutputError, match=r"notes\.txt"):
-        export_path(store, "b", out, overwrite=True)
-    with pytest.raises(OutputError, match="is a file"):
-        export_path(store, "b", out, layout="items", overwrite=True)
-    with pytest.raises(OutputError, match="Cannot write"):
-        export_path(store, "b", tmp_path / "no" / "such" / "out")
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    before = (tmp_path / "m.db").read_bytes()
+    for taken in (out, tmp_path / "m.db", tmp_path / "link", tmp_path / "loop", Path("/dev/null")):
+        with pytest.raises(OutputError, match=r"replaces nothing|Cannot write"):
+            export_path(store, "b", taken)
+    assert (tmp_path / "m.db").read_bytes() == before
+    for place in (tmp_path / "no" / "such" / "out", tmp_path / ("x" * 5000)):
+        with pytest.raises(OutputError, match="Cannot write"):
+            export_path(store, "b", place)
     assert left_aside(tmp_path) == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="limits of a process are POSIX's")
-@pytest.mark.parametrize("layout", ["states", "items"])
-def test_a_disk_that_fills_up_leaves_the_old_export(tmp_path: Path, layout: str):
+def test_a_disk_that_fills_up_leaves_nothing(tmp_path: Path):
     """The limit of a file's size stands for the full disk: the write fails half way, with real errors."""
-    target = tmp_path / ("out" if layout == "states" else "out.jsonl")
+    target = tmp_path / "out"
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(f"""
             import json, resource, signal, sys
@@ -289,19 +285,17 @@ def test_a_disk_that_fills_up_leaves_the_old_export(tmp_path: Path, layout: str)
             store = Store.open("sqlite:///" + {str(tmp_path / "m.db")!r})
             source.write_text(json.dumps(row(0)) + "\\n")
             import_path(store, "b", source, trusted=True)
-            export_path(store, "b", target, layout={layout!r})
             source.write_text("".join(json.dumps(row(i)) + "\\n" for i in range(100)))
             import_path(store, "b", source, trusted=True)
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, resource.RLIM_INFINITY))
             try:
-                export_path(store, "b", target, layout={layout!r}, overwrite=True)
+                export_path(store, "b", target)
             except OutputError as error:
                 print("refused:", error)
             """)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert "refused: Cannot write" in done.stdout, done.stderr
-    file = target / "active.jsonl" if layout == "states" else target
-    assert len(read(file)) == 1
+    assert not target.exists()
     assert left_aside(tmp_path) == []

@@ -305,6 +305,27 @@ def test_programs_whose_roles_the_things_can_fill_come_first() -> None:
     assert {r.terms["program"] for r in told_nothing} == {0.0}
 
 
+def test_programs_have_places_of_their_own_by_language() -> None:
+    acts = ("push", "lift", "turn", "slide")
+    effects = [
+        {**PROGRAM, "language": language, "steps": [act]}
+        for act in acts
+        for language in ("calls", "waypoints")
+    ]
+    words = [f"stack the cubes {word}" for word in ("slowly", "by the edge", "one by one", "from the left")]
+    bank = candidates(
+        ["stack the cubes"] * 8 + words,
+        effects=[*effects, None, None, None, None],
+        confidence=[1.0] * 8 + [0.9] * 4,
+    )
+    rows = [r.row for r in rank("stack the cubes", bank)[0]]
+    assert sorted(row % 2 for row in rows if row < 8) == [0, 0, 1, 1]
+    assert sum(row >= 8 for row in rows) == 3
+    assert not any(r.row < 8 for r in rank("stack the cubes", bank, programs=0)[0])
+    odd = [{**PROGRAM, "language": f"tongue {i}"} for i in range(40)]
+    assert len(rank("stack the cubes", candidates(["stack the cubes"] * 40, effects=odd))[0]) == 4
+
+
 def test_circumstances_do_not_hide_what_is_asked(open_bank: Any, verdicts: Any) -> None:
     bank = open_bank()
     lesson = Lesson("procedural_hint", "Tighten the clamp before gluing the handle.")
