@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gvla2.evaluation.figures import MEMORY, FigureLayout, FigureTable, make_figure_table
+from gvla2.evaluation.figures import MEMORY, TRAJECTORIES, FigureLayout, FigureTable, make_figure_table
 from gvla2.evaluation.perception.table import (
     PERCEPTION,
     PerceptionLayout,
@@ -120,9 +120,36 @@ RECONSTRUCTION = Layout(
     ),
     groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
 )
+AGENTS = Layout(
+    suite="agents",
+    title="Software agents",
+    row="memory",
+    labels={
+        "off": "no memory",
+        "semantic": "semantic",
+        "awm": "AWM",
+        "reasoning_bank": "ReasoningBank",
+        "synapse": "Synapse",
+        "governed": "KnowledgeBank",
+        "on": "KnowledgeBank",
+    },
+    reference="off",
+    measures=(
+        Measure("solved", "SR %", "higher", 1),
+        Measure("steps", "AS", "lower", 1),
+        Measure("agent_tokens", "agent tokens", "lower", 0),
+        Measure("extra_tokens", "extra tokens", "lower", 0, compared=False),
+        Measure("tokens", "tokens", "lower", 0),
+        Measure("seconds", "seconds", "lower", 1),
+        Measure("overhead", "memory s", "lower", 2, compared=False),
+        Measure("storage_kb", "storage kB", "lower", 0, compared=False),
+    ),
+    groups=("agent", "model", "verifier", "tasks", "options"),
+    pair="task",
+)
 AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout | RunLayout
 LAYOUTS: Mapping[str, AnyLayout] = {
-    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, RUNS)
+    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES, RUNS)
 }
 """The suites that can be reported."""
 

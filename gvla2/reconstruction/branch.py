@@ -120,9 +120,12 @@ def refine_geometry(
     out = branch.fused(a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
     if not paper:
         out = branch.better(out, b)
+        painted = None
         if options.appearance:
-            out = branch.told(*inset(out, views, parts.renderer))
-        out = branch.unless_refuted(out, g0)
+            out, report = inset(out, views, parts.renderer)
+            measures = report.after if report.status == "applied" else report.before
+            out, painted = branch.told(out, report), measures.get("alpha_iou")
+        out = branch.unless_refuted(out, g0, painted)
     return BranchResult(g0, a, b, out, tuple(branch.stages))
 
 
@@ -215,17 +218,20 @@ class _Branch:
         report = StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
         return self.told(replace(b, gaussians=b.gaussians, mesh=b.mesh, status=out.status), report)
 
-    def unless_refuted(self, out: Reconstruction, g0: Reconstruction) -> Reconstruction:
+    def unless_refuted(
+        self, out: Reconstruction, g0: Reconstruction, painted: float | None
+    ) -> Reconstruction:
         """The last word of the input views: what explains the masks much worse than G0 did is not kept at all.
 
-        Gaussians are judged by what they paint, a mesh without any by its silhouettes.
+        Gaussians are judged by what they paint (``painted`` if that is known), a mesh without any by its silhouettes.
         """
         if out is g0:
             return out
         began = time.perf_counter()
         if out.gaussians is not None and g0.gaussians is not None:
             judges = largest(self._views)
-            now, was = (alpha_iou(x, judges, self._parts.renderer) for x in (out.gaussians, g0.gaussians))
+            was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
+            now = alpha_iou(out.gaussians, judges, self._parts.renderer) if painted is None else painted
         else:
             now, was = self._iou(out), self._iou(g0)
         if not now < was - MUCH:

@@ -1,10 +1,11 @@
 """Depth maps as evidence with errors of their own: one joint, robust solve of what each view has wrong.
 
 Depth of view i is believed up to a smooth factor exp(B_i(u) theta_i): a scale, a tilt across the object, its relief,
-and a coarse field. The unknowns of all views are found together (scipy's least squares, Cauchy loss) from
+and a coarse field. The unknowns of all views are found together (scipy's dogleg, Cauchy loss) from
 
     r_pair   = n . (p_i - q_j) / sigma          samples of one view against planes through another's points
     r_hull   = log d - log d_front, d_back      surfaces lie within the visual hull, most of them near its front
+    r_mask   = log d - log d_cap                where another view's mask has no other surface on its ray
     r_prior  = theta / spread                   how large such errors are
 
 The noise sigma and the spread of tilts are estimated from what is left over, round by round: first with stiff terms
@@ -14,13 +15,13 @@ pixels, what a wrong pose does to depth is a tilt, a scale and a field, so that 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import minimize
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
@@ -38,6 +39,8 @@ DRAW, GAP = 0.15, 0.06
 """How strongly depth is drawn to the hull's front, from within this share of the hull's thickness."""
 GATE = 0.10
 """Largest relative distance of a pair at first."""
+STEPS = 8
+"""Steps of a solve, between two rounds of matching."""
 UNEVEN = 0.5
 """The field's knots leave at least this share of its size unexplained."""
 
@@ -56,14 +59,20 @@ class Aligned:
 
 
 def align(
-    depth: FloatArray, solid: NDArray[np.bool_], views: Views, front: FloatArray, back: FloatArray
+    depth: FloatArray,
+    solid: NDArray[np.bool_],
+    views: Views,
+    front: FloatArray,
+    back: FloatArray,
+    caps: FloatArray,
 ) -> Aligned:
     """Correct depth maps (S, H, W), metres, NaN where unknown.
 
     ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``front`` and ``back`` (S, H, W) are the depths
-    between which the visual hull lies, NaN outside it.
+    between which the visual hull lies, NaN outside it; ``caps`` (S, H, W) depths behind which no surface can begin,
+    NaN where nobody knows.
     """
-    looks = [look_at(*each) for each in zip(views, depth, solid, front, back, strict=True)]
+    looks = [look_at(*each) for each in zip(views, depth, solid, front, back, caps, strict=True)]
     size = LOW + KNOTS * KNOTS
     theta = np.zeros((len(looks), size))
     for s, look in enumerate(looks):
@@ -77,14 +86,8 @@ def align(
             looks = [None if look is None else turned(look, theta[s]) for s, look in enumerate(looks)]
         spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(size - LOW, field)])
         problem = _Problem(looks, linked(looks, theta, gate), sigma, max(pixel, sigma), spread)
-        answer = least_squares(
-            problem.residuals, theta.ravel(), problem.jacobian, loss=cast(Any, problem.loss),
-            max_nfev=6, x_scale=1 / problem.prior, ftol=1e-4, xtol=1e-5,
-        )  # fmt: skip
-        theta = answer.x.reshape(theta.shape)
-        jacobian = np.asarray(answer.jac)
-        covariance, rows = np.linalg.inv(jacobian.T @ jacobian), problem.data
-        gaps = problem.gaps(theta)
+        theta, covariance = problem.solved(theta)
+        rows, gaps = problem.rows, problem.gaps(theta)
         if len(gaps) == 0:
             break
         left = float(1.4826 * np.median(np.abs(gaps)) / np.sqrt(2))
@@ -117,10 +120,15 @@ def _corrected(
     return Aligned(corrected, std, theta)
 
 
+Rows = tuple[FloatArray, float, tuple[tuple[int, FloatArray], ...]]
+"""Residuals (N,), the square of the Cauchy loss's width, and their slopes (N, P) by the views that they are of."""
+
+
 class _Problem:
-    """Residuals of all unknowns theta (S * P,), their Jacobian and their loss.
+    """The negative log posterior of all unknowns theta (S, P), and its minimum.
 
     ``sigma`` relative noise of depth; ``edge`` relative width of the hull's surface; ``spread`` (P,) of the unknowns.
+    The solver sees them in units of their spread.
     """
 
     def __init__(
@@ -131,56 +139,60 @@ class _Problem:
         edge: float,
         spread: FloatArray,
     ) -> None:
-        self.shape = len(looks), len(spread)
         self._looks = [(s, look) for s, look in enumerate(looks) if look is not None]
         self._links, self._sigma, self._edge = links, np.sqrt(2) * sigma, edge
-        self.prior = np.tile(1 / spread, len(looks))
-        self.data = sum(len(link.which) for link in links)
-        self._hull = 2 * sum(len(look.at) for _, look in self._looks)
+        self._spread = np.tile(spread, len(looks)).reshape(len(looks), -1)
+        self.rows = sum(len(link.which) for link in links)
 
-    def residuals(self, x: FloatArray) -> FloatArray:
-        theta = x.reshape(self.shape)
-        parts = [link.gap(theta) / self._sigma for link in self._links]
-        for s, look in self._looks:
-            now = look.at + look.design @ theta[s]
-            parts += [(now - look.nearest) / self._width(look, now)]
-            parts += [np.maximum(now - look.farthest, 0) / self._edge]
-        return np.concatenate([*parts, x * self.prior])
+    def solved(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The likeliest theta near the given one, and its covariance (S P, S P)."""
+        bounds: dict[str, Any] = {"initial_trust_radius": 10.0, "max_trust_radius": 1000.0, "maxiter": STEPS}
+        answer = minimize(
+            self._cost, (theta / self._spread).ravel(), method="dogleg", jac=True, hess=self._curvature,
+            options=bounds,
+        )  # fmt: skip
+        scale = self._spread.ravel()
+        covariance = np.linalg.inv(self._curvature(answer.x)) * np.outer(scale, scale)
+        return (answer.x * scale).reshape(theta.shape), covariance
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        theta, size = x.reshape(self.shape), self.shape[1]
-        made = np.zeros((self.data + self._hull + len(x), len(x)))
-        row = 0
+    def _rows(self, theta: FloatArray) -> Iterator[Rows]:
         for link in self._links:
-            rows = slice(row, row + len(link.which))
             of_i, of_j = link.slopes(theta)
-            made[rows, link.i * size : (link.i + 1) * size] = of_i / self._sigma
-            made[rows, link.j * size : (link.j + 1) * size] = of_j / self._sigma
-            row = rows.stop
+            slopes = (link.i, of_i / self._sigma), (link.j, of_j / self._sigma)
+            yield link.gap(theta) / self._sigma, CAUCHY**2, slopes
         for s, look in self._looks:
             now = look.at + look.design @ theta[s]
-            for weight in (1 / self._width(look, now), (now > look.farthest) / self._edge):
-                made[row : row + len(now), s * size : (s + 1) * size] = weight[:, None] * look.design
-                row += len(now)
-        made[row:] = np.diag(self.prior)
-        return made
+            # Little may lie before the hull's front, much behind it.
+            behind = np.maximum(GAP * (look.farthest - look.nearest), self._edge) / DRAW
+            width = np.where(now < look.nearest, self._edge, behind)
+            yield (now - look.nearest) / width, 1.0, ((s, look.design / width[:, None]),)
+            past = np.maximum(now - look.farthest, 0) / self._edge
+            yield past, 1.0, ((s, look.design * ((past > 0) / self._edge)[:, None]),)
+            at, design, cap = look.capped
+            past = np.maximum(at + design @ theta[s] - cap, 0) / self._edge
+            yield past, 1.0, ((s, design * ((past > 0) / self._edge)[:, None]),)
 
-    def _width(self, look: Look, now: FloatArray) -> FloatArray:
-        """Relative depth that counts as one deviation: little before the hull's front, much behind it."""
-        behind = np.maximum(GAP * (look.farthest - look.nearest), self._edge) / DRAW
-        return np.where(now < look.nearest, self._edge, behind)
+    def _cost(self, z: FloatArray) -> tuple[float, FloatArray]:
+        """Cauchy for what pairs and hull say, squares for what errors are like; and the slope by z."""
+        z = z.reshape(self._spread.shape)
+        cost, slope = 0.5 * float((z * z).sum()), z.copy()
+        for r, width, slopes in self._rows(z * self._spread):
+            cost += 0.5 * width * float(np.log1p(r * r / width).sum())
+            for s, by in slopes:
+                slope[s] += self._spread[s] * ((r / (1 + r * r / width)) @ by)
+        return cost, slope.ravel()
 
-    def loss(self, z: FloatArray) -> FloatArray:
-        """Cauchy for what pairs and hull say, squares for what errors are like.
-
-        Without the second derivative each step is a reweighted least squares, which never overshoots.
-        """
-        told = self.data + self._hull
-        width = np.concatenate([np.full(self.data, CAUCHY**2), np.ones(self._hull)])
-        rho = np.stack([z, np.ones_like(z), np.zeros_like(z)])
-        rho[0, :told] = width * np.log1p(z[:told] / width)
-        rho[1, :told] = 1 / (1 + z[:told] / width)
-        return rho
+    def _curvature(self, z: FloatArray) -> FloatArray:
+        """(S P, S P) second derivative of a reweighted least squares: positive definite, so that no step overshoots."""
+        views, size = self._spread.shape
+        made = np.zeros((views, size, views, size))
+        for r, width, slopes in self._rows(z.reshape(views, size) * self._spread):
+            weight = 1 / (1 + r * r / width)
+            for s, by in slopes:
+                for t, other in slopes:
+                    made[s, :, t] += (weight[:, None] * by).T @ other
+        scale = self._spread.ravel()
+        return np.asarray(made.reshape(len(scale), -1) * np.outer(scale, scale) + np.eye(len(scale)))
 
     def gaps(self, theta: FloatArray) -> FloatArray:
         """Relative distances of all pairs."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
@@ -47,7 +48,8 @@ class Look:
     """One view's solid depth and N samples of it.
 
     ``log_depth`` (H, W) NaN where not solid; ``rays`` (H, W, 3) of depth 1; ``normals`` (H, W, 3); of the samples
-    ``pixels`` (N, 2), log depth ``at`` (N,), ``design`` (N, P), and log depth of the hull's front and back.
+    ``pixels`` (N, 2), log depth ``at`` (N,), ``design`` (N, P), and log depth of the hull's front and back. ``capped``:
+    log depth (M,), design (M, P) and log cap (M,) of the pixels behind whose cap nothing can lie.
     """
 
     camera: Camera
@@ -60,6 +62,7 @@ class Look:
     design: FloatArray
     nearest: FloatArray
     farthest: FloatArray
+    capped: tuple[FloatArray, FloatArray, FloatArray]
 
     def picked(self, image: FloatArray) -> FloatArray:
         """An image's values (N, ...) at the samples."""
@@ -76,7 +79,12 @@ class Look:
 
 
 def look_at(
-    view: View, depth: FloatArray, solid: NDArray[np.bool_], front: FloatArray, back: FloatArray
+    view: View,
+    depth: FloatArray,
+    solid: NDArray[np.bool_],
+    front: FloatArray,
+    back: FloatArray,
+    caps: FloatArray,
 ) -> Look | None:
     """A view's look; None where it shows too little of what the hull holds."""
     rows, columns = np.nonzero(solid & np.isfinite(depth) & np.isfinite(front) & np.isfinite(back))
@@ -87,6 +95,9 @@ def look_at(
     pixels, basis = np.stack([columns, rows], axis=1), Basis(depth)
     at = np.log(depth[rows, columns])
     _, rays = view.camera.rays()
+    under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
+    nearby = np.where(solid, depth, minimum_filter(np.where(np.isfinite(depth), depth, np.inf), 3))
+    below = np.log(nearby[under[:, 0], under[:, 1]])
     return Look(
         view.camera,
         basis,
@@ -98,6 +109,11 @@ def look_at(
         basis.at(pixels + 0.5, at),
         np.log(front[rows, columns]),
         np.log(back[rows, columns]),
+        (
+            below,
+            basis.at((under[:, ::-1] + 0.5).astype(float), below),
+            np.log(caps[under[:, 0], under[:, 1]]),
+        ),
     )
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, minimum_filter, uniform_filter
+from scipy.ndimage import binary_erosion, maximum_filter, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
@@ -27,6 +27,8 @@ GAP = 0.03
 """Where surfaces lie behind their hull: half of them within this share of the hull's thickness (half-Cauchy)."""
 _THROUGH = 4.0
 """Standard deviations, beside two per cent, by which a point must lie before a surface to be looked through."""
+_DOUBT, _GROSS, _FEWEST = 2.0, 0.03, 5
+"""Standard deviations behind a cap that refute a pixel; relative errors above are no noise; caps that tell at least."""
 _NODES = np.linspace(-3.0, 3.0, 25)
 
 
@@ -46,8 +48,12 @@ class DepthEvidence:
     told: str
 
 
-def gather(estimate: GeometryEstimate, views: Views, hull: Mesh) -> DepthEvidence:
+def gather(
+    estimate: GeometryEstimate, views: Views, hull: Mesh, needed: FloatArray | None = None
+) -> DepthEvidence:
     """What a prior says of the object within ``hull``, the surface of the masks' visual hull.
+
+    ``needed`` (N, 3): points that belong to the object because some mask shows nothing else there.
 
     An estimate with poses is scaled by Sim(3) between its cameras and the calibrated ones; its poses are then dropped
     (VGGT's depth times a scale is nearer to the truth than its point map), and what they had wrong is a part of each
@@ -64,6 +70,7 @@ def gather(estimate: GeometryEstimate, views: Views, hull: Mesh) -> DepthEvidenc
     jump = EDGE * float(np.linalg.norm(np.ptp(hull.vertices, axis=0)))
     rough = np.array([_first_scale(d, f) for d, f in zip(depth, front, strict=True)])
     usable = np.isfinite(rough)
+    caps = nearest_needed(np.zeros((0, 3)) if needed is None else needed, views)
     if not usable.any():
         raise GeometryError("The prior's depth and the visual hull have no pixel in common.")
     depth = np.where(usable[:, None, None], depth * rough[:, None, None], np.nan)
@@ -71,14 +78,16 @@ def gather(estimate: GeometryEstimate, views: Views, hull: Mesh) -> DepthEvidenc
         # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
         depth = depth / np.where(usable, rough, 1.0)[:, None, None]
         aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan), np.zeros((len(depth), 1)))
+        refuted = np.zeros(depth.shape, dtype=np.bool_)
     else:
-        aligned = align(depth, solid_pixels(depth, jump), views, front, back)
+        solid = solid_pixels(depth, jump)
+        aligned, refuted = doubted(align(depth, solid, views, front, back, caps), solid, caps)
     believed = _within_hull(aligned, front, back)
     rays = [view.camera.rays()[1] for view in views]
     normals = np.stack([surface_normals(d, r) for d, r in zip(believed, rays, strict=True)])
-    sight = looked_through(believed, aligned.std, views)
+    refuted |= looked_through(believed, aligned.std, views)
     with np.errstate(divide="ignore", invalid="ignore"):
-        weight = np.where(sight, 0.0, np.nan_to_num(confidence / aligned.std**2))
+        weight = np.where(refuted, 0.0, np.nan_to_num(confidence / aligned.std**2))
     if not (weight > 0).any():
         raise GeometryError("No depth of the prior agrees with another view's.")
     typical = float(np.median(weight[weight > 0]))
@@ -96,6 +105,37 @@ def hull_interval(hull: Mesh, views: Views) -> tuple[FloatArray, FloatArray]:
     missed = ~np.isfinite(front)
     front[missed], back[missed] = np.nan, np.nan
     return front, back
+
+
+def nearest_needed(needed: FloatArray, views: Views) -> FloatArray:
+    """(S, H, W) depth of the nearest of the points (N, 3) on each pixel, NaN where there is none."""
+    caps = []
+    for view in views:
+        cap = np.full((view.camera.height, view.camera.width), np.inf)
+        uv, z = view.camera.project(needed)
+        column, row = uv[view.camera.inside(uv)].astype(np.intp).T
+        np.minimum.at(cap, (row, column), z[view.camera.inside(uv)])
+        caps.append(np.where(np.isfinite(cap), cap, np.nan))
+    return np.stack(caps)
+
+
+def doubted(
+    aligned: Aligned, solid: NDArray[np.bool_], caps: FloatArray
+) -> tuple[Aligned, NDArray[np.bool_]]:
+    """Depth with the doubt that masks cast on it, and the pixels (S, H, W) that they refute.
+
+    How far a view's solid pixels still lie behind their ``caps`` is error that the views have not seen of one another:
+    it adds to the view's own. Pixels clearly behind a cap, and their neighbours, fly or belong to another surface.
+    """
+    with np.errstate(invalid="ignore"):
+        behind = np.log(aligned.depth / caps)
+        refuted = maximum_filter(behind > _DOUBT * aligned.std, (1, 3, 3))
+    std = aligned.std.copy()
+    for s, gap in enumerate(behind):
+        told = gap[solid[s] & np.isfinite(gap)]
+        if len(told) >= _FEWEST:
+            std[s] = np.hypot(std[s], np.sqrt(np.mean(np.clip(told, 0.0, _GROSS) ** 2)))
+    return replace(aligned, std=std), refuted
 
 
 def solid_pixels(depth: FloatArray, jump: float) -> NDArray[np.bool_]:

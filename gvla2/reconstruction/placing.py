@@ -71,11 +71,9 @@ def _sources(
 ) -> NDArray[np.int64]:
     """(N,) the old Gaussian whose attributes each point takes."""
     there = old.centres.astype(np.float64)
-    source = np.asarray(cKDTree(there).query(points, workers=cores())[1], dtype=np.int64)
-    if worn is None or not len(worn.faces):
-        return source
-    best = np.full(len(points), _SLANT)
-    for s in shown:
+    source, best = np.zeros(len(points), dtype=np.int64), np.full(len(points), _SLANT)
+    for s in shown if worn is not None and len(worn.faces) else ():
+        assert worn is not None
         towards = s.camera.position - points
         facing = np.einsum("nk,nk->n", across, towards) / np.linalg.norm(towards, axis=1)
         uv, seen = _visible(points, mesh, s, tolerance)
@@ -87,6 +85,9 @@ def _sources(
         _, near = cKDTree(old_uv[candidates]).query(uv[chosen], workers=cores())
         source[chosen] = candidates[near]
         best[chosen] = facing[chosen]
+    hidden = best == _SLANT
+    if hidden.any():
+        source[hidden] = cKDTree(there).query(points[hidden], workers=cores())[1]
     return source
 
 

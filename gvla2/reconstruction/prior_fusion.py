@@ -7,16 +7,44 @@ from dataclasses import replace
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.colouring import vertex_colours
-from gvla2.reconstruction.contracts import GeometryPrior, Reconstruction, StageReport
-from gvla2.reconstruction.evidence import gather
+from gvla2.reconstruction.contracts import GeometryEstimate, GeometryPrior, Reconstruction, StageReport
+from gvla2.reconstruction.evidence import DepthEvidence, gather
 from gvla2.reconstruction.placing import place
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.volume import fuse_volume
+from gvla2.reconstruction.volume import Posterior, fuse_volume
 from gvla2.reconstruction.zbuffer import depth_map
 
 STAGE = "prior"
+
+
+THIN = 0.75
+"""Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
+MENDED = 0.5
+"""Share of these points that may be left by a correction that heeds them."""
+
+
+def agreed(estimate: GeometryEstimate, seen: ViewSet, g0: Mesh | None) -> tuple[DepthEvidence, Posterior]:
+    """What a prior's depth and the views agree on.
+
+    Depth that is wrong where no other depth looks still cuts away what other views' masks show. Those points go back
+    into the correction of depth, as what it must not look through; what comes of that is kept where it leaves few of
+    them. Depth that errs cuts along the outlines; walls thinner than a voxel are cut everywhere, however right it is.
+    """
+
+    def fused(needed: FloatArray | None) -> tuple[DepthEvidence, Posterior]:
+        evidence = gather(estimate, seen.views, seen.hull_surface, needed)
+        return evidence, fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
+
+    first = fused(None)
+    needed = first[1].needed
+    rim = sum(int(((s.distance > 0) & (s.distance <= 1)).sum()) for s in seen.silhouettes)
+    if not 0 < len(needed) < THIN * rim:
+        return first
+    second = fused(needed)
+    return second if len(second[1].needed) < MENDED * len(needed) else first
 
 
 def fuse_prior(
@@ -33,8 +61,7 @@ def fuse_prior(
     if estimate is None:
         return thing, StageReport(STAGE, "skipped", "There is no geometry prior.")
     try:
-        evidence = gather(estimate, seen.views, seen.hull_surface)
-        posterior = fuse_volume(seen.hull, evidence, seen.views, thing.mesh, seen.hull_surface)
+        evidence, posterior = agreed(estimate, seen, thing.mesh)
         if not (posterior.field.values > 0).any():
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:

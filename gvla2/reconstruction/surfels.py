@@ -75,45 +75,44 @@ def turned_to(normals: FloatArray) -> NDArray[np.float32]:
 
 def _darts(points: FloatArray, distance: float) -> NDArray[np.int64]:
     """Indices of points (N, 3), taken in their order, none nearer than ``distance`` to one taken before."""
-    cells = np.floor((points - points.min(axis=0)) / distance).astype(np.int64) + 1
-    shape = cells.max(axis=0) + 2
-    keys = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
-    order = np.argsort(keys, kind="stable")
-    return _throw(points, cells, shape, keys[order], order, distance)
+    cells = np.floor((points - points.min(axis=0)) / distance).astype(np.int32)
+    table = np.full(1 << int(np.ceil(np.log2(len(points) + 1))), -1, dtype=np.int32)
+    return _throw(points, cells, distance * distance, table, np.full(len(points), -1, dtype=np.int32))
 
 
 @compiled
 def _throw(
     points: FloatArray,
-    cells: NDArray[np.int64],
-    shape: NDArray[np.int64],
-    sorted_keys: NDArray[np.int64],
-    order: NDArray[np.int64],
-    distance: float,
+    cells: NDArray[np.int32],
+    least: float,
+    table: NDArray[np.int32],
+    following: NDArray[np.int32],
 ) -> NDArray[np.int64]:
+    """``table`` holds the last point that was kept of each cell's hash, ``following`` the one kept before it."""
     kept = np.zeros(len(points), dtype=np.bool_)
+    last = len(table) - 1
     for i in range(len(points)):
         free = True
-        for dx in range(-1, 2):
-            for dy in range(-1, 2):
-                base = ((cells[i, 0] + dx) * shape[1] + cells[i, 1] + dy) * shape[2] + cells[i, 2]
-                # The three cells along z lie side by side among the keys.
-                for at in range(np.searchsorted(sorted_keys, base - 1), len(order)):
-                    if sorted_keys[at] > base + 1:
-                        break
-                    j = order[at]
-                    if kept[j]:
-                        d0, d1, d2 = (
-                            points[i, 0] - points[j, 0],
-                            points[i, 1] - points[j, 1],
-                            points[i, 2] - points[j, 2],
-                        )
-                        if d0 * d0 + d1 * d1 + d2 * d2 < distance * distance:
-                            free = False
-                            break
-                if not free:
-                    break
+        own = 0
+        for n in range(27):  # the point's own cell first: most darts fall near one of its own
+            m = (n + 13) % 27
+            x, y, z = cells[i, 0] + m // 9 - 1, cells[i, 1] + m // 3 % 3 - 1, cells[i, 2] + m % 3 - 1
+            # Two cells may share a place; the distance tells their points apart.
+            at = (x * 73856093 ^ y * 19349663 ^ z * 83492791) & last
+            own = at if n == 0 else own
+            j = table[at]
+            while j >= 0 and free:
+                across, along, up = (
+                    points[i, 0] - points[j, 0],
+                    points[i, 1] - points[j, 1],
+                    points[i, 2] - points[j, 2],
+                )
+                free = across * across + along * along + up * up >= least
+                j = following[j]
             if not free:
                 break
         kept[i] = free
+        if free:
+            following[i] = table[own]
+            table[own] = i
     return np.flatnonzero(kept)

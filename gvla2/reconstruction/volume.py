@@ -34,11 +34,13 @@ SOLID = 0.75
 @dataclass(frozen=True)
 class Posterior:
     """``field``: metres inside the object; ``confidence`` (X, Y, Z) float32: the summed weight of the depth pixels
-    that told of each voxel, 0 where the masks and G0 alone speak.
+    that told of each voxel, 0 where the masks and G0 alone speak. ``needed`` (N, 3): points that depth had cut away,
+    and some mask's ray found nothing else.
     """
 
     field: Field
     confidence: NDArray[np.float32]
+    needed: FloatArray
 
 
 def fuse_volume(
@@ -72,6 +74,7 @@ def fuse_volume(
         unseen = (confidence == 0) & (hull.values > -hull.step)
         values[unseen] = np.minimum(values, mesh_field(g0, hull, unseen))[unseen]
     front, back = hull_interval(surface, views)
+    cut = values <= 0
     for s, view in enumerate(views):
         _, rays = view.camera.rays()
         ends = np.nan_to_num(front[s]), np.nan_to_num(back[s])
@@ -86,9 +89,10 @@ def fuse_volume(
             mask_of(view),
             SOLID,
         )
+    needed = hull.points(np.argwhere(cut & (values > 0)))
     cavities = binary_fill_holes(values > 0) & (values <= 0)
     values[cavities] = hull.step
-    return Posterior(Field(values, hull.origin, hull.step), confidence)
+    return Posterior(Field(values, hull.origin, hull.step), confidence, needed)
 
 
 @compiled

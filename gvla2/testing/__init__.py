@@ -7,6 +7,7 @@ Each raises :class:`ConformanceError` with the sentence of the contract that is 
 inputs: two cubes on a table seen by ray casting, their scene, and a gantry for an arm.
 """
 
+from gvla2.testing.agent import check_agent
 from gvla2.testing.component import CHECKS, check_component
 from gvla2.testing.conformance import ConformanceError
 from gvla2.testing.inducer import check_inducer
@@ -28,6 +29,7 @@ __all__ = [
     "CHECKS",
     "ConformanceError",
     "candidates",
+    "check_agent",
     "check_axis",
     "check_component",
     "check_embedder",

@@ -109,7 +109,7 @@ class VectorStore:
         key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
         told = replace(lesson, content=clean(lesson.content, LONGEST))
         fresh = new_record(self.bank, told, "active", "own", key, episode, verdict, tx.now)
-        known = tx.by_key(key)
+        known = tx.view.by_keys(self.bank, [key]).get(key)
         if known is not None:
             return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False
         home = dump({**fresh.provenance_json(), "entry": name, "place": place})

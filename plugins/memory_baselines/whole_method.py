@@ -125,7 +125,7 @@ def _item(record: Record, similarity: float) -> MemoryItem:
         effect = None
     return MemoryItem(
         id=record.id,
-        type=record.record_type,
+        type=record.type,
         content=record.content,
         confidence=min(max(record.confidence, 0.0), 1.0),
         score=similarity,

@@ -16,10 +16,10 @@ import numpy as np
 
 from gvla2.evaluation.datasets import open_dataset
 from gvla2.evaluation.metrics import Truth, cd_surface
-from gvla2.evaluation.protocol import cache_folder
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, mesh_of
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.writing import cache_folder
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned, sensor
 
 CLEAN = {"global_scale": 0.0, "low_frequency": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
@@ -65,9 +65,8 @@ def prepared(item, dataset):
 
 
 def main() -> None:
-    from gvla2.reconstruction.carving import hull_field
-    from gvla2.reconstruction.evidence import gather
-    from gvla2.reconstruction.volume import fuse_volume
+    from gvla2.reconstruction.prior_fusion import agreed
+    from gvla2.reconstruction.view_set import ViewSet
 
     parser = argparse.ArgumentParser()
     parser.add_argument("noises", nargs="*", default=["low1"])
@@ -94,10 +93,7 @@ def main() -> None:
                 elif row == "tsdf":
                     made = aligned_tsdf(views, prior)
                 else:
-                    hull = hull_field(views)
-                    shape = mesh_of(hull)
-                    post = fuse_volume(hull, gather(prior, views, shape), views, g0.mesh, shape)
-                    made = mesh_of(post.field)
+                    made = mesh_of(agreed(prior, ViewSet(views), g0.mesh)[1].field)
                 spent = time.perf_counter() - began
                 found[row] = cd(made, truth) if made is not None and len(made.faces) else found["g0"]
             table.append(list(found.values()))
