@@ -16,7 +16,7 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import ExecutionListener, Judgement
+from gvla2.robot.backend import ExecutionListener, Judgement, Moment
 from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
@@ -107,6 +107,7 @@ class SapienArm:
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
             view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
+            listener.moment(Moment(world.time, world.joints.copy(), world.gripper_width))
             listener.frame(self._look([view])[0].image)
 
         driver = SapienDriver(world, self._config, self._arm.hand.max_width, film)
