@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.perception.options import NamingOptions
 
 if TYPE_CHECKING:
     from gvla2.planning.contracts import Perceiver
 
 
 @dataclass
-class ClassicalConfig(ComponentConfig):
+class ClassicalConfig(NamingOptions, ComponentConfig):
     """Options of the ``classical`` perceiver. Lengths in metres.
 
     ``plane_tolerance``: how far a point of the table top may lie off its plane while the plane is searched.
@@ -22,7 +23,7 @@ class ClassicalConfig(ComponentConfig):
     not believed. ``jump``: neighbouring pixels further apart than this lie on different surfaces.
     ``colour_step``: neighbouring pixels whose looks differ by more (see ``gvla2.planning.colours``) are of
     different things. ``gap``: free space of this height under a thing means that it does not stand on the table.
-    ``seed``: of the search for the table plane.
+    ``seed``: of the search for the table plane. Names of known objects: see :class:`NamingOptions`.
     """
 
     plane_tolerance: float = 0.006

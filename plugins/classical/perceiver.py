@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation
+from gvla2.perception.labels import labelled
+from gvla2.perception.options import labellers
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
@@ -61,6 +63,7 @@ class ClassicalPerceiver:
                 "must be positive, min_points at least 4, robot_margin at least 0."
             )
         self._config = config
+        self._labellers = labellers(config)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.
@@ -86,7 +89,8 @@ class ClassicalPerceiver:
         world, lost = _inside(world, workspace)
         ordered, new_id = _numbered(world)
         notes += lost + _carried_notes(things, new_id)
-        return Scene(ordered, table.height, workspace, "classical", tuple(notes))
+        scene = Scene(ordered, table.height, workspace, "classical", tuple(notes))
+        return labelled(scene, observation, self._labellers)
 
     def _find(
         self, frames: Sequence[Frame], table: Table, workspace: Box, hand: FloatArray
