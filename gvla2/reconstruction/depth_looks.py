@@ -97,7 +97,7 @@ def look_at(
     _, rays = view.camera.rays()
     under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
     nearby = np.where(solid, depth, minimum_filter(np.where(np.isfinite(depth), depth, np.inf), 3))
-    below = np.log(nearby[under[:, 0], under[:, 1]])
+    below: FloatArray = np.log(nearby[under[:, 0], under[:, 1]].astype(np.float64))
     return Look(
         view.camera,
         basis,

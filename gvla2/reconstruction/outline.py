@@ -73,7 +73,7 @@ def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
     taken = counts > 0
     if not taken.any():
         return _LEAST_RADIUS
-    core = binary_erosion(taken, np.ones((3, 3)))
+    core = binary_erosion(taken, np.ones((3, 3), dtype=np.bool_))
     many = core.sum() >= 8
     per_cell = np.percentile(counts[core], 5) if many else counts[taken].mean()
     density = max(float(per_cell), 1.0) / _CELL**2
