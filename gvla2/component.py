@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -15,8 +15,11 @@ class ComponentConfig:
     """Base of a component's configuration: each further field is one Hydra option, typed and checked.
 
     Fields hold what OmegaConf can: numbers, strings, booleans, enums, lists, dicts, nested dataclasses.
+    ``required`` names options whose default does not work: a bench over all components leaves such a component out.
     ``name`` is the name that the component was chosen by; the bridge to Hydra fills it in.
     """
+
+    required: ClassVar[tuple[str, ...]] = ()
 
     name: str = ""
 

@@ -87,7 +87,8 @@ class EpisodeRequest:
 
     A program may take ``max_parts`` plans. After an attempt that the verifier is sure has failed there are up to
     ``replan`` further ones. A planner that does not answer within ``planner_timeout`` seconds ends the episode, unless
-    there is a fallback; 0 waits for ever.
+    there is a fallback; 0 waits for ever. With ``agreement`` the fallback is asked in any case, and where the two do
+    not mean the same the one that is sure decides (:mod:`gvla2.loop.consulting`).
     """
 
     seed: int
@@ -97,6 +98,7 @@ class EpisodeRequest:
     replan: int = 0
     planner_timeout: float = 60.0
     max_parts: int = 6
+    agreement: bool = False
 
 
 class EpisodeListener(Protocol):
@@ -273,7 +275,9 @@ def _observe(
         )
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
     noise = np.random.default_rng([request.seed, 2 * _looks(record)])
-    return replace(record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise))
+    return replace(
+        record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed)
+    )
 
 
 def _looks(record: EpisodeRecord) -> int:
@@ -312,7 +316,8 @@ def _consultation(record: EpisodeRecord, parts: Parts, request: EpisodeRequest) 
         first = Asked(f"{name}, part {len(record.whole)}", rest_of_program(record))
     elif parts.fallback is not None:
         fallback = Asked(other, parts.fallback)
-    return Consultation(first, fallback, request.planner_timeout, parts.robot.arm, parts.skills)
+    seconds, arm = request.planner_timeout, parts.robot.arm
+    return Consultation(first, fallback, seconds, arm, parts.skills, request.agreement)
 
 
 def _execute(
@@ -335,7 +340,7 @@ def _execute(
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
         noise = np.random.default_rng([request.seed, 2 * _looks(record) + 1])
-        after = apply_noise(parts.robot.observe(), request.depth_noise, noise)
+        after = apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed)
         scene = parts.perceiver.perceive(after, record.instruction, parts.robot.arm.workspace)
         return replace(record, after=after, after_scene=scene)
     except SimulationError as error:

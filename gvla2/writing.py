@@ -1,4 +1,4 @@
-"""Writing a file so that it is there whole or not at all."""
+"""Writing a file so that it is there whole or not at all, and where what can be made again is kept."""
 
 from __future__ import annotations
 
@@ -40,3 +40,12 @@ def _mode_of_new_files() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return 0o666 & ~mask
+
+
+def cache_folder() -> Path:
+    """Where rendered views, weights and decompositions are kept: ``GVLA2_CACHE``, else ``gvla2`` in the XDG cache."""
+    own = os.environ.get("GVLA2_CACHE")
+    if own:
+        return Path(own).expanduser()
+    shared = os.environ.get("XDG_CACHE_HOME")
+    return (Path(shared) if shared else Path.home() / ".cache") / "gvla2"

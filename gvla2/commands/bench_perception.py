@@ -80,10 +80,12 @@ def _known(results: Results, keys: Sequence[str]) -> dict[str, list[Cell]]:
 
 
 def chosen_tasks(config: BenchConfig, registry: Registry) -> list[str]:
-    """The tasks by name, each once; all by default. Raises for one that is not there."""
+    """The tasks by name, each once; by default all that need no option. Raises for one that is not there."""
     for name in config.tasks:
         registry.get("task", name)
-    return list(dict.fromkeys(config.tasks or [n for n in registry.components("task") if n != "none"]))
+    tasks = registry.components("task").items()
+    whole = [name for name, task in tasks if name != "none" and not task.config.required]
+    return list(dict.fromkeys(config.tasks or whole))
 
 
 def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: str) -> dict[str, Any]:

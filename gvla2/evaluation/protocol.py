@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError, OutputError
-from gvla2.evaluation.textured_mesh import TexturedMesh, read_textured_mesh
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
-from gvla2.writing import write_whole
+from gvla2.writing import cache_folder, write_whole
 
 VERSION = "gso30-views-1"
 """Changes whenever a rendered view would: it is part of the cache's keys and of a bench's results."""
@@ -52,15 +52,6 @@ class ObjectViews:
     inputs: Views
     targets: Views
     mesh: Mesh | None
-
-
-def cache_folder() -> Path:
-    """Where rendered views and weights are kept: ``GVLA2_CACHE``, else ``gvla2`` in the XDG cache folder."""
-    own = os.environ.get("GVLA2_CACHE")
-    if own:
-        return Path(own).expanduser()
-    shared = os.environ.get("XDG_CACHE_HOME")
-    return (Path(shared) if shared else Path.home() / ".cache") / "gvla2"
 
 
 def protocol_cameras(name: str, size: int = SIZE) -> tuple[Camera, ...]:

@@ -11,9 +11,9 @@ from embreex.rtcore import EmbreeDevice
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from gvla2.evaluation.textured_mesh import TexturedMesh
 from gvla2.evaluation.texturing import paint
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.textured_mesh import TexturedMesh
 from gvla2.geometry.transform import transform_points
 from gvla2.geometry.views import View
 

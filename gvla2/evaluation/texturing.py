@@ -17,7 +17,7 @@ def paint(
 
     ``faces`` (N,), ``us`` and ``vs`` (N,) barycentric coordinates of corners 1 and 2, ``pixels`` (N,) rows of
     ``sums`` (P, 4); ``shades`` (F,); ``uv`` (F, 3, 2), ``rgb`` (F, 3, 3), ``texture`` (F,) as in
-    :class:`gvla2.evaluation.textured_mesh.TexturedMesh`; ``texels`` all images in a row, ``images`` (I, 3) each
+    :class:`gvla2.geometry.textured_mesh.TexturedMesh`; ``texels`` all images in a row, ``images`` (I, 3) each
     one's start, height and width. Bilinear between texel centres, which lie at ((i + .5) / W, 1 - (j + .5) / H);
     coordinates outside [0, 1] repeat the image.
     """

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.texture import Texture
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
 
 AMBIENT = 0.55
@@ -37,7 +38,8 @@ class Surface:
 
     ``vertices`` (V, 3) in metres, in the surface's own frame; ``faces`` (F, 3) vertex indices; ``rgb`` (3,) or
     (F, 3) in [0, 1]; ``id`` is what the identity image shows, >= 0, and need not be unique (the links of one
-    robot may share it). F = 0 is allowed and never hit, nor are faces without area.
+    robot may share it). F = 0 is allowed and never hit, nor are faces without area. ``texture`` multiplies the
+    faces' colours.
     Raises :class:`GeometryError` for wrong shapes, non-finite vertices, or faces that name absent vertices.
     """
 
@@ -45,6 +47,7 @@ class Surface:
     faces: NDArray[np.int64]
     rgb: FloatArray
     id: int
+    texture: Texture | None = None
 
     def __post_init__(self) -> None:
         vertices = np.asarray(self.vertices, dtype=np.float64)
@@ -68,6 +71,8 @@ class Surface:
             raise GeometryError(f"{what}: rgb must be (3,) or (F, 3) in [0, 1], got shape {rgb.shape}.")
         if self.id < 0:
             raise GeometryError(f"Surface id {self.id}: ids start at 0, -1 stands for the background.")
+        if self.texture is not None and len(self.texture.uv) != len(faces):
+            raise GeometryError(f"{what}: {len(faces)} faces but a texture of {len(self.texture.uv)}.")
         for name, value in (("vertices", vertices), ("faces", faces), ("rgb", rgb)):
             object.__setattr__(self, name, value)
 
@@ -156,10 +161,41 @@ class RayCaster:
                     face[rows],
                     self._first_faces[index],
                 )
-        colours = np.vstack([self._shade(camera, normals, offsets), self._background])
+        shades = self._shades(camera, normals, offsets)
+        colours = np.vstack([_as_bytes(self._rgb * shades[:, None]), self._background])
         ids = np.append(self._ids, np.int32(-1))
         depth[np.isinf(depth)] = np.nan
-        return RayImage(np.take(colours, hits, axis=0), depth, np.take(ids, hits))
+        image = np.take(colours, hits, axis=0)
+        for index, pose in enumerate(poses):
+            self._paint(index, pose, camera, image, depth, hits, shades)
+        return RayImage(image, depth, np.take(ids, hits))
+
+    def _paint(
+        self,
+        index: int,
+        pose: FloatArray,
+        camera: Camera,
+        image: NDArray[np.uint8],
+        depth: NDArray[np.float32],
+        hits: NDArray[np.int64],
+        shades: NDArray[np.float32],
+    ) -> None:
+        """Colour the pixels of ``image`` that show the textured surface ``index``, posed at ``pose`` (4, 4)."""
+        surface, first = self._surfaces[index], self._first_faces[index]
+        if surface.texture is None:
+            return
+        rows, columns = np.nonzero((hits >= first) & (hits < first + len(surface.faces)))
+        if len(rows) == 0:
+            return
+        distance = depth[rows, columns].astype(np.float64)
+        pixels = np.column_stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
+        points = transform_points(
+            camera.world_from_camera, pixels @ np.linalg.inv(camera.K).T * distance[:, None]
+        )
+        faces = hits[rows, columns] - first
+        weights = _barycentric(surface, faces, transform_points(invert_rigid(pose), points))
+        seen = surface.texture.at(faces, weights, distance / camera.K[0, 0])
+        image[rows, columns] = _as_bytes(self._rgb[first + faces] * seen * shades[first + faces][:, None])
 
     def _pose_planes(self, poses: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """The faces' planes in the world: unit normals n (F, 3) and offsets n . x (F,)."""
@@ -169,13 +205,24 @@ class RayCaster:
             offsets[start:stop] = self._plane_offsets[start:stop] + normals[start:stop] @ pose[:3, 3]
         return normals, offsets
 
-    def _shade(self, camera: Camera, normals: FloatArray, offsets: FloatArray) -> NDArray[np.uint8]:
-        """(F, 3) colours of whole faces; the side that faces the camera counts, however a face is wound."""
+    def _shades(self, camera: Camera, normals: FloatArray, offsets: FloatArray) -> NDArray[np.float32]:
+        """(F,) brightness of faces; the side that faces the camera counts, however a face is wound."""
         seen_from_front = normals @ camera.position >= offsets
         sky = 0.5 + 0.5 * np.where(seen_from_front, normals[:, 2], -normals[:, 2])
         headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
         light = HEADLIGHT * headlight + SKY * sky
-        return _as_bytes(self._rgb * (AMBIENT + (1 - AMBIENT) * light.astype(np.float32))[:, None])
+        return np.asarray(AMBIENT + (1 - AMBIENT) * light, dtype=np.float32)
+
+
+def _barycentric(surface: Surface, faces: NDArray[np.int64], points: FloatArray) -> FloatArray:
+    """(N, 3) weights of the corners of ``faces`` (N,) at ``points`` (N, 3) on them, the surface's frame."""
+    a, b, c = (surface.vertices[surface.faces[faces, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    area = np.maximum(np.einsum("ij,ij->i", normal, normal), 1e-30)
+    second = np.einsum("ij,ij->i", np.cross(points - a, c - a), normal) / area
+    third = np.einsum("ij,ij->i", np.cross(b - a, points - a), normal) / area
+    weights = np.clip(np.stack([1 - second - third, second, third], axis=1), 0.0, 1.0)
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def _as_bytes(rgb: NDArray[np.floating]) -> NDArray[np.uint8]:

@@ -2,6 +2,9 @@
 
 A planner that fails (no answer, no plan, rejected twice) or declines for want of means may be followed by another one.
 That is never silent: the plan names who stepped in, and a note says why.
+
+With ``agreement`` the fallback planner is asked about every instruction. Where both mean the same the planner's plan is
+taken; where they do not, the one of them that is sure decides; where neither is, nothing is done.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from gvla2.loop.advice import advice_for
 from gvla2.loop.checking import check_plan
 from gvla2.planning.arm import Arm
 from gvla2.planning.asking import ask
-from gvla2.planning.contracts import Plan, Planner, PlanRequest
+from gvla2.planning.contracts import Abstention, Plan, Planner, PlanRequest
 from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.skills.skill import Skill
@@ -36,13 +39,14 @@ class Asked:
 
 @dataclass(frozen=True)
 class Consultation:
-    """Whom to ask, for how many seconds each (0: for ever), and for which arm and skills."""
+    """Whom to ask (``agreement``: always both), for how many seconds each (0: for ever), for which arm and skills."""
 
     first: Asked
     fallback: Asked | None
     seconds: float
     arm: Arm
     skills: Mapping[str, Skill]
+    agreement: bool = False
 
     def plan(self, record: EpisodeRecord) -> EpisodeRecord:
         """The record with a plan; an abstention that stands is its failure.
@@ -56,6 +60,8 @@ class Consultation:
             if self.fallback is None:
                 raise
             record = self._stepped_in(record, self.fallback, f"failed: {error}")
+        if self.agreement and self.fallback is not None and not self._is_out(record):
+            record = self._compared(record, self.fallback)
         plan = record.plan
         assert plan is not None
         gave_way = plan.abstention is not None and plan.abstention.kind in GIVES_WAY
@@ -72,6 +78,31 @@ class Consultation:
         if plan.abstention is not None:
             return replace(record, failure=Failure("plan", plan.abstention.kind, plan.abstention.message))
         return record
+
+    def _compared(self, record: EpisodeRecord, fallback: Asked) -> EpisodeRecord:
+        """The record with what the two planners come to: see the module. One that gives way leaves the other's plan."""
+        plan = record.plan
+        assert plan is not None
+        try:
+            other = self._ask(record, fallback)
+        except _FAILED as error:
+            return _noted(record, f"The fallback planner was to agree, and failed: {error}")
+        refusal = other.abstention
+        if (refusal is not None and refusal.kind in GIVES_WAY) or _alike(plan, other):
+            return record
+        if plan.abstention is not None and plan.abstention.kind not in GIVES_WAY and not other.sure:
+            return record  # a refusal for good needs no second voice
+        if refusal is not None or other.sure or plan.abstention is not None:
+            said = f"refused ({refusal.kind})" if refusal is not None else f"planned to {other.skill}"
+            record = _noted(
+                record,
+                f"The planner '{self.first.name}' and '{fallback.name}' disagree; the latter {said} and decided.",
+            )
+            transcript = (*plan.transcript, *other.transcript)
+            return replace(record, plan=replace(other, fallback=fallback.name, transcript=transcript))
+        words = f"'{self.first.name}' would {plan.skill}, '{fallback.name}' would {other.skill}, of other things or so."
+        disagree = Abstention("ambiguous", f"The two planners read the instruction differently: {words}")
+        return replace(record, plan=replace(plan, trajectory=None, abstention=disagree))
 
     def check(self, record: EpisodeRecord) -> EpisodeRecord:
         """Check the plan; on findings repair it, ask its planner once more with them, then the fallback."""
@@ -184,6 +215,14 @@ class Consultation:
             rejected=rejected,
         )
         return ask(asked.planner, request, asked.name, self.seconds)
+
+
+def _alike(plan: Plan, other: Plan) -> bool:
+    """Whether two plans do the same to the same things, in this part and those that come after it."""
+    if plan.abstention is not None or other.abstention is not None:
+        return False
+    ends = [[p.roles.get(role, "") for role in ("theme", "goal")] for p in (plan, other)]
+    return plan.skill == other.skill and ends[0] == ends[1] and len(plan.remaining) == len(other.remaining)
 
 
 def _noted(record: EpisodeRecord, note: str) -> EpisodeRecord:

@@ -20,6 +20,7 @@ from uuid import uuid4
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
+    ChoosingEmbedder,
     Consolidator,
     Embedder,
     Inducer,
@@ -66,10 +67,11 @@ class KnowledgeBank:
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already and is
     closed with the bank; "" is the user's own memory. It is created where there is none. By default it ranks by
-    words, vectors, quality and geometry, and induces lessons by rules. ``verifier`` is who judges stored episodes
-    again, ``judge`` who decides whether texts that are suspected of it contradict each other, ``writer`` who merges
-    lessons in words of his own (rules sum up without him); ``clock`` gives seconds since the epoch. Waits for other
-    processes at most ``busy_seconds`` at a time.
+    words, vectors, quality and geometry, and induces lessons by rules. Texts are embedded by the static table unless an
+    ``embedder`` is named; vectors of another model than that one are then replaced, once. ``verifier`` is who judges
+    stored episodes again, ``judge`` who decides whether texts that are suspected of it contradict each other,
+    ``writer`` who merges lessons in words of his own (rules sum up without him); ``clock`` gives seconds since the
+    epoch. Waits for other processes at most ``busy_seconds`` at a time.
 
     Its methods raise :class:`~gvla2.errors.MemoryStoreError` when the store cannot be used; the plugin that offers
     it as a memory turns that into a degraded answer. Options that cannot be raise
@@ -95,14 +97,19 @@ class KnowledgeBank:
         self.options = options or BankOptions()
         self.options.check()
         self._clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
-        self._embedder = embedder or StaticEmbedder()
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
         if not isinstance(address, Store):
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
         self._store = address
-        self._index = Index(self._store, bank, self._embedder)
+        if isinstance(embedder, ChoosingEmbedder):
+            with self._store.reading() as view:
+                embedder = embedder.for_bank(view.model(bank))
+            self._embedder, named = embedder, False
+        else:
+            self._embedder, named = embedder or StaticEmbedder(), embedder is not None
+        self._index = Index(self._store, bank, self._embedder, replace=named)
         self._inducer = inducer
         self._lock = threading.RLock()
 
@@ -120,6 +127,7 @@ class KnowledgeBank:
         """The most reliable records for the task, or none with the reason."""
         with self._lock:
             self._index.refresh()
+            self._index.keep()
             candidates = self._index.candidates(self._shown(), now=self._clock())
             return recall(_task(task), candidates, self._retriever, self._embedder, self.options, self.bank)
 
@@ -286,6 +294,7 @@ class KnowledgeBank:
         """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
         with self._lock:
             self._index.refresh()
+            self._index.keep()
             states = (*SERVED, "provisional") if provisional else self._shown()
             served, found = (self._index.candidates(s, now=self._clock()) for s in (self._shown(), states))
             return search(_task(text), served, found, self._retriever, self._embedder, k)

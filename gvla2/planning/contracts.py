@@ -99,7 +99,8 @@ class Plan:
 
     A plan may be one part of a longer program: ``calls`` are the skill calls that this trajectory carries out,
     ``remaining`` those that come after the robot has looked again, planned with ``options``. ``program`` is what the
-    planner meant, in its own language, as memory keeps it of a success.
+    planner meant, in its own language, as memory keeps it of a success. ``sure`` says that the planner read the
+    instruction by rules that decline what they do not read with certainty; a language model is never sure.
     """
 
     trajectory: Trajectory | None
@@ -116,6 +117,7 @@ class Plan:
     remaining: tuple[SkillCall, ...] = ()
     options: SkillOptions = field(default_factory=SkillOptions)
     program: Program | None = None
+    sure: bool = False
 
 
 class Planner(Protocol):

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.mesh import Mesh
-from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.transform import FloatArray, transform_points
 
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
@@ -47,6 +46,8 @@ class KnownShape:
 
     def mesh(self) -> Mesh:
         """The whole scan in the world frame, also where no camera saw it; raises :class:`GeometryError`."""
+        from gvla2.geometry.mesh_files import read_mesh  # scenes are read without trimesh, too
+
         scan = read_mesh(self.path)
         return scan.with_vertices(transform_points(self.world_from_scan, self.scale * scan.vertices))
 

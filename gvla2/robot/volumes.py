@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.robot.task import Body, Primitive
+from gvla2.robot.scan import Scan
+from gvla2.robot.task import Body, Solid
 
 _ROUND_SIDES = 24
 
@@ -34,7 +35,7 @@ class Volume:
     def meets(self, body: Body, world_from_body: FloatArray) -> bool:
         """Whether any solid of a body, at its pose (4, 4), shares a point with the volume.
 
-        Round solids count as prisms of 24 sides, which stay within 1 % of them.
+        Round solids count as prisms of 24 sides, which stay within 1 % of them, meshes as their bounding boxes.
         """
         mine = _solid_of("cylinder" if self.round else "box", self.world_from_volume, self.size)
         return any(
@@ -58,7 +59,7 @@ class _Solid:
 def _solid_of(kind: str, pose: FloatArray, size: tuple[float, float, float]) -> _Solid:
     half = 0.5 * np.asarray(size)
     axes = pose[:3, :3].T
-    if kind == "box":
+    if kind in ("box", "mesh"):
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return _Solid(transform_points(pose, signs * half), axes, axes)
     # A prism between the inscribed and the circumscribed one; spheres too, which here only need their extent.
@@ -86,10 +87,30 @@ def _overlap(one: _Solid, other: _Solid) -> bool:
     return not bool(apart.any())
 
 
-def extent(solids: tuple[Primitive, ...]) -> tuple[FloatArray, FloatArray]:
+def lowest(solid: Solid, world_from_body: FloatArray) -> float:
+    """World z of a solid's lowest point with its body at ``world_from_body`` (4, 4), metres (round: their box)."""
+    if isinstance(solid, Scan):
+        return solid.lowest(world_from_body)
+    pose = world_from_body @ solid.body_from_shape
+    half = 0.5 * np.asarray(solid.size)
+    below = half[0] if solid.kind == "sphere" else float(np.abs(pose[2, :3]) @ half)
+    return float(pose[2, 3]) - float(below)
+
+
+def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest corner (3,) of solids together, in their body's frame, metres."""
     corners = []
     for solid in solids:
         half = np.abs(solid.body_from_shape[:3, :3]) @ (0.5 * np.asarray(solid.size))
         corners += [solid.body_from_shape[:3, 3] - half, solid.body_from_shape[:3, 3] + half]
     return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def body_points(body: Body, world_from_body: FloatArray) -> FloatArray:
+    """(N, 3) world points whose convex hull holds the body at its pose (4, 4); round solids by their boxes."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    points = []
+    for solid in body.solids:
+        local = solid.hull if isinstance(solid, Scan) else 0.5 * signs * np.asarray(solid.size)
+        points.append(transform_points(world_from_body @ solid.body_from_shape, local))
+    return np.concatenate(points)

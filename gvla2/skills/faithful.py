@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.colours import FAMILIES, colour_words, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.mentions import asked, mentions, misread, noun_of, undoable
 from gvla2.skills.parts import root_of
 
 SELECTING = frozenset(
@@ -21,14 +22,22 @@ SELECTING = frozenset(
     "every one top bottom outer inner".split()
 )
 """Words that may tell things of one kind apart, or say that it does not matter."""
+OTHER = re.compile(r"\b(?:the other|another|that|this) one\b")
 EXCLUDING = frozenset(
     "except excluding not dont don doesn didn shouldn mustn without neither nor unless never only but leave keep "
     "instead rather if".split()
 )
 """Words by which a wish rules something out or makes it depend, which small models read past."""
+HARMLESS = re.compile(
+    r"\bif (?:you (?:can|could|would|don't mind|please|like|want)|possible|needed)\b|\bwithout \w+ing\b"
+    r"|\b(?:leave|keep) (?:it|them) (?:on|in|at|up|there|beside|next|onto|into|inside|behind)\b|\bif i may\b"
+)
+"""Wordings with such words that rule nothing out; how a motion is not to be, the checks see to."""
+UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
+PUT = ("place", "insert", "push", "twist", "close", "draw")
 ACTS = {
     "push": ("push", "press"),
-    "slide": ("push", "insert", "pull"),
+    "slide": ("push", "insert", "pull", "draw"),
     "shove": ("push",),
     "press": ("press",),
     "unscrew": ("twist", "open"),
@@ -36,8 +45,10 @@ ACTS = {
     "close": ("close",),
     "shut": ("close",),
     "open": ("open", "twist", "pull"),
+    **dict.fromkeys(("put", "place", "lay", "set", "stack"), PUT),
 }
 """Verbs that say by which skill, where a program might do the like by another."""
+TAKEN_THERE = re.compile(r"\b(?:move|bring|carry|transfer|take|get)\b[^.;]*\b(?:onto|into)\b")
 NEAR = 0.015
 """Things whose boxes are no farther apart touch, metres."""
 
@@ -66,18 +77,22 @@ class Named:
 
 def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> list[Named]:
     """The colours, parts and things that the words of a wish name; a thing stands for its parts and its whole."""
-    words = set(re.findall(r"[a-z]+", instruction.casefold()))
+    words = set(re.findall(r"[a-z]+", asked(instruction)))
     found = [
         Named(f"The task says to {verb}.", frozenset(), skills=frozenset(acts))
         for verb, acts in ACTS.items()
         if verb in words
     ]
+    if UNLIFTED.search(instruction.casefold()):
+        found.append(Named("The task says not to lift it.", frozenset(), skills=frozenset(("push", "pull"))))
+    if TAKEN_THERE.search(asked(instruction)):
+        found.append(Named("The task says where it goes.", frozenset(), skills=frozenset(PUT)))
     for colour in _meant(instruction, scene):
         if bearers := [o for o in scene.objects if o.colour == colour]:
             listed = " or ".join(names[o.id] for o in bearers)
             found.append(Named(f"The task names something {colour}: {listed}.", _kin(bearers, scene, names)))
-    for noun in sorted({_noun(o) for o in scene.objects} & words):
-        alike = [o for o in scene.objects if _noun(o) == noun]
+    for noun in sorted({noun_of(o) for o in scene.objects} & words):
+        alike = [o for o in scene.objects if noun_of(o) == noun]
         if all(o.parent for o in alike):
             listed = " or ".join(names[o.id] for o in alike)
             found.append(Named(f"The task names {listed}.", frozenset(names[o.id] for o in alike)))
@@ -89,22 +104,23 @@ def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> li
 def doubts(
     calls: Sequence[SkillCall], instruction: str, scene: Scene, names: Mapping[str, str]
 ) -> list[Named]:
-    """What the wish names and no call is about, but for where the thing is taken from; and, last, a goal that is
-    named before what goes there.
+    """What the wish names and no call is about, but for where the thing is taken from; and, last, that something else
+    is moved than what the wish speaks of as moved.
     """
     about = {names[i] for call in calls for i in _beside(call.theme, scene)}
     found = [
         n for n in named_things(instruction, scene, names) if not n.met(calls, names) and not n.about & about
     ]
-    if len(calls) == 1 and calls[0].goal:
-        theme, goal = scene[calls[0].theme], scene[calls[0].goal]
-        first, second = _named_at(theme, scene, instruction), _named_at(goal, scene, instruction)
-        if 0 <= second < first and goal.shape != "region":
-            name = names[goal.id]
-            found.append(
-                Named(f"{name} is named first: it goes to {names[theme.id]}.", frozenset({name}), True)
-            )
+    why, wanted = misread(calls, instruction, scene)
+    if why:
+        moved = frozenset(names[o.id] for o in scene.objects if root_of(o, scene).id in wanted)
+        found.append(Named(why, moved, True))
     return found
+
+
+def theme_held(call: SkillCall, scene: Scene, names: Mapping[str, str]) -> Named:
+    """What keeps the thing that is moved, its parts and its whole, where only the rest of a program is doubtful."""
+    return Named("", _kin([scene[call.theme]], scene, names), handled=True)
 
 
 def colour_absent(instruction: str, scene: Scene) -> str:
@@ -122,14 +138,24 @@ def colour_absent(instruction: str, scene: Scene) -> str:
     return ""
 
 
+def may_mean(skill: str, instruction: str) -> bool:
+    """Whether the verbs of a wish leave room for a skill; they do where none of them says by which."""
+    said = [acts for verb, acts in ACTS.items() if verb in asked(instruction).split()]
+    return all(skill in acts for acts in said)
+
+
 def ruled_out(instruction: str) -> str:
     """The first word of a wish that rules something out, "" where there is none."""
-    words = re.findall(r"[a-z]+", instruction.casefold())
+    words = re.findall(r"[a-z]+", HARMLESS.sub(" ", instruction.casefold()))
     return next((w for w in words if w in EXCLUDING), "")
 
 
 def beyond(instruction: str, scene: Scene) -> Abstention | None:
-    """Why a small model had better not be asked: words that it reads past, or a colour that is not there."""
+    """Why a small model had better not be asked: words that it reads past, a colour that is not there, a verb that no
+    skill is for.
+    """
+    if verb := undoable(instruction):
+        return Abstention("unknown_skill", f"No skill does '{verb}' (planner.cautious=false asks anyway).")
     if word := ruled_out(instruction):
         message = (
             f"'{word}' may rule something out, which small models read past (planner.cautious=false tries)."
@@ -140,31 +166,42 @@ def beyond(instruction: str, scene: Scene) -> Abstention | None:
     return None
 
 
-def unclear(calls: Sequence[SkillCall], instruction: str, scene: Scene) -> str:
+def unclear(
+    calls: Sequence[SkillCall], instruction: str, scene: Scene, able: Container[str] | None = None
+) -> str:
     """Why it is not clear which of several things a wish means: it names their kind and nothing that tells them apart;
-    "" where it is clear, or names no kind.
+    "" where it is clear, or names no kind. ``able``: the ids of what can be acted on so, where that is known.
     """
     words = set(re.findall(r"[a-z]+", instruction.casefold()))
-    if words & SELECTING or len(calls) != 1:
+    if len(calls) != 1:
+        return ""
+    if OTHER.search(instruction.casefold()) and not words & SELECTING - {"other", "one", "another"}:
+        alike = [o for o in scene.objects if not o.parent and o.shape == scene[calls[0].theme].shape]
+        if len(alike) > 1 and not mentions(instruction, scene):
+            return f"Which one is meant of {', '.join(o.label for o in alike)} is not said."
+    if words & SELECTING:
         return ""
     said = _meant(instruction, scene)
     for thing in (scene[i] for i in (calls[0].theme, calls[0].goal) if i):
-        if _noun(thing) not in words:
+        if noun_of(thing) not in words:
             continue
-        alike = [o for o in scene.objects if _noun(o) == _noun(thing) and o.shape == thing.shape]
+        alike = [o for o in scene.objects if noun_of(o) == noun_of(thing) and o.shape == thing.shape]
         own = said.keys() & _colours(thing, scene)  # told apart by its colour, or by having none that is said
         told = [
             o for o in alike if (own & _colours(o, scene) if own else not said.keys() & _colours(o, scene))
         ]
+        if able is not None and thing.id == calls[0].theme:
+            told = [o for o in told if o.id in able]
         if len(told) > 1:
-            return f"There are {len(told)} things called {_noun(thing)}: {', '.join(o.label for o in told)}."
+            listed = ", ".join(o.label for o in told)
+            return f"There are {len(told)} things called {noun_of(thing)}: {listed}."
     return ""
 
 
 def _meant(instruction: str, scene: Scene) -> dict[str, None]:
     """The colours of the scene that the wish means, in its order: "blue" is the azure thing where none is blue."""
     present = [o.colour for o in scene.objects if o.colour]
-    return dict.fromkeys(c for word in colour_words(instruction) if (c := meant_by(word, present)))
+    return dict.fromkeys(c for word in colour_words(asked(instruction)) if (c := meant_by(word, present)))
 
 
 def _colours(thing: SceneObject, scene: Scene) -> set[str]:
@@ -190,21 +227,3 @@ def _touching(thing: SceneObject, other: SceneObject) -> bool:
     """Whether their upright boxes come closer than :data:`NEAR`."""
     (a, b), (c, d) = ((o.corners().min(axis=0), o.corners().max(axis=0)) for o in (thing, other))
     return bool((a - NEAR < d).all() and (c - NEAR < b).all())
-
-
-def _noun(thing: SceneObject) -> str:
-    """The last word of its label."""
-    return (thing.label.casefold().split() or [""])[-1]
-
-
-def _named_at(thing: SceneObject, scene: Scene, instruction: str) -> int:
-    """Where the instruction names it, by a colour or noun that is its alone; -1 where it does not."""
-    said = instruction.casefold()
-    for word, alike in (
-        (thing.colour, [o for o in scene.objects if o.colour == thing.colour]),
-        (_noun(thing), [o for o in scene.objects if _noun(o) == _noun(thing)]),
-    ):
-        found = re.search(rf"\b{re.escape(word)}\b", said) if word else None
-        if found and len(alike) == 1:
-            return found.start()
-    return -1

@@ -44,11 +44,13 @@ def fitting(request: PlanRequest, skills: Mapping[str, Skill], brief: SceneBrief
     return found
 
 
-def grammar(skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequence[Named] = ()) -> str:
+def grammar(
+    skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequence[Named] = (), *, most: int = 6
+) -> str:
     """llama.cpp's grammar of a program: calls by line, each skill with what it fits.
 
     Sides of a goal are there where the wish speaks of sides, directions where it says one. The first call is about all
-    that is ``named``, as far as there is such a call.
+    that is ``named``, as far as there is such a call. A program has ``most`` calls.
     """
     sides, ways = (bool(words.search(wish.casefold())) for words in (SIDES, WAYS_SAID))
     calls = [
@@ -64,12 +66,12 @@ def grammar(skills: Mapping[str, Skill], can: Fitting, wish: str, named: Sequenc
             for s, each in can.items()
             for theme, to in each.items()
             if (wanted := _about(s, theme, to, [*held, one])) is not None
-            and (rule := _rule(skills[s], theme, wanted, sides, ways))
+            and (rule := _rule(skills[s], theme, wanted, sides, ways, led=wanted is not to))
         ]
         if narrowed:
             first, held = narrowed, [*held, one]
     rules = (
-        'root ::= first ("\\n" call){0,5} "\\n"?',
+        f'root ::= first ("\\n" call){{0,{most - 1}}} "\\n"?',
         f"first ::= {' | '.join(first)}",
         f"call ::= {' | '.join(calls)}",
         'way ::= "left" | "right" | "forward" | "back"',
@@ -93,8 +95,10 @@ def _about(skill: str, theme: str, to: Sequence[str], named: Sequence[Named]) ->
     return to
 
 
-def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool, ways: bool) -> str:
-    """One skill on one theme, with the goals that it may have; "" where it has to lead somewhere and can't."""
+def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool, ways: bool, *, led: bool = False) -> str:
+    """One skill on one theme, with the goals that it may have; "" where it has to lead somewhere and can't. ``led``:
+    one of the goals is named, so that it has to be there.
+    """
     goal, aims = skill.role("goal"), []
     if to and goal is not None:
         relations = [r for r in goal.relations if r in ONTO or (sides and r != "to")]
@@ -105,7 +109,7 @@ def _rule(skill: Skill, theme: str, to: Sequence[str], sides: bool, ways: bool) 
     if skill.aimed and not aims:
         return ""
     aim = f" ({' | '.join(aims)})" if aims else ""
-    if aim and not skill.aimed:
+    if aim and not skill.aimed and not (led and to):
         aim += "?"
     amount = ' (", " amount)?' if skill.amount and goal is None else ""
     return f'({json.dumps(f"{skill.name}({theme}")}{aim}{amount} ")")'

@@ -13,6 +13,7 @@ from gvla2.planning.trajectory import Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener, Judgement, RobotBackend
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
+from gvla2.robot.volumes import lowest
 from gvla2.testing.conformance import (
     ConformanceError,
     allowed,
@@ -130,14 +131,10 @@ def _check_body(body: Body, site: TaskSite) -> None:
         require(all(0 <= c <= 1 for c in solid.rgb), f"{what}: the colour {solid.rgb} leaves [0, 1].")
         require_rigid(solid.body_from_shape, f"{what}: body_from_shape")
         if solid.collides and not body.fixed:
-            pose = body.world_from_body @ solid.body_from_shape
-            half = 0.5 * np.asarray(solid.size)
-            lowest = pose[2, 3] - float(np.abs(pose[2, :3]) @ half)
-            if solid.kind == "sphere":
-                lowest = pose[2, 3] - half[0]
+            bottom = lowest(solid, body.world_from_body)
             require(
-                lowest > site.table_height - 0.002,
-                f"{what} reaches {site.table_height - lowest:.4f} m into the table.",
+                bottom > site.table_height - 0.002,
+                f"{what} reaches {site.table_height - bottom:.4f} m into the table.",
             )
 
 

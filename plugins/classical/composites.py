@@ -21,7 +21,10 @@ class Draft:
         self._into = list(range(len(things)))
 
     def left(self) -> list[int]:
-        """Indices of the things that are still there."""
+        """Indices of the things that are still there and painted plainly."""
+        return [k for k in self._there() if not self.things[k].textured]
+
+    def _there(self) -> list[int]:
         return [k for k in range(len(self.things)) if self._into[k] == k]
 
     def carrier(self, k: int) -> int:
@@ -51,7 +54,7 @@ class Draft:
 
     def finished(self) -> list[Thing]:
         """What is left, with its places among what is left."""
-        left = self.left()
+        left = self._there()
         place = {k: i for i, k in enumerate(left)} | {-1: -1}
         done = []
         for k in left:

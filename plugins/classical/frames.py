@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
@@ -14,6 +15,8 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import View
 
+ONE_SURFACE = 0.015  # metres of depth between neighbouring pixels of one surface
+COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are averaged
 DARK = 4  # an image without a brighter pixel (of 255) shows nothing: the lens is covered
 
 
@@ -63,18 +66,36 @@ def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame]
             if robot_margin > 0:
                 robot = binary_dilation(robot, np.ones((3, 3), bool), iterations=robot_margin)
             depth[robot] = np.nan
+        depth[_flying(depth)] = np.nan
         reason = _why_not(view, depth)
         if reason:
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
             continue
         origin, rays = view.camera.rays()
         points = origin + rays * depth[..., None]
-        frames.append(Frame(view.camera, view.image, depth, origin, rays, points, np.eye(4)))
+        image = view.image
+        if (
+            np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
+        ):  # less of the sensor's noise; edges stay
+            image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
+        frames.append(Frame(view.camera, image, depth, origin, rays, points, np.eye(4)))
     if not frames:
         raise PerceptionError(
             "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."
         )
     return frames, notes
+
+
+def _flying(depth: FloatArray) -> NDArray[np.bool_]:
+    """(H, W) bool: pixels with fewer than two of eight neighbours at their depth, as on the edge of a thing."""
+    support = np.zeros(depth.shape, dtype=np.int8)
+    padded = np.pad(depth, 1, constant_values=np.nan)
+    rows, columns = depth.shape
+    for down, right in ((a, b) for a in range(3) for b in range(3) if (a, b) != (1, 1)):
+        beside = padded[down : down + rows, right : right + columns]
+        with np.errstate(invalid="ignore"):
+            support += np.abs(beside - depth) < ONE_SURFACE
+    return support < 2
 
 
 def _why_not(view: View, depth: FloatArray) -> str:

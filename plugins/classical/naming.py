@@ -78,7 +78,7 @@ def parents(things: Sequence[Thing]) -> list[int]:
     """
     found = []
     for k, thing in enumerate(things):
-        if thing.part_of >= 0 or thing.noun:
+        if thing.part_of >= 0 or thing.noun or thing.textured:
             found.append(thing.part_of)
             continue
         carrier = things[thing.on] if thing.on >= 0 else None
@@ -119,17 +119,20 @@ def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
     """The plain word for it, without its colour."""
     if thing.noun:
         return thing.noun
-    carrier = things[thing.on] if thing.on >= 0 else None
+    carrier = things[thing.on] if thing.on >= 0 and not thing.textured else None
     width, _, height = thing.extents
     if is_button(thing, carrier):
         return "button"
     if parent >= 0 and carrier is not None and _is_lid(thing, carrier):
         return "lid"
-    if is_post(thing):
+    if is_post(thing) and not thing.textured:
         return "post"
     if is_held_up(thing, carrier):
         return "lamp shade" if parent >= 0 and not is_post(things[parent]) else "top"
-    if any(other.on >= 0 and things[other.on] is thing and _stands_up(other, thing) for other in things):
+    if any(
+        other.on >= 0 and things[other.on] is thing and _stands_up(other, thing) and not thing.textured
+        for other in things
+    ):
         return "lamp base"
     if thing.hollow:
         if thing.kind == "cylinder":

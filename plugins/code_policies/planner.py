@@ -11,8 +11,10 @@ from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import calls_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.skills.asked_paths import nothing_to_ask
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.faithful import Named, beyond, doubts, named_things, unclear
+from gvla2.skills.faithful import Named, beyond, doubts, named_things, theme_held, unclear
+from gvla2.skills.mentions import MOST, most_calls
 from gvla2.skills.program import WHY, Declined, Interpreter, lines_of
 from gvla2.skills.program_grammar import Fitting, fitting, grammar
 from gvla2.skills.skill import Skill
@@ -54,8 +56,8 @@ class CodePolicies:
 
         Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
         """
-        if not request.instruction.strip():
-            return Plan(None, abstention=Abstention("unknown_skill", "The instruction is empty."))
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
         skills, brief = request.skills or STANDARD, scene_brief(request.scene)
         can = fitting(request, skills, brief)
         if not can:
@@ -78,7 +80,7 @@ class CodePolicies:
                 said += tuple(error.transcript)
                 break
             said += written.transcript
-            plan, doubtful = self._carried_out(written, request, brief)
+            plan, doubtful = self._carried_out(written, request, brief, can)
             declined = not written.calls or (
                 plan.abstention is not None and plan.abstention.kind == "ambiguous"
             )
@@ -89,9 +91,11 @@ class CodePolicies:
                 break
             reasons = [brief.named(plan.abstention.message, request.scene)] if plan.abstention else []
             asked += correction([*reasons, *(d.reason for d in doubtful)], written.text)
-            if len(written.calls) == 1:
-                all_named = named_things(request.instruction, request.scene, brief.names)
-                named = [*(d for d in doubtful if d.handled), *all_named]
+            all_named = named_things(request.instruction, request.scene, brief.names)
+            handled = [d for d in doubtful if d.handled]
+            if len(written.calls) == 1 and doubtful and not handled:
+                handled = [theme_held(written.calls[0], request.scene, brief.names)]
+            named = [*handled, *all_named]
         if kept is None:
             none = Abstention("other", "The model wrote no program that can be read.")
             return Plan(None, abstention=none, transcript=said)
@@ -125,7 +129,7 @@ class CodePolicies:
             asked,
             parse,
             purpose="plan",
-            grammar=grammar(skills, can, request.instruction, named),
+            grammar=grammar(skills, can, request.instruction, named, most=self._most(request)),
             tries=self.config.tries,
             samples=self.config.samples,
             same=lambda found: repr(found[0]),
@@ -136,8 +140,11 @@ class CodePolicies:
         calls, text = answered.answer
         return _Written(calls, text, answered.transcript, answered.votes / answered.samples)
 
+    def _most(self, request: PlanRequest) -> int:
+        return most_calls(request.instruction, request.scene) if self.config.cautious else MOST
+
     def _carried_out(
-        self, written: _Written, request: PlanRequest, brief: SceneBrief
+        self, written: _Written, request: PlanRequest, brief: SceneBrief, can: Fitting
     ) -> tuple[Plan, list[Named]]:
         """The plan of a program, and what makes it doubtful."""
         if written.share < self.config.agreement:
@@ -147,7 +154,8 @@ class CodePolicies:
             return Plan(None, abstention=few), []
         if not written.calls:
             return Plan(None, abstention=Abstention(*WHY[written.text])), []
-        if several := unclear(written.calls, request.instruction, request.scene):
+        able = {brief.ids[name] for name in can.get(written.calls[0].skill, {})}
+        if several := unclear(written.calls, request.instruction, request.scene, able):
             return Plan(None, abstention=Abstention("ambiguous", several)), []
         doubtful = doubts(written.calls, request.instruction, request.scene, brief.names)
         plan = carry_out(written.calls, request, self._options)

@@ -43,10 +43,10 @@ def _build_minilm(config: MiniLMConfig) -> Embedder:
 
 
 def _build_auto(config: AutoConfig) -> Embedder:
-    """MiniLM where its extra is installed, else the static table; the log says which."""
-    from gvla2_plugins.embedders.choosing import best_installed
+    """That of the bank's vectors; for a new one MiniLM where it is installed, else the static table."""
+    from gvla2_plugins.embedders.choosing import BestInstalled
 
-    return best_installed()
+    return BestInstalled()
 
 
 @hookimpl

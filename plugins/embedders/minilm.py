@@ -21,6 +21,7 @@ DIGESTS = {
 }
 """SHA-256 of the files; other weights would give vectors that must not be compared with stored ones."""
 MAX_TOKENS = 256
+MODEL = f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v1"
 _MAX_CHARS = 16_384  # far beyond what so many tokens take; a megabyte of text is not cut into tokens first
 
 
@@ -57,7 +58,7 @@ class MiniLMEmbedder:
     @property
     def model(self) -> str:
         """Identifier kept with stored vectors."""
-        return f"all-minilm-l6-v2-mean-{MAX_TOKENS}-v1"
+        return MODEL
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, 384) unit rows; an empty text gives a zero row."""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
 from gvla2.language import Completion, LanguageModel, LanguageModelError, Message, Request
+from gvla2.language.score_tokens import TokenScore, score_answer
 from gvla2.memory.contracts import Judgement, Suspects
 from gvla2.memory.retrieval.rendering import neutralised
-from gvla2.memory.verification.score_tokens import TokenScore, score_answer
 
 if TYPE_CHECKING:
     from gvla2_plugins.judges import LlmJudgeConfig

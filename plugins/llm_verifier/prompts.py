@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gvla2.memory.contracts import Evidence
-    from gvla2.memory.verification.criteria import Criterion
+    from gvla2_plugins.llm_verifier.criteria import Criterion
 
 ORDERS = """\
 You judge one finished episode of an agent by one criterion. The episode stands between <episode> and </episode>. It \

@@ -9,7 +9,9 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
-from gvla2.robot.task import Body, Joint, Layout, Primitive
+from gvla2.robot.scan import Scan
+from gvla2.robot.task import Body, Joint, Layout, Solid
+from gvla2_plugins.sapien.convex import piece_file, pieces
 from gvla2_plugins.sapien.engine import import_sapien
 
 PREFIX = "task/"
@@ -111,7 +113,11 @@ def _add_solids(builder: Any, body: Body) -> None:
     material = physx.PhysxMaterial(body.friction, body.friction, 0.0)
     for solid in solids:
         how = {"material": material, "density": body.mass / volume}
-        if solid.kind == "box":
+        if isinstance(solid, Scan):
+            builder.add_multiple_convex_collisions_from_file(
+                str(piece_file(solid)), pose_of(solid.body_from_shape), **how
+            )
+        elif solid.kind == "box":
             builder.add_box_collision(
                 pose_of(solid.body_from_shape), half_size=[0.5 * side for side in solid.size], **how
             )
@@ -136,7 +142,9 @@ def axis_frame(axis: FloatArray, origin: FloatArray) -> FloatArray:
     return rigid(np.stack([x, y, np.cross(x, y)], axis=1), origin)
 
 
-def _volume(solid: Primitive) -> float:
+def _volume(solid: Solid) -> float:
+    if isinstance(solid, Scan):
+        return sum(piece.hull.volume for piece in pieces(solid))
     x, y, z = solid.size
     return {"box": x * y * z, "cylinder": np.pi / 4 * x * y * z, "sphere": np.pi / 6 * x**3}[solid.kind]
 
@@ -174,10 +182,17 @@ def _check(layout: Layout) -> None:
             raise ConfigurationError(
                 f"Thread '{thread.name}' of the task's layout ties a body that also hangs on a joint."
             )
-        if layout[thread.child].fixed or not 0 < thread.release <= np.pi:
+        if layout[thread.child].fixed or not 0 < thread.release < 2 * np.pi:
             raise ConfigurationError(
                 f"Thread '{thread.name}' of the task's layout needs a child that is not fixed and a release in "
-                f"(0, pi], got {thread.release}."
+                f"(0, 2 pi), got {thread.release}."
+            )
+    joints = {joint.name for joint in layout.joints}
+    for catch in layout.catches:
+        if not {catch.joint, catch.key} <= joints or catch.joint == catch.key:
+            raise ConfigurationError(
+                f"A catch of the task's layout holds '{catch.joint}' until '{catch.key}' has moved; its joints are "
+                f"{sorted(joints)}."
             )
     for body in layout.bodies:
         loose = not body.fixed or body.name in parents

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
-from gvla2.robot.task import Primitive
+from gvla2.robot.scan import Scan
+from gvla2.robot.task import Solid
+from gvla2_plugins.sapien.convex import pieces
 
 BELOW_TOP = 0.2
 """Where the walls are looked at: this share of the height below the top."""
@@ -13,7 +15,7 @@ BELOW_TOP = 0.2
 DIRECTIONS, STEPS = 24, 400
 
 
-def opening(solids: tuple[Primitive, ...], low: FloatArray, high: FloatArray) -> float:
+def opening(solids: tuple[Solid, ...], low: FloatArray, high: FloatArray) -> float:
     """The narrowest inner width of a body about its middle, near its top, metres; 0 where it is closed.
 
     ``low`` and ``high`` (3,) bound the body in its own frame. It is open when nothing is in its middle there and
@@ -33,11 +35,15 @@ def opening(solids: tuple[Primitive, ...], low: FloatArray, high: FloatArray) ->
     return float((free[:half] + free[half:]).min())
 
 
-def _within(solids: tuple[Primitive, ...], points: FloatArray) -> np.ndarray:
+def _within(solids: tuple[Solid, ...], points: FloatArray) -> np.ndarray:
     """(N,) bool: points (N, 3) inside any of the solids."""
     inside = np.zeros(len(points), dtype=bool)
     for solid in solids:
-        x, y, z = np.abs(transform_points(invert_rigid(solid.body_from_shape), points)).T
+        local = transform_points(invert_rigid(solid.body_from_shape), points)
+        if isinstance(solid, Scan):
+            inside |= np.any([piece.holds(local) for piece in pieces(solid)], axis=0)
+            continue
+        x, y, z = np.abs(local).T
         a, b, c = 0.5 * np.asarray(solid.size)
         if solid.kind == "box":
             inside |= (x <= a) & (y <= b) & (z <= c)

@@ -14,7 +14,8 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import RobotError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
-from gvla2.robot.task import Body, Primitive
+from gvla2.robot.scan import Scan
+from gvla2.robot.task import Body, Solid
 from gvla2_plugins.sapien.collada import PaintedMesh, read_collada, thin
 
 CELL = 0.004
@@ -43,7 +44,12 @@ def robot_surfaces(urdf: Path) -> dict[str, Surface]:
 
 
 def body_surface(body: Body) -> Surface:
-    """A body's solids as one surface in the body's frame."""
+    """A body's solids as one surface in the body's frame; its texture where it is a single mesh."""
+    if len(body.solids) == 1 and isinstance(body.solids[0], Scan):
+        scan = body.solids[0]
+        mesh = scan.textured.mesh
+        vertices = transform_points(scan.body_from_shape, mesh.vertices)
+        return Surface(vertices, mesh.faces, scan.textured.rgb.mean(axis=1), 1, scan.texture)
     return _surface([_solid(solid) for solid in body.solids], identity=1)
 
 
@@ -56,7 +62,11 @@ def find_mesh(urdf: Path, filename: str) -> Path:
     return found
 
 
-def _solid(solid: Primitive) -> PaintedMesh:
+def _solid(solid: Solid) -> PaintedMesh:
+    if isinstance(solid, Scan):
+        mesh = solid.textured.mesh
+        vertices = transform_points(solid.body_from_shape, mesh.vertices)
+        return PaintedMesh(vertices, mesh.faces, solid.face_colours)
     if solid.kind == "box":
         mesh = trimesh.creation.box(extents=solid.size)
     elif solid.kind == "cylinder":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.task import Body, Primitive
+from gvla2.robot.task import Body, Solid
 from gvla2_plugins.sapien.looks import body_surface
 
 
@@ -45,7 +45,7 @@ def cast_masks(
     return tuple(names), images
 
 
-def _pieces(name: str, body: Body) -> list[tuple[str, tuple[Primitive, ...]]]:
+def _pieces(name: str, body: Body) -> list[tuple[str, tuple[Solid, ...]]]:
     """The body's solids that belong to no part, then those of each part; a solid belongs to the first that names it."""
     left = dict(enumerate(body.solids))
     parts = [

@@ -110,6 +110,8 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     if not noun:
         if phrase.unknown[-1:] and phrase.unknown[-1] in tokenise(thing.label):
             return sure
+        if _kind(thing) == "bottle" and (usual := lexicon.CONTENTS.get("".join(phrase.unknown))):
+            return sure if any(meant_by(c, [thing.colour]) for c in usual) else 0.0
         anything = not phrase.unknown and not phrase.everywhere
         return 0.8 * sure * (PART if thing.parent else 1.0) if anything else 0.0
     kind = _kind(thing)
@@ -158,6 +160,8 @@ def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
     if isinstance(owner, Abstention):
         return coloured
     whole = [(owner.object, 1.0)]
+    if phrase.noun == "object" and phrase.colour and not _parts_of(whole, coloured):
+        return _coloured(phrase.colour, whole)  # "the bottle's green body" is the bottle
     return _parts_of(whole, coloured) or _parts_of(whole, fits) or coloured
 
 
@@ -199,7 +203,9 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
         return Abstention("nothing_matches", f"Which is '{said}' cannot be told; {inventory}.")
     best = max(fits, key=lambda f: f[1])
     tied = [o for o, s in fits if s >= TIE * best[1]]
-    for selector in phrase.selectors:
+    for selector in [
+        s for s in phrase.selectors if s != "any"
+    ] or phrase.selectors:  # "the left one of the posts"
         tied = [best[0]] if selector == "any" else extreme(tied, selector, scene)
     if len(tied) > 1:
         names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in tied)

@@ -178,6 +178,8 @@ def settle(intent: Intent) -> Intent:
     )
     if pressed and intent.skill in ("open", "close", "push", "place"):
         return replace(intent, skill="press")
+    if intent.skill == "press" and intent.verb in ("push down", "press down", "push on") and noun == "lid":
+        return replace(intent, skill="close")
     if (
         intent.skill == "press"
         and intent.verb in ("push down", "push on")

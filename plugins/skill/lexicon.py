@@ -32,7 +32,7 @@ VERBS: dict[str, tuple[str, ...]] = _table(
     press="""press|push * down, press|engage|operate|actuate|light|illuminate|activate|hit|tap|click|depress|toggle|
         flip|enable|trigger|flick|brighten|touch, push|press down on, push in|on, give * press|tap, apply pressure,
         get * going|working, get * light up, get * come on, get|make * shine|glow|light|bright, bring * down on,
-        bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit""",
+        bring * to life, turn|switch|power|flip|flick * on, power|light * up, make * work, get|have * lit, get|have|give * some light""",
     open="""open|prise|pry|flip|swing|fold * up, open|pop|prise|pry|uncover, lift|raise|swing|prise|pry|flip|lever|slide|
         pull|draw|tug|yank|ease|get|make|prop|pop|fold|tip|tilt|push|throw * open, pop|prise|pry * off,
         swing|fold|tip|tilt|flip * back""",
@@ -76,6 +76,12 @@ SHAPES: dict[str, dict[str, float]] = {
 }  # fmt: skip
 """Nouns that name a shape, and how well a perceived shape is what they say, where a label says no more than a shape."""
 
+CONTENTS: dict[str, tuple[str, ...]] = {
+    "mustard": ("yellow",), "ketchup": ("red",), "mayonnaise": ("white",), "mayo": ("white",), "milk": ("white",),
+    "wine": ("green", "red", "white", "black"), "champagne": ("green", "black"), "honey": ("yellow", "orange"),
+    "water": ("white", "blue"), "oil": ("green", "yellow"), "soy": ("black", "brown"), "syrup": ("brown",),
+}  # fmt: skip
+"""What comes in bottles, which people say for the bottle, and the colours that such bottles are."""
 PARTS = frozenset(("lid", "handle", "button"))
 """Classes of what things have: "the jar lid" is a lid, and the jar's."""
 SHAPE_NOUNS = frozenset(("block", "cylinder", "ball", "disc", "plate", "object"))
@@ -150,7 +156,7 @@ FILLERS = frozenset(
     """please start try kindly flat now just then robot gently carefully slowly quickly straight and you can could would
     will i me us want like need must should to be is are was so which that colored coloured color colour shaped
     looking there here of for go ahead up down high higher lower along across vertically horizontally safely firmly
-    simply also all way s it its again little bit few lying standing located sitting placed side edge rim own has have
+    simply also too all way s it its again little bit few lying standing located sitting placed side edge rim own has have
     some help task until till out loose once completely comes hinged clockwise counterclockwise anticlockwise away
     further make sure ok okay hey hi well let let's lets we off table being by entire whole very rather fully nicely
     direction distance about around roughly approximately exactly at marked painted highlighted outlined designated
@@ -190,6 +196,8 @@ BACKGROUND = re.compile(
     r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
     r"(?:(?:i'm|we're|i am|we are)|(?:i|we|you) (?:can|could|may|might|have to)|(?:i|we) (?:want|need) to (?!have\b|see\b))"
     r" [^,.;!?:]*?(?= so |[,.;!?:]|$)|(?<!and) \bso (?:that )?(?:i|we) (?:can|could|may|might) [^,.;!?:]*"
+    r"|^(?:it's|it is) (?:too|so|very|quite|really|rather|getting|starting|a bit|a little) [^,.;!?:]*(?=[,.;!?:])"
+    r"| , (?:the )?\w+ and all\b"
 )
 """What the speaker is at or will be able to do: nothing to be done by the hand, and nothing to be told from."""
 WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")

@@ -51,6 +51,10 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     if "of" in tokens:  # the button of the lamp, the centre of the square
         cut = tokens.index("of")
         before, after = read_phrase(tokens[:cut], selectors), read_phrase(tokens[cut + 1 :], selectors)
+        if (
+            before.noun == "object" and after.noun and not before.unknown
+        ):  # "the middle one of the three pegs"
+            return replace(after, text=" ".join(tokens), colour=before.colour or after.colour)
         if before.noun and after.noun:
             return replace(before, text=" ".join(tokens), owner=after)
         return after if after.noun or not before.noun else before

@@ -48,7 +48,7 @@ class SkillPlanner:
         if isinstance(found, Abstention):
             return Plan(None, abstention=found, options=self.options)
         made = carry_out(found.calls, request, self.options)
-        return replace(made, notes=(*found.notes, *made.notes))
+        return replace(made, notes=(*found.notes, *made.notes), sure=True)
 
 
 def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abstention:
@@ -60,7 +60,9 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
         return Reading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
     intent = parse(sentence, [o.label for o in scene.objects], spelling)
     if refusal := _not_understood(intent, sentence):
-        return refusal
+        absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
+        gone = isinstance(absent, Abstention) and absent.kind == "nothing_matches"
+        return absent if gone and intent.skill in STANDARD else refusal
     out = _excepted(intent, scene)
     if isinstance(out, Abstention):
         return out
@@ -78,7 +80,7 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     if isinstance(goal, Abstention):
         return goal
     if intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
-        return Abstention("other", why)
+        return Abstention("no_goal", why)
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
     return Reading((call,), (*notes, *goal.notes))
 
@@ -97,6 +99,8 @@ def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
     """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
     if goal.shape == "region" or goal.parent:
         return ""
+    if goal.opening and theme.label.split()[-1] == goal.label.split()[-1]:
+        return ""  # cups and bowls go into their like, as far as they do
     solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
     if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
         return f"The {goal.label} is not seen to be open: nothing goes into it."

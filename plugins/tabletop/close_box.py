@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import sample_until
 from gvla2.robot.task import Layout, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, draw_box, shut_paths
 from gvla2_plugins.tabletop.demonstrations.lids import FALLS, push_shut
 from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import sample_until
 from gvla2_plugins.tabletop.wording import sentence_of
 
 EASED, STRICT = 2.4, 2.6

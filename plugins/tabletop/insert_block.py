@@ -6,12 +6,12 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import at, in_reach, inside, sample_root, sample_until
 from gvla2.robot.shapes import square_ring
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.rings import slip_over
 from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import at, in_reach, inside, sample_root, sample_until
 from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
 
 PILLAR, PILLARS_AT = (0.025, 0.025, 0.12), (-0.125, 0.0, 0.125)

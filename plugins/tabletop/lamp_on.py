@@ -9,11 +9,11 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import in_reach, inside, sample_root, sample_until
 from gvla2.robot.task import Body, Glow, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import LampOnConfig
 from gvla2_plugins.tabletop.demonstrations.pressing import press
 from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import in_reach, inside, sample_root, sample_until
 
 EASED_TRAVEL, STRICT_TRAVEL = 0.003, 0.0075
 """Travel of the button that counts, metres."""

@@ -6,12 +6,12 @@ import numpy as np
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import sample_until
 from gvla2.robot.task import Layout, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.boxes import LidBox, draw_box, lip_path
 from gvla2_plugins.tabletop.demonstrations.lids import LIP_REACH, OPENED, STANDOFF, swing_open
 from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import sample_until
 from gvla2_plugins.tabletop.wording import sentence_of
 
 OPEN = np.pi / 2

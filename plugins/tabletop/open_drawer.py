@@ -7,12 +7,12 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.planning.trajectory import grasp_rotation
+from gvla2.robot.placing import at, inside, sample_root, sample_until
 from gvla2.robot.shapes import tray
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.handles import pull_handle
 from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import at, inside, sample_root, sample_until
 from gvla2_plugins.tabletop.wording import sentence_of
 
 CABINET, BOARD = (0.24, 0.28, 0.16), 0.012

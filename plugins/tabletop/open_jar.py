@@ -9,12 +9,12 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import at, clear, in_reach, inside, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, Thread, WorldState
 from gvla2.robot.volumes import Volume, on
 from gvla2_plugins.tabletop import OpenJarConfig
 from gvla2_plugins.tabletop.demonstrations.screws import unscrew
 from gvla2_plugins.tabletop.painting import PAINT, sample_colours
-from gvla2_plugins.tabletop.placing import at, clear, in_reach, inside, sample_root, sample_until
 from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
 
 LID, LID_MASS = (0.074, 0.021), 0.05

@@ -9,11 +9,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
-from gvla2_plugins.tabletop import PickAndLiftConfig
-from gvla2_plugins.tabletop.demonstrations.placing import hold_up
-from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import (
+from gvla2.robot.placing import (
     in_reach,
     inside,
     planar,
@@ -21,6 +17,10 @@ from gvla2_plugins.tabletop.placing import (
     sample_until,
     vertical_span,
 )
+from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
+from gvla2_plugins.tabletop import PickAndLiftConfig
+from gvla2_plugins.tabletop.demonstrations.placing import hold_up
+from gvla2_plugins.tabletop.painting import sample_colours
 
 START_VOLUME = (0.30, 0.30, 0.03)
 """The volume of the eased profile, standing on the table about the cube's starting place, metres."""

@@ -6,13 +6,13 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.shapes import cup
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite, WorldState
 from gvla2.robot.volumes import on
 from gvla2_plugins.tabletop import ScaledConfig
 from gvla2_plugins.tabletop.demonstrations.rims import by_the_rim
 from gvla2_plugins.tabletop.painting import sample_colours
-from gvla2_plugins.tabletop.placing import clear, in_reach, inside, planar, sample_root, sample_until
 from gvla2_plugins.tabletop.wording import named_by_colour, sentence_of
 
 DIAMETER, HEIGHT, WALL, MASS = 0.093, 0.147, 0.004, 0.053

@@ -9,11 +9,11 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.planning.colours import COLOURS
+from gvla2.robot.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance, TaskSite, WorldState
 from gvla2_plugins.tabletop import PushBlockConfig
 from gvla2_plugins.tabletop.demonstrations.pressing import push_to
 from gvla2_plugins.tabletop.painting import PAINT, sample_colours
-from gvla2_plugins.tabletop.placing import boxes_overlap, in_reach, inside, planar, sample_root, sample_until
 
 CENTRE_VOLUME = 0.01
 """Side of the strict profile's cube at the target's centre, metres."""

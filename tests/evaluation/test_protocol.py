@@ -7,14 +7,13 @@ from gvla2.errors import GeometryError
 from gvla2.evaluation.protocol import (
     FOCAL,
     TARGETS,
-    cache_folder,
     look_at,
     object_views,
     protocol_cameras,
     render,
 )
-from gvla2.evaluation.textured_mesh import read_textured_mesh
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.textured_mesh import read_textured_mesh
 
 
 def test_cameras_follow_the_protocol():
@@ -118,13 +117,6 @@ def test_a_cache_that_cannot_be_written_only_warns(tmp_path, block, caplog):
         views = object_views(block(tmp_path / "box"), size=32, samples=1, cache=tmp_path / "occupied")
     assert "could not be kept" in caplog.text
     assert len(views.inputs) == 5
-
-
-def test_cache_folder(monkeypatch, tmp_path):
-    assert cache_folder() == tmp_path / "cache"
-    monkeypatch.delenv("GVLA2_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
-    assert cache_folder() == tmp_path / "xdg" / "gvla2"
 
 
 def test_meshes_that_cannot_be_used(tmp_path):

@@ -164,3 +164,48 @@ def test_a_conversation_is_told_to_memory_without_keys(parts):
     long = replace(record, plan=replace(record.plan, transcript=talk))
     ((story, _),) = told_of(long)
     assert len(story.transcript) < 15_000
+
+
+def agreeing(parts, planner, fallback=None):
+    return run(replace(parts, fallback=fallback or parts.fallback), planner, agreement=True)
+
+
+def test_where_both_mean_the_same_the_planners_own_plan_is_taken(parts):
+    record = agreeing(parts, Answering(parts.fallback.plan))
+    assert (record.plan.fallback, record.failure) == ("", None)
+
+
+def test_of_two_that_disagree_the_sure_one_decides(parts):
+    def another(request):
+        plan = parts.fallback.plan(request)
+        return replace(plan, skill="push", sure=False, transcript=TALK)
+
+    record = agreeing(parts, Answering(another))
+    assert record.plan.fallback == "skill"
+    assert record.plan.skill == "pick"
+    assert record.plan.transcript[: len(TALK)] == TALK
+    assert any("disagree" in note for note in record.notes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "moves"), [("nothing_matches", False), ("ambiguous", False), ("other", True)]
+)
+def test_a_refusal_for_good_decides_and_one_for_want_of_means_does_not(parts, kind, moves):
+    record = agreeing(parts, Answering(parts.fallback.plan), Answering(declined(kind), declined(kind)))
+    assert (record.report is not None) == moves
+    assert (record.failure is None) == moves
+    assert (record.plan.fallback == "skill") != moves
+
+
+def test_where_neither_is_sure_a_disagreement_moves_nothing(parts):
+    def unsure(skill):
+        return lambda request: replace(parts.fallback.plan(request), skill=skill, sure=False)
+
+    record = agreeing(parts, Answering(unsure("pick")), Answering(unsure("push")))
+    assert (record.failure.kind, record.report) == ("ambiguous", None)
+
+
+def test_a_fallback_that_cannot_agree_leaves_the_plan(parts):
+    record = agreeing(parts, Answering(parts.fallback.plan), Answering(ModelUnavailableError("nobody there")))
+    assert record.failure is None
+    assert any("nobody there" in note for note in record.notes)

@@ -106,12 +106,22 @@ def test_the_better_of_what_is_installed_is_chosen_and_said(
     monkeypatch.setattr(choosing, "PACKAGE", "surely_not_installed")
     with caplog.at_level("INFO"):
         chosen = auto.build(auto.config(name="auto"))
-    assert chosen.model == by_name["static"].build(by_name["static"].config(name="static")).model
+        static = by_name["static"].build(by_name["static"].config(name="static"))
+        assert chosen.model == static.model
+        assert chosen.for_bank(choosing.MODEL).model == static.model
     assert "gvla2[embed]" in caplog.text
 
 
 @needs_model
 def test_minilm_is_chosen_where_it_is_installed(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level("INFO"):
-        assert choosing.best_installed().model.startswith("all-minilm")
-    assert "MiniLM" in caplog.text
+        assert choosing.BestInstalled().model == choosing.MODEL
+    assert "minilm" in caplog.text
+
+
+@needs_model
+def test_a_bank_stays_with_the_model_of_its_vectors() -> None:
+    auto = choosing.BestInstalled()
+    for one in (choosing.StaticEmbedder(), MiniLMEmbedder()):
+        assert auto.for_bank(one.model).model == one.model
+    assert auto.for_bank("of another lab").model == choosing.MODEL

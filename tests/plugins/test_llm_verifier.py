@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from gvla2.errors import ConfigurationError
 from gvla2.language import Endpoint, EndpointOptions
+from gvla2.language.score_tokens import phi
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2.memory.verification.criteria import ROBOT, SOFTWARE, Criterion
-from gvla2.memory.verification.score_tokens import phi
 from gvla2.testing.component import check_component
 from gvla2.testing.language import LocalModel, Reply, refused, said
 from gvla2.testing.memory import check_verifier
 from gvla2_plugins.llm_verifier import LlmVerifierConfig, gvla2_verifiers
+from gvla2_plugins.llm_verifier.criteria import ROBOT, SOFTWARE, Criterion
 from gvla2_plugins.llm_verifier.prompts import as_data, messages
 
 SHOWN = Evidence(

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid, transform_points
 from gvla2.planning.colours import COLOURS, TOLD_APART, colour_distance, colours_in
+from gvla2.robot.placing import boxes_overlap, vertical_span
 from gvla2.robot.task import TaskInstance, TaskSite
 from gvla2_plugins.tabletop import LampOnConfig, PickAndLiftConfig, PushBlockConfig, gvla2_tasks
-from gvla2_plugins.tabletop.placing import boxes_overlap, vertical_span
 
 TABLE = 0.752
 TABLE_RGB = (0.76, 0.61, 0.43)

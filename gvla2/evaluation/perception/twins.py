@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.planning.colours import SYNONYMS, colours_in
-from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
+from gvla2.robot.task import Body, Layout, Primitive, Task, TaskInstance, TaskSite
 
 
 class TwinTask:
@@ -74,6 +74,7 @@ def _uncoloured(label: str) -> str:
 
 def _painted(body: Body, like: Body) -> Body:
     solids = tuple(
-        replace(solid, rgb=model.rgb) for solid, model in zip(body.solids, like.solids, strict=True)
+        replace(solid, rgb=model.rgb) if isinstance(solid, Primitive) else solid
+        for solid, model in zip(body.solids, like.solids, strict=True)
     )
     return replace(body, solids=solids, label=like.label)

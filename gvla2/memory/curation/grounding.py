@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode
+from gvla2.memory.curation.transcripts import acts_of
 from gvla2.memory.indexing.terms import terms
-from gvla2.memory.verification.transcripts import acts_of
 
 _WORD = re.compile(r"\w+")
 SHORTEST = 8

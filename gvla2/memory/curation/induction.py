@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
-from gvla2.memory.verification.transcripts import acts_of
+from gvla2.memory.curation.transcripts import acts_of
 
 MAX_STEPS = 8
 MAX_STEP = 160

@@ -5,10 +5,12 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
 from gvla2.memory.indexing.candidates import RowCandidates
 from gvla2.memory.indexing.rows import SERVED, STATES, Entry, Rows
@@ -26,14 +28,16 @@ log = logging.getLogger(__name__)
 class Index:
     """The provisional, active and summary records of one bank; archived ones stay in the store alone.
 
-    Row numbers of :meth:`rows`, :meth:`nearest` and :meth:`record` hold until the next :meth:`refresh` or
+    What has to be embedded here is stored for other processes by :meth:`keep`: what has no vector, and where
+    ``replace`` is set, what has one of another model. Row numbers hold until the next :meth:`refresh` or
     :meth:`apply`. Not safe among threads.
     """
 
-    def __init__(self, store: Store, bank: str, embedder: Embedder) -> None:
+    def __init__(self, store: Store, bank: str, embedder: Embedder, *, replace: bool = False) -> None:
         self.bank = bank
         self.rev = 0
-        self._store, self._embedder = store, embedder
+        self._store, self._embedder, self._replace = store, embedder, replace
+        self._made: list[tuple[Record, NDArray[np.float32]]] = []
         self._dimension = int(embedder.embed([""]).shape[1])
         self._rows = Rows(self._dimension)
 
@@ -55,6 +59,13 @@ class Index:
                 rev, changes = view.rev(self.bank), view.changes(self.bank, self.rev)
             self.apply(changes)
         self.rev = rev
+
+    def keep(self) -> None:
+        """Store the vectors that had to be made, where the bank can be written; not within a transaction."""
+        made, self._made = self._made, []
+        if made:
+            with suppress(MemoryStoreError):
+                self._store.save_vectors(self.bank, self._embedder.model, made)
 
     def apply(self, changes: Iterable[Change]) -> None:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
@@ -137,7 +148,9 @@ class Index:
             )  # fmt: skip
         made = self._embedder.embed([changes[i].record.text for i in missing]) if missing else ()
         for i, vector in zip(missing, made, strict=True):
-            found[i] = np.nan_to_num(np.asarray(vector, np.float32))
+            found[i] = sound = np.nan_to_num(np.asarray(vector, np.float32))
+            if not changes[i].model or (self._replace and changes[i].model != model):
+                self._made.append((changes[i].record, sound))
         return [vector for vector in found if vector is not None]
 
 

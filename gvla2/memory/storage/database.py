@@ -52,6 +52,10 @@ class Dialect(Protocol):
         """Bytes on disk."""
         ...
 
+    def copy(self, connection: Connection, path: Path) -> None:
+        """Write a consistent copy to a new file."""
+        ...
+
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What went wrong, and what to do."""
         ...
@@ -138,14 +142,9 @@ class Database:
             return self._dialect.size(connection)
 
     def snapshot(self, path: Path) -> None:
-        """Write a consistent copy, a SQLite file, beside ``path``, then put it in its place."""
-        from gvla2.memory.storage.sqlite import new_file
-
-        with new_file(path) as copy, self.reading() as connection:
-            for table in TABLES:
-                rows = streamed(connection, select(table))
-                while some := rows.fetchmany(AT_ONCE):
-                    copy.execute(insert(table), [dict(row._mapping) for row in some])
+        """Write a consistent copy to a new file."""
+        with self.connection() as connection:
+            self._dialect.copy(connection, path)
 
     def close(self) -> None:
         """Close all connections; safe to call twice."""

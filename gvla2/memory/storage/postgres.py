@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from pathlib import Path
 
 from sqlalchemy import URL, Connection, Engine, event, text
 
@@ -85,6 +86,10 @@ class PostgresDialect:
         """Bytes of the tables and their indices."""
         query = text("SELECT pg_total_relation_size(CAST(:name AS regclass))")
         return sum(int(connection.execute(query, {"name": table.name}).scalar_one()) for table in TABLES)
+
+    def copy(self, connection: Connection, path: Path) -> None:
+        """A server has a tool of its own for it."""
+        raise MemoryStoreError(f"{self.name} is copied by pg_dump.")
 
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What went wrong with the server."""

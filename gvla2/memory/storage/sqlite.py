@@ -103,6 +103,18 @@ class SqliteDialect:
         files = [self._path, self._path.with_name(self._path.name + "-wal")]
         return sum(file.stat().st_size for file in files if file.exists())
 
+    def copy(self, connection: Connection, path: Path) -> None:
+        """Write a consistent copy, aside first, so that there is a whole one or none."""
+        aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            if path.exists():
+                raise MemoryStoreError(f"{path} exists, and a copy replaces nothing. Choose another path.")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            connection.exec_driver_sql("VACUUM INTO ?", (str(aside),))
+            aside.rename(path)
+        finally:
+            aside.unlink(missing_ok=True)
+
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What went wrong with the file."""
         return _explanation(self._path, error)
@@ -110,41 +122,6 @@ class SqliteDialect:
     def _refuse_read_only(self) -> None:
         if not self._writable:
             raise MemoryStoreError(_READ_ONLY.format(self._path))
-
-
-@contextmanager
-def new_file(path: Path) -> Iterator[Connection]:
-    """A new database with empty tables, to be filled, that takes the place of ``path`` at the end, or is gone.
-
-    An earlier memory there that nobody has open is replaced; anything else is refused.
-    """
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with _explained(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if _in_use(path):
-            raise MemoryStoreError(f"The memory {path} is in use: write the copy to another file.")
-        if path.is_dir():
-            raise MemoryStoreError(
-                f"A copy cannot be written to {path}: it is a folder. Give the path of a file."
-            )
-        if path.exists() and path.stat().st_size:
-            _version(path, "immutable=1", 0.0)
-        try:
-            _create(aside, 0.0)
-            engine = _engine(aside, "mode=rw", 0.0)
-            with engine.connect() as connection:
-                connection.exec_driver_sql("BEGIN IMMEDIATE")
-                connection.exec_driver_sql("DELETE FROM memory_meta")
-                yield connection
-                connection.exec_driver_sql("COMMIT")
-                connection.exec_driver_sql(_EMPTY_LOG)
-            engine.dispose()
-            with aside.open("rb+") as handle:
-                os.fsync(handle.fileno())
-            aside.replace(path)
-        finally:
-            for suffix in ("", *BESIDE):
-                aside.with_name(aside.name + suffix).unlink(missing_ok=True)
 
 
 # The file -----------------------------------------------------------------------------------------------------------

@@ -195,10 +195,7 @@ class Store:
         return len(gone)
 
     def snapshot(self, path: Path | str) -> None:
-        """Write a consistent copy, a SQLite file that :meth:`open` takes, in one step.
-
-        Replaces an earlier copy, and nothing else. What is forgotten later stays in copies: they are their owner's.
-        """
+        """Write a consistent copy of a SQLite database to a new file. What is forgotten later stays in copies."""
         self._database.snapshot(Path(path))
 
     def close(self) -> None:

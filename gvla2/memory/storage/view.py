@@ -29,9 +29,9 @@ _MANY = 20 * _CHUNK
 class Change:
     """A record as it is now, which a transaction after ``since`` changed (or a link of it).
 
-    ``vector`` is (D,) float32 made by ``model``, read-only; None where there is none, or a damaged one: the index
-    embeds the record then. ``conflicts`` is how many others contradict the record. Where ``forgotten``, the record has
-    an id, a version and a rev, and nothing else: drop it.
+    ``vector`` is (D,) float32 made by ``model``, read-only; None where it is damaged, or where there is none (``model``
+    is "" then): the index embeds the record then. ``conflicts`` is how many others contradict the record. Where
+    ``forgotten``, the record has an id, a version and a rev, and nothing else: drop it.
     """
 
     record: Record
@@ -70,6 +70,11 @@ class View:
             return {name: int(length) for name, length in load_object(str(row.models)).items()} if row else {}
         except (ValueError, TypeError):
             return {}
+
+    def model(self, bank: str) -> str:
+        """The embedding model of a vector of the bank, "" where it has none."""
+        query = select(VECTOR.c.model).where(VECTOR.c.bank == bank).limit(1)
+        return str(self._sql.execute(query).scalar() or "")
 
     def meta(self, key: str) -> str:
         """A fact about the database itself, "" where it is not stated."""
@@ -116,8 +121,7 @@ class View:
             model, length, stored = row[0], row[1], row[2]
             record = sound(row[3:], forgotten=True)
             if record is not None:
-                vector = vector_of(length, stored)
-                found.append((record, vector, model if vector is not None else ""))
+                found.append((record, vector_of(length, stored), model or ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
         against = self.conflicts(bank, [entry[0].id for entry in found])
         return [Change(record, vector, model, against.get(record.id, 0)) for record, vector, model in found]

@@ -125,6 +125,7 @@ def test_a_snapshot_that_fails_leaves_nothing(filled: Path, sqlite_url: str, tmp
         "import resource, sys\n"
         "from gvla2.memory.storage.store import Store\n"
         "store = Store.open(sys.argv[1])\n"
+        "store.rev('default')  # opens the log, which is larger\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))\n"
         "store.snapshot(sys.argv[2])\n"
     )

@@ -11,9 +11,9 @@ from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.records import COLUMNS, Record
 from gvla2.memory.storage.events import EVENT_COLUMNS
-from gvla2.memory.storage.rebuilding import rows_json
 from gvla2.memory.storage.store import Put, StaleRecordError, Store, StoredEpisode
 from gvla2.memory.storage.tables import EVENT, RECORD
+from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
 Make = Callable[..., Record]
@@ -23,7 +23,8 @@ def test_minus_zero_is_zero(store: Store, record: Make, put: Make) -> None:
     stored = put(record(created=-0.0, quality=0))
     assert str(stored.created) == "0.0"
     assert store.verify("b") == []
-    assert store.rebuild("b").json() == rows_json(store.records("b"), [])
+    stored, rebuilt = stored_and_rebuilt(store)
+    assert stored == rebuilt
 
 
 def test_the_tables_are_the_records_column_for_column() -> None:
@@ -127,8 +128,7 @@ def test_a_dedup_key_belongs_to_one_record(store: Store, record: Make, put: Make
     moved = put(replace(store.records("b")[0], dedup_key="other"))
     assert put(record("2", dedup_key="k")).id == "2"
     with store.writing("b", actor="a", now=NOW) as t:
-        assert t.by_key("other") == moved
-        assert t.by_key("nobody's") is None
+        assert t.view.by_keys("b", ["other", "nobody's"]) == {"other": moved}
 
 
 def test_records_by_state_and_id(store: Store, record: Make, put: Make) -> None:
@@ -283,9 +283,7 @@ def test_episodes_come_back_for_replay(store: Store) -> None:
     assert store.verify("b") == []
 
 
-def test_stats_banks_and_a_snapshot(
-    store: Store, record: Make, put: Make, vector: np.ndarray, tmp_path: Path
-) -> None:
+def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarray) -> None:
     put(record("1"), vector)
     put(record("2", state="archive"))
     put(record("x", bank="c"))
@@ -303,32 +301,27 @@ def test_stats_banks_and_a_snapshot(
         3,
     )
     assert stats["bytes"] > 0
+
+
+def test_a_snapshot_is_a_whole_copy_and_replaces_nothing(tmp_path: Path, record: Make) -> None:
     copy = tmp_path / "deep" / "copy.db"
-    store.snapshot(copy)
-    store.snapshot(copy)  # in place of the first one
-    assert [p.name for p in copy.parent.iterdir()] == ["copy.db"]
-    with Store.open(f"sqlite:///{copy}") as opened:
+    with Store.open(tmp_path / "m.db") as store:
         for bank in "bc":
-            assert opened.verify(bank) == []
-            assert opened.records(bank) == store.records(bank)
-            assert opened.events(bank) == store.events(bank)
-        assert opened.episodes("b") == store.episodes("b")
-        assert opened.stats("b")["hash"] == stats["hash"]
-
-
-def test_a_snapshot_replaces_copies_only(store: Store, tmp_path: Path) -> None:
-    (tmp_path / "thesis.txt").write_text("years of work " * 100)
-    with pytest.raises(MemoryStoreError, match="not a database"):
-        store.snapshot(tmp_path / "thesis.txt")
-    with Store.open(f"sqlite:///{tmp_path / 'used.db'}") as used:
-        with used.writing("b", actor="a", now=NOW) as t:
-            t.decide("something")
-        with pytest.raises(MemoryStoreError, match="is in use"):
-            store.snapshot(tmp_path / "used.db")
-        with pytest.raises(MemoryStoreError, match="is in use"):
-            used.snapshot(tmp_path / "used.db")
-        assert used.rev("b") == 1
-    assert (tmp_path / "thesis.txt").read_text().startswith("years")
+            with store.writing(bank, actor="a", now=NOW) as t:
+                t.put(record("1", bank=bank), action="add")
+                t.save_episode(EPISODE)
+        store.snapshot(copy)
+        assert [p.name for p in copy.parent.iterdir()] == ["copy.db"]
+        with Store.open(copy) as opened:
+            for bank in "bc":
+                assert opened.verify(bank) == []
+                assert opened.records(bank) == store.records(bank)
+                assert opened.events(bank) == store.events(bank)
+        for taken in (copy, tmp_path / "m.db"):
+            before = taken.read_bytes()
+            with pytest.raises(MemoryStoreError, match="replaces nothing"):
+                store.snapshot(taken)
+            assert taken.read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["", "a\x00b", "half \ud800", "x" * 201])

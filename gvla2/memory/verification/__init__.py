@@ -1,1 +1,0 @@
-"""What a verifier that reads is asked, and what its answer says."""

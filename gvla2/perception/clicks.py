@@ -1,0 +1,222 @@
+"""Iterative localization: a vision model clicks at what is meant, a segmentation model draws it, until both agree.
+
+Propose, click, segment: the picture is shown with outlines of what stands there and the mask so far; the model answers
+one click a round. The affordance segmentation module of GeneralVLA, with its stopping rules stated.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
+
+from gvla2.language.endpoint import LanguageModel
+from gvla2.language.failures import LanguageModelError
+from gvla2.language.request import picture as picture_part
+from gvla2.language.typed import ask_typed, json_in
+from gvla2.perception.frames import BoolArray
+from gvla2.perception.fusing import iou
+from gvla2.perception.prompting import EncodedPicture, Prompt
+
+BUDGET = 5
+"""Rounds at most."""
+SETTLED = 0.98
+"""Intersection over union of the masks of two rounds from which nothing changes any more."""
+FAR = 24.0
+"""Pixels from the nearest thing or mask from which a click means nothing that is there."""
+GOOD = 0.3
+"""What the segmentation model must take a mask's IoU to be, at least."""
+LARGEST = 0.6
+"""Share of the picture beyond which a mask is the background."""
+TINT, OUTLINE = (255, 60, 200), (255, 255, 0)
+SCHEMA = {
+    "type": "object",
+    "properties": {
+        "done": {"type": "boolean"},
+        "x": {"type": "number"},
+        "y": {"type": "number"},
+        "on": {"type": "boolean"},
+    },
+    "required": ["done", "x", "y", "on"],
+    "additionalProperties": False,
+}
+QUESTION = """A robot is told: "{words}"
+Point at the one thing that it must handle first. The picture shows what stands there with yellow outlines{marked}.
+Answer one JSON object: {{"done": false, "x": X, "y": Y, "on": true}} for a click at X, Y (from 0 to {scale:g}, from the
+left and from the top) on the thing{missing}; {{"done": false, "x": X, "y": Y, "on": false}} for a click at what
+is marked and does not belong to it; {{"done": true, "x": 0, "y": 0, "on": true}} when the mark covers all of it and
+nothing else.{refused}"""
+
+
+@dataclass(frozen=True)
+class Click:
+    """One answer: pixels (u, v) of the picture, whether on the thing, why it was refused ("" if taken)."""
+
+    u: float
+    v: float
+    on: bool
+    refused: str = ""
+
+
+@dataclass(frozen=True)
+class Located:
+    """What was found: the last good ``mask`` (H, W), None where no round brought one; ``score`` of that mask.
+
+    ``stopped`` is one of ``settled``, ``done``, ``budget``, ``no_answer``.
+    """
+
+    mask: BoolArray | None
+    score: float
+    clicks: tuple[Click, ...]
+    stopped: str
+    masks: tuple[BoolArray, ...] = field(default=(), repr=False)
+
+
+def locate(
+    model: LanguageModel,
+    image: NDArray[np.uint8],
+    encoded: EncodedPicture,
+    proposals: Sequence[BoolArray],
+    words: str,
+    *,
+    scale: float = 1000.0,
+    longest: int = 1024,
+    budget: int = BUDGET,
+) -> Located:
+    """Ask for clicks at what ``words`` mean in a picture (H, W, 3); ``proposals`` (H, W) are what stands there.
+
+    A model that cannot be asked, or answers nothing of use, ends it: what was good so far is kept.
+    """
+    mask: BoolArray | None = None
+    score, refused = 0.0, ""
+    clicks: list[Click] = []
+    masks: list[BoolArray] = []
+    for _ in range(budget):
+        png = overlay(image, proposals, mask, [c for c in clicks if not c.refused], longest)
+        try:
+            answer = _asked(model, png, words, mask is not None, refused, scale)
+        except LanguageModelError:
+            return Located(mask, score, tuple(clicks), "no_answer", tuple(masks))
+        if answer is None:
+            if mask is not None:
+                return Located(mask, score, tuple(clicks), "done", tuple(masks))
+            refused = " You said done, but nothing is marked yet: click at the thing."
+            continue
+        x, y, on = answer
+        click = Click(x * image.shape[1] / scale, y * image.shape[0] / scale, on)
+        refused = _insane(click, image.shape[:2], proposals, mask)
+        if refused:
+            clicks.append(Click(click.u, click.v, on, refused))
+            refused = f" Your last click was refused: {refused}"
+            continue
+        taken = [*(c for c in clicks if not c.refused), click]
+        fresh, sure = _segmented(encoded, taken, proposals)
+        if fresh is None:
+            clicks.append(Click(click.u, click.v, on, "The mask that it gave was no thing."))
+            refused = " Your last click gave no mask of a thing: click elsewhere on it."
+            continue
+        clicks.append(click)
+        masks.append(fresh)
+        before, mask, score = mask, fresh, sure
+        if before is not None and iou(before, fresh) > SETTLED:
+            return Located(mask, score, tuple(clicks), "settled", tuple(masks))
+    return Located(mask, score, tuple(clicks), "budget", tuple(masks))
+
+
+def _asked(
+    model: LanguageModel, png: bytes, words: str, marked: bool, refused: str, scale: float
+) -> tuple[float, float, bool] | None:
+    """A click in the model's coordinates, None for "done"."""
+    text = QUESTION.format(
+        words=" ".join(words.split())[:500],
+        marked=" and what is marked so far in pink, earlier clicks as dots" if marked else "",
+        missing=" where the mark misses some of it" if marked else "",
+        scale=scale,
+        refused=refused,
+    )
+    messages = [{"role": "user", "content": [picture_part(png), {"type": "text", "text": text}]}]
+    return ask_typed(model, messages, _parse, purpose="localize", schema=SCHEMA, tries=2).answer
+
+
+def _parse(text: str) -> tuple[float, float, bool] | None:
+    found = json_in(text)
+    if not isinstance(found, dict):
+        raise ValueError("Answer one JSON object.")
+    if found.get("done") is True:
+        return None
+    x, y, on = found.get("x"), found.get("y"), found.get("on", True)
+    if not all(isinstance(v, int | float) and not isinstance(v, bool) and np.isfinite(v) for v in (x, y)):
+        raise ValueError("x and y must be numbers.")
+    if not isinstance(on, bool):
+        raise ValueError("on must be true or false.")
+    return float(str(x)), float(str(y)), on
+
+
+def _insane(
+    click: Click, size: tuple[int, int], proposals: Sequence[BoolArray], mask: BoolArray | None
+) -> str:
+    """Why a click cannot be meant; "" where it can."""
+    if not (0 <= click.u < size[1] and 0 <= click.v < size[0]):
+        return "it lies outside the picture."
+    there = np.zeros(size, dtype=bool)
+    for shown in (*proposals, *(() if mask is None else (mask,))):
+        there |= shown
+    if not there.any():
+        return ""
+    gap = float(distance_transform_edt(~there)[int(click.v), int(click.u)])
+    return f"nothing stands within {FAR:.0f} pixels of it." if gap > FAR else ""
+
+
+def _segmented(
+    encoded: EncodedPicture, clicks: Sequence[Click], proposals: Sequence[BoolArray]
+) -> tuple[BoolArray | None, float]:
+    """The mask that all clicks taken so far mean; None where it is empty, unsure or the background.
+
+    The box of what was proposed under the clicks helps: one point on a printed box means the print as well.
+    """
+    points = np.array([[c.u, c.v] for c in clicks])
+    positive = np.array([c.on for c in clicks])
+    if not positive.any():
+        return None, 0.0
+    own = [p for p in proposals if any(c.on and p[int(c.v), int(c.u)] for c in clicks)]
+    box = None
+    if own:
+        rows, columns = np.nonzero(np.any(own, axis=0))
+        box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
+    answer = encoded.segment([Prompt(points, positive, box)])
+    best, worth = None, -np.inf
+    for mask, score in zip(answer.masks()[0], answer.scores[0], strict=True):
+        kept = np.mean([bool(mask[int(c.v), int(c.u)]) == c.on for c in clicks])
+        agreed = iou(mask, np.any(own, axis=0)) if own else 0.0
+        if mask.any() and mask.mean() < LARGEST and score >= GOOD and score + kept + agreed > worth:
+            best, worth, sure = np.asarray(mask), score + kept + agreed, float(score)
+    return (best, sure) if best is not None else (None, 0.0)
+
+
+def overlay(
+    image: NDArray[np.uint8], proposals: Sequence[BoolArray], mask: BoolArray | None, clicks: Sequence[Click],
+    longest: int,
+) -> bytes:  # fmt: skip
+    """The picture as PNG with outlines of what stands there, the mask so far tinted, and the clicks as dots."""
+    shown = image.astype(np.float64)
+    if mask is not None:
+        shown[mask] = 0.6 * shown[mask] + 0.4 * np.array(TINT)
+    factor = max(1, min(longest // max(image.shape[:2]), 4))
+    grown = np.kron(np.rint(shown).astype(np.uint8), np.ones((factor, factor, 1), dtype=np.uint8))
+    for proposal in proposals:
+        large = np.kron(proposal, np.ones((factor, factor), dtype=bool))
+        grown[binary_dilation(large) & ~binary_erosion(large)] = OUTLINE
+    drawn = Image.fromarray(grown)
+    pen = ImageDraw.Draw(drawn)
+    for click in clicks:
+        u, v = click.u * factor, click.v * factor
+        pen.ellipse([u - 4, v - 4, u + 4, v + 4], fill=(0, 255, 0) if click.on else (255, 0, 0))
+    drawn.thumbnail((longest, longest))
+    stream = io.BytesIO()
+    drawn.save(stream, "PNG")
+    return stream.getvalue()

@@ -1,0 +1,190 @@
+"""The usable pixels of all views as points above the table, each camera set right by the table that it sees itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import PerceptionError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.views import View
+from gvla2.planning.scene import Box
+
+BoolArray = NDArray[np.bool_]
+
+BELOW = 0.15
+"""Metres under the workspace where the table is still looked for."""
+DARK = 4
+"""A picture without a brighter pixel (of 255) shows nothing."""
+HYPOTHESES, SAMPLE, SEED = 128, 3000, 0
+LEAST_POINTS, LEAST_SHARE = 200, 0.1
+"""Points in the workspace, and the share of them on one level plane, without which there is no table."""
+MOST_TILT = np.deg2rad(15.0)
+MOST_CORRECTION = 0.015
+"""Metres at the table by which a camera may be out; one that is further off sees another surface."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One view, ready to use.
+
+    ``points`` (H, W, 3) world, metres, NaN where nothing is known; ``height`` (H, W) metres above the table.
+    ``corrected`` is by how many metres the camera's table lay off the common one.
+    """
+
+    view: View
+    points: FloatArray
+    height: FloatArray
+    corrected: float = 0.0
+
+    @property
+    def known(self) -> BoolArray:
+        """(H, W) pixels that have a point."""
+        return np.asarray(np.isfinite(self.points[..., 2]))
+
+
+@dataclass(frozen=True)
+class Table:
+    """A nearly level plane ``normal`` . x = ``offset``; ``noise`` is its points' robust deviation, metres."""
+
+    normal: FloatArray
+    offset: float
+    noise: float
+
+    def frame(self, workspace: Box) -> FloatArray:
+        """(4, 4) table_from_world: its top at z = 0, z its normal, origin under the workspace's centre, x along x."""
+        x = np.cross([0.0, 1.0, 0.0], self.normal)
+        x = x / np.linalg.norm(x)
+        middle = 0.5 * (workspace.low + workspace.high)
+        axes = np.stack([x, np.cross(self.normal, x), self.normal], axis=1)
+        return invert_rigid(rigid(axes, [*middle[:2], self.height_at(float(middle[0]), float(middle[1]))]))
+
+    def height_at(self, x: float, y: float) -> float:
+        """World z of the plane there."""
+        return float((self.offset - self.normal[0] * x - self.normal[1] * y) / self.normal[2])
+
+
+def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table, list[str]]:
+    """The usable views with their points, the table, and a sentence for each view that is of no use.
+
+    A camera whose own table lies off the common one is turned and lifted until they agree: extrinsics err by
+    millimetres. Raises :class:`PerceptionError` where no view has depth, or no level plane carries the workspace.
+    """
+    low, high = np.asarray(workspace.low, dtype=np.float64), np.asarray(workspace.high, dtype=np.float64)
+    if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
+        raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
+    frames, notes = [], []
+    for view in views:
+        points = _points(view)
+        if reason := _why_not(view, points):
+            notes.append(f"Camera '{view.name}' is not used: {reason}.")
+        else:
+            frames.append(Frame(view, points, points[..., 2]))
+    if not frames:
+        raise PerceptionError(
+            f"No view can be used: {' '.join(notes)} One camera at least must deliver depth."
+        )
+    table = find_table([f.points[f.known] for f in frames], workspace)
+    return [_set_right(f, table, workspace) for f in frames], table, notes
+
+
+def raised(
+    frame: Frame, table: Table, workspace: Box, least: float = 0.004, border: float = 0.03
+) -> BoolArray:
+    """(H, W) pixels that show what stands on the table, in the workspace or ``border`` metres beside it."""
+    with np.errstate(invalid="ignore"):
+        beside = frame.points[..., :2] - np.clip(
+            frame.points[..., :2], workspace.low[:2] - border, workspace.high[:2] + border
+        )
+        inside = (np.abs(beside) == 0).all(axis=-1) & (frame.points[..., 2] < workspace.high[2])
+        return np.asarray(inside & (frame.height > max(least, 3.3 * table.noise)))
+
+
+def _points(view: View) -> FloatArray:
+    if view.depth is None:
+        return np.full((*view.image.shape[:2], 3), np.nan)
+    depth = view.depth.astype(np.float64)
+    depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
+    if view.robot_mask is not None:
+        depth[binary_dilation(view.robot_mask, np.ones((3, 3), bool))] = np.nan
+    return view.camera.backproject(depth)
+
+
+def _why_not(view: View, points: FloatArray) -> str:
+    if view.depth is None:
+        return "it has no depth"
+    if not np.isfinite(points).any():
+        return "no pixel has a depth, or all of them show the robot"
+    return "its image is black" if view.image.max() <= DARK else ""
+
+
+def _near(points: FloatArray, workspace: Box) -> FloatArray:
+    """Those of points (N, 3) that lie over and a little under the workspace."""
+    low = workspace.low - [0.0, 0.0, BELOW]
+    return np.asarray(points[((points >= low) & (points <= workspace.high)).all(axis=1)])
+
+
+def find_table(clouds: Sequence[FloatArray], workspace: Box) -> Table:
+    """The widest nearly level plane under the workspace in points (N, 3) of some views: RANSAC over triples, then
+    least squares over the plane's own points. Raises :class:`PerceptionError` where there is none.
+    """
+    points = _near(np.concatenate(clouds), workspace)
+    if len(points) < LEAST_POINTS:
+        raise PerceptionError(
+            f"Only {len(points)} of the measured points lie in the workspace {workspace.low} to {workspace.high}; "
+            "a table top needs hundreds. Check the cameras' poses and the workspace."
+        )
+    rng = np.random.default_rng(SEED)
+    sample = points[rng.integers(0, len(points), SAMPLE)]
+    triples = sample[rng.integers(0, len(sample), (HYPOTHESES, 3))]
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    level = (np.abs(normals[:, 2]) >= np.cos(MOST_TILT) * length) & (length > 1e-4)
+    normals = normals[level] / length[level, None] * np.sign(normals[level, 2:])
+    anchors = np.concatenate([triples[level, 0], sample[:64]])
+    normals = np.concatenate([normals, np.tile([0.0, 0.0, 1.0], (64, 1))])
+    offsets = np.einsum("ij,ij->i", normals, anchors)
+    best = int(np.argmax((np.abs(sample @ normals.T - offsets) < 0.006).sum(axis=0)))
+    normal, offset = _settled(points, normals[best], float(offsets[best]), 0.008)
+    residual = np.abs(points @ normal - offset)
+    own = residual < 0.008
+    if own.sum() < max(LEAST_POINTS, LEAST_SHARE * len(points)):
+        raise PerceptionError(
+            f"No level plane carries the workspace: the best holds {int(own.sum())} of {len(points)} points."
+        )
+    return Table(normal, offset, 1.4826 * float(np.median(residual[own])))
+
+
+def _settled(points: FloatArray, normal: FloatArray, offset: float, band: float) -> tuple[FloatArray, float]:
+    some = points[:: max(1, len(points) // 30_000)]
+    for width in (band, 0.7 * band, 0.5 * band):
+        near = some[np.abs(some @ normal - offset) < width]
+        if len(near) < 30:
+            break
+        centre = near.mean(axis=0)
+        normal = np.linalg.eigh(np.cov((near - centre).T))[1][:, 0]
+        normal = normal * np.sign(normal[2] or 1.0)
+        offset = float(normal @ centre)
+    return normal, offset
+
+
+def _set_right(frame: Frame, table: Table, workspace: Box) -> Frame:
+    """The frame with its own table laid onto the common one: two turns and one shift, what a plane can tell."""
+    points, off = frame.points, 0.0
+    near = _near(points[frame.known], workspace)
+    near = near[np.abs(near @ table.normal - table.offset) < MOST_CORRECTION]
+    if len(near) >= LEAST_POINTS:
+        normal, offset = _settled(near, table.normal, float(np.median(near @ table.normal)), 0.008)
+        middle = near.mean(axis=0)
+        middle = middle + (offset - normal @ middle) * normal  # on the camera's own plane
+        off = float(table.offset - table.normal @ middle)
+        axis = np.cross(normal, table.normal)
+        if np.linalg.norm(axis) < 0.02 and abs(off) < MOST_CORRECTION:
+            turn = Rotation.from_rotvec(axis).as_matrix()  # small: the sine is the angle
+            points = transform_points(rigid(turn, middle - turn @ middle + off * table.normal), points)
+    return replace(frame, points=points, height=points @ table.normal - table.offset, corrected=off)

@@ -1,0 +1,193 @@
+"""A folder of known objects: each scan as points with normals and colours, and the ways in which it can lie."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial.distance import pdist
+
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.transform import FloatArray
+from gvla2.perception.textures import sampled_surface
+from gvla2.planning.colours import appearance
+
+SUFFIXES = (".obj", ".glb", ".ply")
+POINTS = 3000
+"""Samples of a scan's surface."""
+LARGEST = 3.0
+"""A scan whose longest side counts more units than this is in millimetres: nothing on a table is 3 m long."""
+MOST_RESTS, LIKELY = 10, 0.97
+"""Ways to lie that are tried at most, and the share of all falls that they account for."""
+VERSION = 1
+_COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poisson")
+"""Stems that name no object: the folder does."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One known object.
+
+    ``points`` (M, 3) metres about the middle of its box, ``normals`` (M, 3) outward, ``rgb`` (M, 3) in [0, 1];
+    ``rests`` (K, 3, 3) turn it into ways to lie on a table, likeliest first; ``middle`` (3,) is the box's middle in
+    the file's frame, metres; ``scale`` takes the file's units to metres; ``diameter`` is the longest
+    distance within it, metres.
+    """
+
+    name: str
+    path: str
+    points: FloatArray
+    normals: FloatArray
+    rgb: FloatArray
+    rests: FloatArray
+    middle: FloatArray
+    scale: float
+    tree: cKDTree
+    looks: FloatArray
+    diameter: float
+
+
+def diameter(points: FloatArray) -> float:
+    """The longest distance between two of the points (N, 3), however they are turned."""
+    try:
+        corners = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        corners = points[:: max(1, len(points) // 500)]  # all in a plane
+    return float(pdist(corners).max()) if len(corners) > 1 else 0.0
+
+
+def scan_files(folder: str | os.PathLike[str]) -> dict[str, Path]:
+    """Each scan's file by the object's name: a file's stem, or its folder's name where there is one file a folder.
+
+    Raises :class:`ConfigurationError` for a folder that is not there or holds no mesh, and for two of one name.
+    """
+    root = Path(folder).expanduser()
+    if not root.is_dir():
+        raise ConfigurationError(f"perceiver.gallery={folder}: there is no such folder.")
+    files = sorted(p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file())
+    if not files:
+        raise ConfigurationError(
+            f"perceiver.gallery={folder}: it holds no mesh. Put scans there as NAME.glb or NAME/textured.obj "
+            f"({', '.join(SUFFIXES)})."
+        )
+    found: dict[str, Path] = {}
+    for file in files:
+        own = file.stem if file.stem.lower() not in _COMMON else _folder_name(file, root)
+        name = " ".join(re.split(r"[\W_]+", own)).strip().lower()
+        if not name:
+            raise ConfigurationError(
+                f"perceiver.gallery: {file} names no object; call the file what it shows."
+            )
+        if name in found:
+            raise ConfigurationError(
+                f"perceiver.gallery={folder}: two scans are called '{name}': {found[name]} and {file}. Rename one."
+            )
+        found[name] = file
+    return found
+
+
+def _folder_name(file: Path, root: Path) -> str:
+    """The nearest folder's name that says something (YCB keeps NAME/google_16k/textured.obj)."""
+    for folder in file.relative_to(root).parents:
+        if folder.name and not re.fullmatch(r"google_\d+k|meshes?|tsdf|poisson", folder.name):
+            return folder.name
+    return root.name
+
+
+def read_scans(folder: str | os.PathLike[str]) -> list[Scan]:
+    """All scans of a folder; what was prepared once is kept in the user's cache by the files' contents.
+
+    Raises :class:`ConfigurationError` as :func:`scan_files`, and :class:`GeometryError` for a broken mesh.
+    """
+    return [read_scan(name, path) for name, path in scan_files(folder).items()]
+
+
+def read_scan(name: str, path: Path) -> Scan:
+    """One scan, prepared or from the cache."""
+    kept = _cache_file(path)
+    try:
+        with np.load(kept) as stored:
+            arrays = {key: stored[key] for key in stored.files}
+    except (OSError, ValueError, KeyError, EOFError):
+        arrays = _prepared(path)
+        _keep(kept, arrays)
+    return Scan(
+        name, str(path), arrays["points"], arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
+        float(arrays["scale"]), cKDTree(arrays["points"]), appearance(arrays["rgb"]),
+        diameter(arrays["points"]),
+    )  # fmt: skip
+
+
+def _prepared(path: Path) -> dict[str, FloatArray]:
+    points, normals, rgb = sampled_surface(path, POINTS)
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = float((high - low).max())
+    if not longest > 0:
+        raise GeometryError(f"{path}: a scan whose points all coincide cannot be recognised.")
+    scale = 0.001 if longest > LARGEST else 1.0
+    middle = 0.5 * (low + high) * scale
+    points = points * scale - middle
+    return {
+        "points": points, "normals": normals, "rgb": rgb, "middle": middle, "scale": np.array(scale),
+        "rests": resting_turns(points),
+    }  # fmt: skip
+
+
+def resting_turns(points: FloatArray) -> FloatArray:
+    """(K, 3, 3) turns into stable ways to lie, likeliest first, no two nearly the same; upright is always among them.
+
+    As they fall: quasi-static probabilities of the faces of the convex hull, with the middle of the box as the centre
+    of mass. Scans are not closed, so their volume tells no better one.
+    """
+    hull = trimesh.convex.convex_hull(points)
+    turns, chances = trimesh.poses.compute_stable_poses(hull, center_mass=hull.center_mass, n_samples=1)
+    kept: list[FloatArray] = [np.eye(3)]
+    downs = [np.array([0.0, 0.0, 1.0])]
+    gone = 0.0
+    for turn, chance in zip(turns[:, :3, :3], chances, strict=True):
+        gone += float(chance)
+        up = turn[2]
+        if all(up @ other < np.cos(np.deg2rad(12.0)) for other in downs):
+            kept.append(turn)
+            downs.append(up)
+        if len(kept) >= MOST_RESTS + 1 or gone > LIKELY * float(chances.sum()):
+            break
+    return np.array(kept)
+
+
+def _cache_file(path: Path) -> Path:
+    """Where what was prepared of these contents lies; textures beside a mesh count as its contents."""
+    digest = hashlib.sha256(f"{VERSION} {POINTS} {path.suffix}".encode())
+    beside = sorted(p for p in path.parent.iterdir() if p.suffix.lower() in (".mtl", ".png", ".jpg", ".jpeg"))
+    for file in (path, *(beside if path.suffix.lower() == ".obj" else ())):
+        try:
+            digest.update(file.read_bytes())
+        except OSError as error:
+            raise GeometryError(f"Cannot read {file}: {error}") from error
+    home = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    return home / "gvla2" / "scans" / f"{digest.hexdigest()[:32]}.npz"
+
+
+def _keep(kept: Path, arrays: dict[str, FloatArray]) -> None:
+    """Written aside and renamed; a cache that cannot be written is done without."""
+    aside = kept.with_name(f"{kept.stem}.{os.getpid()}.npz")
+    try:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(aside, allow_pickle=False, **arrays)
+        aside.replace(kept)
+    except OSError:
+        aside.unlink(missing_ok=True)
+
+
+def check_names(scans: Sequence[Scan]) -> None:
+    """Raise :class:`ConfigurationError` for two scans of one name."""
+    names = [scan.name for scan in scans]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ConfigurationError(f"Two scans of the gallery are called '{twice[0]}'. Rename one.")

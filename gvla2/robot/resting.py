@@ -1,0 +1,62 @@
+"""How things come to lie: stable poses of a convex hull, found by rolling it downhill."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray
+
+
+def fallen(hull: FloatArray, centre: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """A rotation (3, 3), its z axis up, in which a thing dropped at random comes to rest on a plane.
+
+    ``hull`` (N, 3) are the corners of its convex hull and ``centre`` (3,) its centre of mass, one frame, metres. It
+    lands on some face and rolls over the edge beyond which its centre hangs, until the centre hangs over no edge:
+    quasi-static, without momentum (Goldberg et al. 1999, "Part pose statistics"). Any rotation about z is as likely.
+    """
+    turn = Rotation.random(random_state=rng).as_matrix()
+    try:
+        solid = ConvexHull(hull)
+    except QhullError:  # flat: it lies on its one side or the other
+        _, _, axes = np.linalg.svd(hull - hull.mean(axis=0), full_matrices=False)
+        down = axes[2] * (1.0 if rng.random() < 0.5 else -1.0)
+        return _standing(down, turn)
+    normals, offsets = solid.equations[:, :3], solid.equations[:, 3]
+    slope = normals @ (-turn[2])
+    height = -(offsets + normals @ centre)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        face = int(np.argmin(np.where(slope > 1e-9, height / slope, np.inf)))
+    for _ in range(len(normals)):
+        corners = solid.points[solid.simplices[face]]
+        foot = centre + height[face] * normals[face]
+        over = _edge_beyond(corners, foot, normals[face])
+        if over is None:
+            break
+        beyond = int(solid.neighbors[face][over])
+        if height[beyond] > height[face] + 1e-12:
+            break
+        face = beyond
+    return _standing(normals[face], turn)
+
+
+def _edge_beyond(corners: FloatArray, foot: FloatArray, normal: FloatArray) -> int | None:
+    """The number of the corner whose opposite edge the point ``foot`` (3,) lies farthest beyond; None when inside."""
+    worst, found = 1e-9, None
+    for k in range(3):
+        apex, a, b = corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]
+        aside = np.cross(b - a, normal)
+        aside = aside / max(float(np.linalg.norm(aside)), 1e-12)
+        if (apex - a) @ aside > 0:
+            aside = -aside
+        if (foot - a) @ aside > worst:
+            worst, found = float((foot - a) @ aside), k
+    return found
+
+
+def _standing(down: FloatArray, turn: FloatArray) -> FloatArray:
+    """The rotation that brings the direction ``down`` (3,) of the thing to -z, turned about z at random by ``turn``."""
+    aligned, _ = Rotation.align_vectors([[0.0, 0.0, -1.0]], [down])
+    yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
+    return np.asarray((Rotation.from_euler("z", yaw) * aligned).as_matrix())

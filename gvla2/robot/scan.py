@@ -1,0 +1,198 @@
+"""A mesh as a solid thing: read from a file, brought into order, and measured."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from gvla2.errors import ConfigurationError, GeometryError
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.texture import Texture
+from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
+from gvla2.geometry.transform import FloatArray, transform_points
+
+MOST_FACES = 100_000
+"""Of a solid's looks; a finer mesh is thinned, its texture becomes one colour a face."""
+
+HUGE, MILLIMETRE = 3.0, 1e-3
+"""A mesh whose longest side is beyond this many metres is read as millimetres, when nothing is said of its scale."""
+
+SMALLEST, LARGEST = 0.003, 2.0
+"""Longest side of a thing on a table, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scan:
+    """One solid of a body that is a mesh, as :class:`gvla2.robot.task.Primitive` is one that is a simple shape.
+
+    ``textured`` in metres, its bounding box centred at the origin of the solid's own frame; ``body_from_shape``
+    (4, 4). ``offset`` (3,) is where that centre lay in the frame of the file ``path``, metres, of which a unit has
+    ``scale`` metres. ``notes`` are sentences about what was brought into order.
+    """
+
+    textured: TexturedMesh
+    offset: FloatArray
+    path: str
+    scale: float
+    notes: tuple[str, ...] = ()
+    body_from_shape: FloatArray = field(default_factory=lambda: np.eye(4))
+    collides: bool = True
+    kind: Literal["mesh"] = "mesh"
+
+    @cached_property
+    def size(self) -> tuple[float, float, float]:
+        """Sides (x, y, z) of the bounding box, metres."""
+        low, high = self.textured.mesh.bounds
+        x, y, z = (high - low).tolist()
+        return x, y, z
+
+    @cached_property
+    def rgb(self) -> tuple[float, float, float]:
+        """Mean colour over the surface, in [0, 1]."""
+        areas = self.textured.mesh.areas
+        r, g, b = np.average(self.face_colours, axis=0, weights=areas).tolist()
+        return r, g, b
+
+    @cached_property
+    def texture(self) -> Texture | None:
+        """What is painted on it, made once."""
+        return Texture.of(self.textured)
+
+    @cached_property
+    def face_colours(self) -> FloatArray:
+        """(F, 3) colour of each face's middle, in [0, 1], with its texture."""
+        return face_colours(self.textured, self.texture)
+
+    @cached_property
+    def hull(self) -> FloatArray:
+        """(N, 3) the corners of its convex hull, the solid's frame."""
+        vertices = self.textured.mesh.vertices
+        try:
+            return np.asarray(vertices[ConvexHull(vertices).vertices])
+        except QhullError:  # flat, without a volume
+            return vertices
+
+    def lowest(self, world_from_body: FloatArray) -> float:
+        """World z of its lowest point with the body at ``world_from_body`` (4, 4), metres."""
+        return float(transform_points(world_from_body @ self.body_from_shape, self.hull)[:, 2].min())
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, scale: float | None, stamp: tuple[int, int]) -> Scan:
+    del stamp  # a file that changed is another file
+    return _ordered(read_textured_mesh(path), scale, path)
+
+
+def read_scan(path: str | os.PathLike[str], scale: float | None = None) -> Scan:
+    """The mesh of an OBJ, GLB or PLY file, ``scale`` metres a unit of the file (None: found out), in order:
+
+    * millimetres: a mesh longer than :data:`HUGE` is taken to be in millimetres when ``scale`` is None;
+    * inside out: with a negative volume, its faces are turned;
+    * too fine: beyond :data:`MOST_FACES` it is thinned to cells, each face keeping its colour;
+    * no texture: vertex colours, the material's colour, or grey.
+
+    ``notes`` say which of it was done. Raises :class:`ConfigurationError` for a scale that is not positive or a thing
+    that no table holds, and :class:`GeometryError`, naming the file, for one that cannot be read.
+    """
+    source = Path(path).expanduser()
+    if scale is not None and not (np.isfinite(scale) and scale > 0):
+        raise ConfigurationError(f"{source}: scale={scale} must be a positive number of metres a unit.")
+    if not source.is_file():
+        raise GeometryError(f"Cannot read a mesh from {source}: there is no such file.")
+    state = source.stat()
+    return _read(source.resolve(), scale, (state.st_mtime_ns, state.st_size))
+
+
+def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
+    notes = []
+    mesh = textured.mesh
+    used = np.unique(mesh.faces)
+    low, high = mesh.vertices[used].min(axis=0), mesh.vertices[used].max(axis=0)
+    longest = float((high - low).max())
+    factor = scale
+    if factor is None:
+        factor = MILLIMETRE if longest > HUGE else 1.0
+        if factor != 1.0:
+            notes.append(f"it is {longest:.0f} units long and was read as millimetres")
+    if not SMALLEST <= longest * factor <= LARGEST:
+        raise ConfigurationError(
+            f"{source} is {longest * factor:.4g} m long; a thing on the table has {SMALLEST} to {LARGEST} m. "
+            "Say how many metres a unit of the file is with scale (0.001 for millimetres, 0.01 for centimetres)."
+        )
+    offset = 0.5 * (low + high) * factor
+    textured = replace(textured, mesh=mesh.with_vertices(mesh.vertices * factor - offset))
+    if signed_volume(textured.mesh) < 0:
+        textured = _turned(textured)
+        notes.append("its volume was negative and its faces were turned")
+    count = len(textured.mesh.faces)
+    if count > MOST_FACES:
+        textured = _thinned(textured, MOST_FACES)
+        notes.append(f"it was thinned from {count} to {len(textured.mesh.faces)} faces")
+    if not textured.images and np.ptp(textured.rgb.reshape(-1, 3), axis=0).max() == 0:
+        notes.append("it has no texture")
+    return Scan(textured, offset, str(source), factor, tuple(notes))
+
+
+def signed_volume(mesh: Mesh) -> float:
+    """Cubic metres within the faces, negative where they are wound inside out; the origin must be about inside."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def face_colours(textured: TexturedMesh, texture: Texture | None) -> FloatArray:
+    """(F, 3) colour of each face's middle, in [0, 1]."""
+    colours = np.asarray(textured.rgb.mean(axis=1), dtype=np.float64)
+    if texture is None:
+        return colours
+    count = len(textured.mesh.faces)
+    wide = np.sqrt(textured.mesh.areas)
+    return np.asarray(colours * texture.at(np.arange(count), np.full((count, 3), 1 / 3), wide))
+
+
+def _turned(textured: TexturedMesh) -> TexturedMesh:
+    mesh = textured.mesh
+    return replace(
+        textured,
+        mesh=Mesh(mesh.vertices, mesh.faces[:, ::-1], mesh.colours),
+        uv=textured.uv[:, ::-1],
+        rgb=textured.rgb[:, ::-1],
+    )
+
+
+def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
+    """Vertices of one cell become one, cells as fine as ``most`` faces allow; each face keeps its own colour."""
+    colours = face_colours(textured, Texture.of(textured)).astype(np.float32)
+    mesh = textured.mesh
+    cell = np.sqrt(2.0 * mesh.areas.sum() / most)
+    while True:
+        vertices, faces, kept = clustered(mesh, cell)
+        if len(faces) <= most:
+            break
+        cell *= 1.15
+    return TexturedMesh(
+        Mesh(vertices, faces),
+        np.zeros((len(faces), 3, 2), dtype=np.float32),
+        np.full(len(faces), -1, dtype=np.int64),
+        np.repeat(colours[kept][:, None], 3, axis=1),
+        (),
+    )
+
+
+def clustered(mesh: Mesh, cell: float) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+    """The mesh with the vertices of each cube of side ``cell``, metres, put together: vertices, faces, old numbers."""
+    keys = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
+    _, member = np.unique(keys, axis=0, return_inverse=True)
+    member = member.reshape(-1)
+    count = np.bincount(member)
+    vertices = np.stack([np.bincount(member, mesh.vertices[:, k]) / count for k in range(3)], axis=1)
+    faces = member[mesh.faces]
+    a, b, c = faces.T
+    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    kept = np.sort(first[((a != b) & (b != c) & (c != a))[first]])
+    return vertices, faces[kept], kept

@@ -1,0 +1,92 @@
+"""What words name, in every picture, fused into one scene."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.views import Observation
+from gvla2.perception.clusters import clusters
+from gvla2.perception.frames import BoolArray, frames_of, raised
+from gvla2.perception.fusing import Candidate, fuse, objects_of
+from gvla2.perception.labels import labelled
+from gvla2.perception.options import labellers
+from gvla2.perception.things import numbered, over_workspace
+from gvla2.planning.scene import Box, Scene
+
+if TYPE_CHECKING:
+    from gvla2_plugins.open_vocabulary import VocabularyConfig
+
+_BETWEEN = re.compile(
+    r"\b(?:pick|lift|put|place|move|push|pull|open|close|take|grasp|slide|sort|stack|insert|turn|press|up|down|in|into|on|"
+    r"onto|to|from|of|off|out|at|by|the|a|an|all|left|right|front|behind|next|between|and|then|it|its|with)\b|[^\w\s-]"
+)
+"""Words and marks that stand between the names of things in an instruction."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A mask (H, W) of what ``label`` names; ``loose`` where it is a box whose corners show other things, too."""
+
+    mask: BoolArray
+    score: float
+    label: str
+    loose: bool = False
+
+
+class Finder(Protocol):
+    """A model that finds by words."""
+
+    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[Found]:
+        """What all words name in one picture (H, W, 3)."""
+        ...
+
+
+class VocabularyPerceiver:
+    """Asks a model for what words name; depth places it."""
+
+    def __init__(self, name: str, config: VocabularyConfig, finder: Finder) -> None:
+        if not 0 < config.threshold < 1 or config.min_points < 3:
+            raise ConfigurationError(
+                f"perceiver={name}: threshold must be in (0, 1) and min_points at least 3."
+            )
+        self._name, self._config, self._finder = name, config, finder
+        self._labellers = labellers(config)
+
+    def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
+        """The scene inside ``workspace``; raises :class:`PerceptionError` as every perceiver."""
+        frames, table, notes = frames_of(observation.views, workspace)
+        words = list(self._config.words) or named_in(instruction)
+        if not words:
+            notes.append("The instruction names nothing to look for: say perceiver.words=[...].")
+        above = [raised(f, table, workspace) for f in frames]
+        groups = clusters(frames, above, self._config.min_points)
+        candidates = []
+        for number, frame in enumerate(frames):
+            found = self._finder.find(frame.view.image, words, self._config.threshold) if words else []
+            for one in found:
+                mask = _cut(one.mask, groups.maps[number]) if one.loose else one.mask
+                candidates.append(Candidate(number, mask, one.score, one.label))
+        objects, small = objects_of(fuse(frames, candidates), frames, table, self._config.min_points)
+        middle = 0.5 * (workspace.low + workspace.high)
+        height = table.height_at(*middle[:2].tolist())
+        scene = Scene((), height, workspace, self._name, (*notes, *small))
+        scene = Scene(numbered(over_workspace(objects, scene)), height, workspace, self._name, scene.notes)
+        return labelled(scene, observation, self._labellers)
+
+
+def _cut(box: BoolArray, groups: NDArray[np.int64]) -> BoolArray:
+    """Of a box, the connected thing that fills most of it."""
+    inside = groups[box & (groups >= 0)]
+    return np.asarray(box & (groups == np.bincount(inside).argmax())) if len(inside) else np.zeros_like(box)
+
+
+def named_in(instruction: str) -> list[str]:
+    """The noun phrases of an instruction, each once, in its order."""
+    phrases = (" ".join(p.split()) for p in _BETWEEN.sub("\0", instruction.casefold()).split("\0"))
+    return [p for p in dict.fromkeys(phrases) if p]

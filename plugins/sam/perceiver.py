@@ -1,0 +1,174 @@
+"""Clusters above the table, a prompt each in every picture, one thing a cluster: the perceiver ``sam``."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.ndimage import binary_dilation, distance_transform_edt
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.views import Observation
+from gvla2.perception.clusters import Clusters, IntArray, clusters
+from gvla2.perception.frames import BoolArray, frames_of, raised
+from gvla2.perception.fusing import Candidate, fuse, iou, objects_of
+from gvla2.perception.labels import labelled
+from gvla2.perception.options import labellers, vision_model
+from gvla2.perception.prompting import EncodedPicture, Prompt, Segmenter, Segments
+from gvla2.perception.things import numbered, over_workspace
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2_plugins.sam import SamConfig
+
+MODELS = ("sam2", "vit_b", "vit_l", "vit_h", "mobile_sam")
+LEAST = 6
+"""Pixels in one picture from which a cluster is asked for there."""
+LEAK = 5
+"""Pixels about a cluster within which its mask is believed: depth misses edges, a mask may also run along the table."""
+AGREES = 0.5
+"""Share of a cluster's pixels that its mask must cover."""
+COVERED = 0.75
+"""Share of a cluster's pixels in the mask of a larger one, over all pictures, from which it is a part of that."""
+
+log = logging.getLogger(__name__)
+
+
+class SamPerceiver:
+    """Objects on a table from RGB-D views; geometry proposes, the model draws the outlines.
+
+    Raises :class:`ConfigurationError` for options that cannot be, :class:`MissingDependencyError` without weights.
+    """
+
+    def __init__(self, config: SamConfig, segmenter: Segmenter | None = None) -> None:
+        if config.model not in MODELS:
+            raise ConfigurationError(
+                f"perceiver.model is '{config.model}'; it must be one of {', '.join(MODELS)}."
+            )
+        if (
+            config.min_points < 3
+            or not config.min_height > 0
+            or not 0 <= config.min_score <= 1
+            or config.threads < 0
+        ):
+            raise ConfigurationError(
+                "perceiver=sam: min_points must be at least 3, min_height above 0, min_score in [0, 1], threads >= 0."
+            )
+        self._config = config
+        self._vision = vision_model(config.vision, "perceiver.localize") if config.localize else None
+        self._labellers = labellers(config)
+        self._segmenter = segmenter or _load(config)
+
+    def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
+        """The scene inside ``workspace``, objects ordered by x, then y.
+
+        Raises :class:`PerceptionError` when no camera delivers depth, or no level plane is found. The instruction is
+        used by ``localize`` alone.
+        """
+        config = self._config
+        frames, table, notes = frames_of(observation.views, workspace)
+        found = clusters(
+            frames, [raised(f, table, workspace, config.min_height) for f in frames], config.min_points
+        )
+        pictures: list[EncodedPicture] = []
+        answers: list[dict[int, Segments]] = []
+        for number, frame in enumerate(frames):
+            if not found.count and not config.localize:
+                break  # nothing stands on the table: there is nothing to ask
+            log.info("perceiver=sam: picture %d of %d ('%s')", number + 1, len(frames), frame.view.name)
+            pictures.append(self._segmenter.encode(frame.view.image))
+            answers.append(asked(pictures[-1], found.maps[number]))
+        whole = wholes(found, answers)
+        candidates = [
+            each
+            for number, given in enumerate(answers)
+            for each in self._drawn(number, found.maps[number], whole, given)
+        ]
+        objects, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
+        middle = 0.5 * (workspace.low + workspace.high)
+        scene = Scene((), table.height_at(*middle[:2].tolist()), workspace, "sam", (*notes, *small))
+        scene = _with(scene, over_workspace(objects, scene))
+        if self._vision is not None:
+            from gvla2.perception.localizing import localized
+
+            scene = localized(scene, frames, pictures, table, instruction, self._vision, config.vision)
+        return labelled(scene, observation, self._labellers)
+
+    def _drawn(
+        self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
+    ) -> list[Candidate]:
+        """A candidate for each thing that is in sight in one picture, from the answers of its clusters."""
+        groups = np.where(clustered >= 0, np.asarray([*whole, -1])[clustered], -1)
+        drawn: dict[int, tuple[BoolArray, float]] = {}
+        for k, answer in answers.items():
+            own = groups == whole[k]
+            mask, score = best_mask(answer, own, (groups >= 0) & ~own)
+            part = clustered == k
+            if score < self._config.min_score or (mask & part).sum() < AGREES * part.sum():
+                mask, score = part, self._config.min_score
+            before = drawn.get(whole[k], (np.zeros_like(mask), 0.0))
+            drawn[whole[k]] = (before[0] | mask, max(before[1], score))
+        return [Candidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
+
+
+def asked(picture: EncodedPicture, clustered: IntArray) -> dict[int, Segments]:
+    """The answer for each cluster that is in sight in one picture (H, W)."""
+    shown = [int(k) for k in np.unique(clustered[clustered >= 0]) if (clustered == k).sum() >= LEAST]
+    given = picture.segment([prompt_for(clustered == k) for k in shown])
+    return {k: Segments(given.logits[i : i + 1], given.scores[i : i + 1]) for i, k in enumerate(shown)}
+
+
+def wholes(found: Clusters, answers: Sequence[Mapping[int, Segments]]) -> list[int]:
+    """For each cluster the one that it belongs to, mostly itself.
+
+    Depth tears apart what thin struts hold together: where the masks of a larger cluster cover a smaller one, in the
+    pictures that show both, the two are one thing.
+    """
+    whole = list(range(found.count))
+    for small in range(found.count):
+        for large in range(small):
+            covered = []
+            for clustered, given in zip(found.maps, answers, strict=True):
+                part = clustered == small
+                if large in given and part.any():
+                    own = clustered == large
+                    mask, _ = best_mask(given[large], own | part, np.zeros_like(own))
+                    covered.append(float((mask & part).sum() / part.sum()))
+            if covered and np.mean(covered) >= COVERED:
+                whole[small] = whole[large]
+                break
+    return whole
+
+
+def prompt_for(own: BoolArray) -> Prompt:
+    """A box about the pixels (H, W) and the one that lies deepest in them."""
+    rows, columns = np.nonzero(own)
+    depth = distance_transform_edt(np.pad(own, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(int(np.argmax(depth)), own.shape)
+    box = (float(columns.min()), float(rows.min()), float(columns.max() + 1), float(rows.max() + 1))
+    return Prompt(np.array([[column + 0.5, row + 0.5]]), np.array([True]), box)
+
+
+def best_mask(answer: Segments, own: BoolArray, others: BoolArray) -> tuple[BoolArray, float]:
+    """The mask of one answer (1, C, H, W) that the model and the geometry agree on best, without leaks.
+
+    ``own`` are the pixels that asked, ``others`` those of other clusters.
+    """
+    around = binary_dilation(own, np.ones((3, 3), bool), iterations=LEAK) & ~others
+    masks = [np.asarray(mask & around) for mask in answer.masks()[0]]
+    worth = [score + iou(mask, own) for mask, score in zip(masks, answer.scores[0], strict=True)]
+    best = int(np.argmax(worth))
+    return masks[best], float(answer.scores[0][best])
+
+
+def _with(scene: Scene, objects: Sequence[SceneObject]) -> Scene:
+    return Scene(numbered(objects), scene.table_height, scene.workspace, scene.perceiver, scene.notes)
+
+
+def _load(config: SamConfig) -> Segmenter:
+    if config.model == "sam2":
+        from gvla2_plugins.sam.onnx_model import Sam2Onnx
+
+        return Sam2Onnx(config.weights, dict(config.sha256), config.threads)
+    from gvla2_plugins.sam.kornia_model import load_sam
+
+    return load_sam(config.model, config.weights, dict(config.sha256))

@@ -1,0 +1,190 @@
+"""What a mesh collides as: convex pieces by CoACD, kept in the user's cache."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import threading
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from gvla2.errors import MissingDependencyError, OutputError, SimulationError
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.robot.scan import Scan, clustered
+from gvla2.writing import cache_folder, write_whole
+
+VERSION = 1
+"""Of the pieces' making: changes whenever they would."""
+
+THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
+"""CoACD's concavity, in sizes of the thing; the pieces' number; corners a piece (PhysX takes 255)."""
+
+FACES = 20_000
+"""What is decomposed is thinned to so many faces: finer ones change no piece and cost minutes."""
+
+HOLLOW, HOLLOW_SHARE = 0.04, 0.02
+"""A thing is its own hull when less than this share of its surface lies deeper below the hull than this share of its
+longest side."""
+
+THINNEST = 1e-3
+"""Metres to which a flat piece is thickened: a hull needs a volume."""
+
+log = logging.getLogger(__name__)
+_ONE_AT_A_TIME = threading.Lock()
+
+
+class Piece:
+    """One convex piece: ``corners`` (N, 3) in the solid's frame, metres."""
+
+    def __init__(self, corners: FloatArray) -> None:
+        self.corners = corners
+
+    @cached_property
+    def hull(self) -> ConvexHull:
+        """Its hull: triangles, planes, volume."""
+        return ConvexHull(self.corners)
+
+    def holds(self, points: FloatArray) -> np.ndarray:
+        """(N,) bool: which points (N, 3) are inside."""
+        planes = self.hull.equations
+        return np.asarray((points @ planes[:, :3].T + planes[:, 3] <= 1e-9).all(axis=1))
+
+
+def pieces(scan: Scan) -> tuple[Piece, ...]:
+    """The convex pieces of a mesh, from the cache or made now (up to half a minute for an open vessel).
+
+    Raises :class:`MissingDependencyError` without coacd, :class:`SimulationError` for a mesh of no solid at all.
+    """
+    return _kept(piece_file(scan))
+
+
+def piece_file(scan: Scan) -> Path:
+    """The OBJ file of the pieces, one group each; made when it is not there."""
+    mesh = scan.textured.mesh
+    path = cache_folder() / "collision" / f"{_digest(mesh)}.obj"
+    with _ONE_AT_A_TIME:
+        if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, _as_obj(decompose(mesh)).encode())
+    return path
+
+
+def decompose(mesh: Mesh) -> list[FloatArray]:
+    """Corners (N, 3) of convex pieces that together stand for the mesh; its hull alone where it is convex enough."""
+    hull = _hull_of(mesh.vertices)
+    if _is_convex(mesh, hull):
+        return [_thin_hull(hull)]
+    log.info("Decomposing a mesh of %d faces into convex pieces; this is done once.", len(mesh.faces))
+    coarse = mesh
+    cell = float(np.ptp(mesh.vertices, axis=0).max()) / 400
+    while len(coarse.faces) > FACES:
+        vertices, faces, _ = clustered(mesh, cell)
+        coarse, cell = Mesh(vertices, faces), cell * 1.3
+    coacd = _import_coacd()
+    coacd.set_log_level("error")
+    found = coacd.run_coacd(
+        coacd.Mesh(coarse.vertices, coarse.faces),
+        threshold=THRESHOLD,
+        max_convex_hull=MOST_PIECES,
+        preprocess_resolution=40,
+        resolution=1000,
+        mcts_nodes=10,
+        mcts_iterations=50,
+        mcts_max_depth=2,
+        decimate=True,
+        max_ch_vertex=MOST_CORNERS,
+        seed=0,
+    )
+    solid = [_hull_of(np.asarray(corners, dtype=np.float64)) for corners, _ in found]
+    return solid or [_thin_hull(hull)]
+
+
+def _is_convex(mesh: Mesh, hull: FloatArray) -> bool:
+    """Whether hardly anything of the surface lies deep below its hull."""
+    try:
+        planes = ConvexHull(hull).equations
+    except QhullError:
+        return True
+    points, _ = mesh.sample(2000, np.random.default_rng(0))
+    depth = -(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    return float((depth > HOLLOW * np.ptp(mesh.vertices, axis=0).max()).mean()) < HOLLOW_SHARE
+
+
+def _hull_of(points: FloatArray) -> FloatArray:
+    """The corners (N, 3) of the convex hull; what is flat gets the thickness :data:`THINNEST`."""
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:
+        middle = points.mean(axis=0)
+        _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+        thick = 0.5 * THINNEST * axes
+        sides = np.concatenate([points + sign * step for sign in (-1, 1) for step in thick])
+        try:
+            return np.asarray(sides[ConvexHull(sides).vertices])
+        except QhullError as error:
+            raise SimulationError("A mesh without any extent cannot lie on a table.") from error
+
+
+def _thin_hull(corners: FloatArray, most: int = 4 * MOST_CORNERS) -> FloatArray:
+    """As few corners as PhysX takes, chosen far from one another."""
+    if len(corners) <= most:
+        return corners
+    chosen = [int(np.argmax(np.linalg.norm(corners - corners.mean(axis=0), axis=1)))]
+    gap = np.linalg.norm(corners - corners[chosen[0]], axis=1)
+    while len(chosen) < most:
+        chosen.append(int(np.argmax(gap)))
+        gap = np.minimum(gap, np.linalg.norm(corners - corners[chosen[-1]], axis=1))
+    return corners[chosen]
+
+
+def _as_obj(found: list[FloatArray]) -> str:
+    """The pieces as text, their triangles wound outwards."""
+    lines, start = [], 1
+    for number, corners in enumerate(found):
+        hull = ConvexHull(corners)
+        lines.append(f"o piece_{number}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in corners]
+        for face, plane in zip(hull.simplices, hull.equations, strict=True):
+            a, b, c = corners[face]
+            outward = np.cross(b - a, c - a) @ plane[:3] >= 0
+            i, j, k = (face if outward else face[::-1]) + start
+            lines.append(f"f {i} {j} {k}")
+        start += len(corners)
+    return "\n".join(lines) + "\n"
+
+
+@lru_cache(maxsize=128)
+def _kept(path: Path) -> tuple[Piece, ...]:
+    found: list[list[list[float]]] = []
+    try:
+        lines = path.read_text().splitlines()
+    except OSError as error:
+        raise OutputError(f"The kept pieces {path} cannot be read: {error.strerror}.") from error
+    for line in lines:
+        if line.startswith("o "):
+            found.append([])
+        elif line.startswith("v "):
+            found[-1].append([float(word) for word in line.split()[1:4]])
+    return tuple(Piece(np.array(corners)) for corners in found)
+
+
+def _digest(mesh: Mesh) -> str:
+    digest = hashlib.sha256(f"{VERSION} {THRESHOLD} {MOST_PIECES} {MOST_CORNERS}".encode())
+    digest.update(np.round(mesh.vertices, 7).tobytes())
+    digest.update(mesh.faces.tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _import_coacd() -> Any:
+    try:
+        import coacd
+    except ImportError as error:
+        raise MissingDependencyError(
+            "the package 'coacd'", "A simulated body that is a mesh", 'pip install "gvla2[sim]"'
+        ) from error
+    return coacd

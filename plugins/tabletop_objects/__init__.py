@@ -1,0 +1,57 @@
+"""A table with scanned objects: any folder of textured meshes, and what can be asked of them by their names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+from gvla2 import Component, hookimpl
+from gvla2.robot.task_options import TaskConfig
+
+if TYPE_CHECKING:
+    from gvla2.robot.task import Task
+
+
+@dataclass
+class ObjectsConfig:
+    """Which meshes lie there, and how.
+
+    ``root`` is a folder of meshes: ``mug.glb``, ``mug.obj`` or ``mug/textured.obj`` is the object "mug". ``names`` are
+    those that may lie there, all by default; ``count`` of them do, 1 to 8, by default all of ``names`` or one of the
+    folder. ``scale`` is metres a unit of the files (by default metres, or millimetres where nothing else makes sense),
+    ``mass`` kilograms (by default by size), ``pose`` is "upright", as the files have them, or "fallen", as they come to
+    lie when they are dropped.
+    """
+
+    root: str = ""
+    names: list[str] = field(default_factory=list)
+    count: int | None = None
+    scale: float | None = None
+    mass: float | None = None
+    friction: float = 0.8
+    pose: str = "upright"
+
+
+@dataclass
+class TabletopObjectsConfig(TaskConfig):
+    """Options of ``tabletop_objects``. ``ask`` is what is asked for: lift, put_in, left_of, sort, or any of them that
+    the objects allow.
+    """
+
+    required: ClassVar[tuple[str, ...]] = ("objects.root",)
+
+    objects: ObjectsConfig = field(default_factory=ObjectsConfig)
+    ask: str = "lift"
+
+
+def _build(config: TabletopObjectsConfig) -> Task:
+    """Lift, place or sort scanned objects, called by their names."""
+    from gvla2_plugins.tabletop_objects.task import TabletopObjects
+
+    return TabletopObjects(config)
+
+
+@hookimpl
+def gvla2_tasks() -> list[Component[Task]]:
+    """The task ``tabletop_objects``."""
+    return [Component("tabletop_objects", TabletopObjectsConfig, _build)]

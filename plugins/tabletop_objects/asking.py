@@ -1,0 +1,164 @@
+"""What can be asked of named objects, in words, and when it is done."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray
+from gvla2.robot.task import Body, Profile, WorldState
+from gvla2.robot.volumes import body_points
+
+LIFTED, LIFTED_WELL = 0.03, 0.08
+"""Metres between a lifted thing's lowest point and the table: eased and strict."""
+
+BESIDE, IN_LINE = 0.40, 0.15
+"""A thing is left of another when it lies so near, metres, and no farther before or behind than this."""
+
+WORDINGS = {
+    "lift": (
+        "lift the {x}",
+        "pick up the {x}",
+        "raise the {x} off the table",
+        "grab the {x} and hold it up",
+        "take the {x} and lift it into the air",
+    ),
+    "put_in": (
+        "put the {x} in the {y}",
+        "place the {x} into the {y}",
+        "pick up the {x} and put it in the {y}",
+        "drop the {x} into the {y}, please",
+    ),
+    "left_of": (
+        "put the {x} left of the {y}",
+        "place the {x} to the left of the {y}",
+        "move the {x} to the left of the {y}",
+        "pick up the {x} and set it down left of the {y}",
+    ),
+    "sort": (
+        "put all {x} in the {y}",
+        "sort all {x} into the {y}",
+        "place all the {x} into the {y}",
+        "move all {x} into the {y}",
+    ),
+}
+"""Templates of each kind; ``{x}`` is the thing or what all are called, ``{y}`` the other thing."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked: the kind, the things ``themes``, the other thing ``goal`` (a body's name, or "") and ``word``,
+    what all themes are called together.
+    """
+
+    kind: str
+    themes: tuple[str, ...]
+    goal: str = ""
+    word: str = ""
+
+
+def wording(asked: Asked, labels: dict[str, str], rng: np.random.Generator) -> str:
+    """A sentence for it, drawn among :data:`WORDINGS`."""
+    templates = WORDINGS[asked.kind]
+    x = asked.word or labels[asked.themes[0]]
+    return templates[int(rng.integers(len(templates)))].format(x=x, y=labels.get(asked.goal, ""))
+
+
+def understood(sentence: str, labels: dict[str, str], own: Asked) -> tuple[Asked, str]:
+    """What a given sentence names, judged by its words alone, and a remark for the goal when it names nothing here."""
+    said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
+    places = {name: _place(said, label) for name, label in labels.items()}
+    named = sorted((n for n, at in places.items() if at >= 0), key=lambda n: places[n])
+    if own.kind == "sort" and re.search(r"\b(all|every|everything|each|sort)\b", said):
+        return own, ""
+    if len(named) >= 2 and re.search(r"\bleft (side )?of\b", said):
+        return Asked("left_of", (named[0],), named[1]), ""
+    if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
+        return Asked("put_in", (named[0],), named[1]), ""
+    if len(named) == 1:
+        return Asked("lift", (named[0],)), ""
+    return own, "; the sentence names none of the objects by its name, so the seed's own goal is judged"
+
+
+def _place(said: str, label: str) -> int:
+    found = re.search(rf"\b{re.escape(label)}s?\b", said)
+    return found.start() if found else -1
+
+
+def referee(
+    asked: Asked, bodies: Sequence[Body], table: float
+) -> tuple[dict[Profile, Callable[[WorldState], bool]], str]:
+    """The predicates of both profiles, and in words what they look for; ``table`` is world z, metres."""
+    by_name = {body.name: body for body in bodies}
+    themes = [by_name[name] for name in asked.themes]
+    label = asked.word or themes[0].label
+    if asked.kind == "lift":
+        return _lifting(themes[0], table), (
+            f"eased: no part of the {label} is lower than {LIFTED} m above the table; "
+            f"strict: than {LIFTED_WELL} m, and the fingers hold it"
+        )
+    goal = by_name[asked.goal]
+    if asked.kind == "left_of":
+        return _left_of(themes[0], goal), (
+            f"eased: the {label} lies left (+y) of the {goal.label}, apart from it and at most {BESIDE} m away; "
+            "strict: at rest there, let go of, and not before or behind it"
+        )
+    return _inside(themes, goal), (
+        f"eased: over the {goal.label} and lower than its rim and their own height; strict: at rest there, let go of, "
+        f"and the {goal.label} still stands ({label})"
+    )
+
+
+def _lifting(body: Body, table: float) -> dict[Profile, Callable[[WorldState], bool]]:
+    def clearance(world: WorldState) -> float:
+        return _corners(body, world)[:, 2].min() - table  # type: ignore[no-any-return]
+
+    return {
+        "eased": lambda world: bool(clearance(world) > LIFTED),
+        "strict": lambda world: bool(clearance(world) > LIFTED_WELL and world.held(body.name)),
+    }
+
+
+def _left_of(body: Body, goal: Body) -> dict[Profile, Callable[[WorldState], bool]]:
+    def eased(world: WorldState) -> bool:
+        mine, theirs = _corners(body, world), _corners(goal, world)
+        middle = 0.5 * (mine.min(axis=0) + mine.max(axis=0)) - 0.5 * (theirs.min(axis=0) + theirs.max(axis=0))
+        apart = mine[:, 1].min() > theirs[:, 1].max() - 0.01
+        return bool(apart and middle[1] < BESIDE and not world.held(body.name))
+
+    def strict(world: WorldState) -> bool:
+        mine, theirs = _corners(body, world), _corners(goal, world)
+        before = 0.5 * (mine[:, 0].min() + mine[:, 0].max() - theirs[:, 0].min() - theirs[:, 0].max())
+        return eased(world) and abs(before) < IN_LINE and world.resting(body.name)
+
+    return {"eased": eased, "strict": strict}
+
+
+def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[WorldState], bool]]:
+    def one(world: WorldState, body: Body) -> bool:
+        mine, theirs = _corners(body, world), _corners(goal, world)
+        low, high = theirs.min(axis=0), theirs.max(axis=0)
+        middle = 0.5 * (mine.min(axis=0) + mine.max(axis=0))
+        over = bool(((middle > low) & (middle < high))[:2].all())
+        return over and bool(mine[:, 2].min() < high[2]) and not world.held(body.name)
+
+    def eased(world: WorldState) -> bool:
+        return all(one(world, body) for body in themes)
+
+    def strict(world: WorldState) -> bool:
+        upright = goal.fixed or world.pose(goal.name)[2, 2] > 0.8 * goal.world_from_body[2, 2]
+        return (
+            eased(world)
+            and bool(upright)
+            and all(world.resting(body.name) and "table" not in world.touching(body.name) for body in themes)
+        )
+
+    return {"eased": eased, "strict": strict}
+
+
+def _corners(body: Body, world: WorldState) -> FloatArray:
+    """(N, 3) world points whose hull is the body now."""
+    return body_points(body, world.pose(body.name))

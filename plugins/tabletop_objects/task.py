@@ -1,0 +1,277 @@
+"""Episodes with scanned objects: which of them lie where, and what is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from gvla2.errors import ConfigurationError
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.mesh_body import Mesh
+from gvla2.robot.mesh_library import chosen, mesh_library, spoken
+from gvla2.robot.placing import clear, in_reach, inside, planar, sample_root, sample_until
+from gvla2.robot.resting import fallen
+from gvla2.robot.scan import Scan
+from gvla2.robot.shapes import tray
+from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
+from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
+from gvla2_plugins.tabletop_objects.asking import WORDINGS, Asked, referee, understood, wording
+from gvla2_plugins.tabletop_objects.vessels import mouth
+
+MOST = 8
+GAP = 0.03
+"""Metres between things, at least."""
+
+LIFT = 0.20
+"""Above the table to which the hand must get at a thing's place, metres."""
+
+DENSITY, LIGHTEST, HEAVIEST = 250.0, 0.02, 0.6
+"""Kilograms a cubic metre of a thing's hull, and bounds in kilograms: household things are hollow or light."""
+
+DROP = 0.001
+"""Metres above the table from which things settle."""
+
+TRAY, WALL, TRAY_LABEL = (0.30, 0.22, 0.05), 0.008, "gray tray"
+
+POSES = ("upright", "fallen")
+
+
+class TabletopObjects:
+    """Implements :class:`gvla2.robot.task.Task` for a folder of meshes; see :mod:`.asking` for what counts as done.
+
+    Raises :class:`ConfigurationError` for a folder, names or options that are not sound; a mesh that cannot be used
+    says so when an episode needs it.
+    """
+
+    def __init__(self, config: TabletopObjectsConfig) -> None:
+        objects = config.objects
+        self._library = chosen(mesh_library(objects.root), objects.names)
+        self._config, self._objects = config, objects
+        count = (len(self._library) if objects.names else 1) if objects.count is None else objects.count
+        if not 1 <= count <= MOST or count > len(self._library):
+            raise ConfigurationError(
+                f"task.objects.count is {count}; it is 1 to {MOST}, and no more than the {len(self._library)} objects "
+                "there are to choose from."
+            )
+        if objects.pose not in POSES:
+            raise ConfigurationError(
+                f"task.objects.pose is '{objects.pose}'; it is one of {', '.join(POSES)}."
+            )
+        if config.ask not in (*WORDINGS, "any"):
+            raise ConfigurationError(
+                f"task.ask is '{config.ask}'; it is one of {', '.join(WORDINGS)} or any."
+            )
+        self._count = count
+        labels = [spoken(name) for name in self._library]
+        double = sorted({label for label in labels if labels.count(label) > 1})
+        if double:
+            raise ConfigurationError(f"Two objects are both called '{double[0]}'; rename one of their files.")
+
+    @property
+    def instructions(self) -> tuple[str, ...]:
+        """The wordings of what may be asked."""
+        kinds = WORDINGS if self._config.ask == "any" else (self._config.ask,)
+        return tuple(template for kind in kinds for template in WORDINGS[kind])
+
+    def sample(
+        self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
+    ) -> TaskInstance:
+        """One episode; a given ``instruction`` decides what is judged as far as it names objects that lie there."""
+        names = [list(self._library)[i] for i in rng.permutation(len(self._library))[: self._count]]
+        turned = [self._turned(name, rng) for name in names]
+        for body in turned:
+            _check_size(body, site)
+        asked, aside = self._asked(turned, rng), ""
+        bodies = self._placed(turned, asked, rng, site)
+        labels = {body.name: body.label for body in bodies}
+        sentence = wording(asked, labels, rng)
+        if instruction is not None:
+            sentence, (asked, aside) = instruction, understood(instruction, labels, asked)
+        succeeded, goal = referee(asked, bodies, site.table_height)
+        told = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
+        return TaskInstance(
+            Layout(tuple(bodies)),
+            sentence,
+            succeeded,
+            f"{goal}{aside}{''.join(told)}",
+            keep_clear=_beside(asked, bodies),
+        )
+
+    def _turned(self, name: str, rng: np.random.Generator) -> Body:
+        """The thing at the origin, turned as it will lie."""
+        objects = self._objects
+        mesh = Mesh(self._library[name], objects.scale, friction=objects.friction)
+        scan = _scan(mesh.body(name, np.eye(4)))
+        mass = objects.mass if objects.mass is not None else _mass(scan)
+        rotation = planar((0.0, 0.0), 0.0, float(rng.uniform(-np.pi, np.pi)))[:3, :3]
+        if objects.pose == "fallen":
+            rotation = fallen(scan.hull, _middle(scan), rng)
+        mesh = Mesh(self._library[name], objects.scale, mass, objects.friction)
+        return mesh.body(name, rigid(rotation), label=spoken(name))
+
+    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Asked:
+        """What is asked of these things: of the kinds that they allow where any may be."""
+        kinds = list(WORDINGS) if self._config.ask == "any" else [self._config.ask]
+        offers: dict[str, Callable[[], list[Asked]]] = {
+            "lift": lambda: [Asked("lift", (body.name,)) for body in bodies],
+            "put_in": lambda: _put_in(bodies),
+            "left_of": lambda: [
+                Asked("left_of", (a.name,), b.name) for a in bodies for b in bodies if a is not b
+            ],
+            "sort": lambda: _sort(bodies),
+        }
+        while kinds:
+            kind = kinds.pop(int(rng.integers(len(kinds))))
+            offered = offers[kind]()
+            if offered:
+                return offered[int(rng.integers(len(offered)))]
+        needs = {
+            "put_in": "an object that is open at its top, and another that fits into it",
+            "left_of": "two objects",
+        }
+        raise ConfigurationError(
+            f"task.ask={self._config.ask} needs {needs.get(self._config.ask, 'other objects')}; there are only "
+            f"{', '.join(body.label for body in bodies)}. Choose other names or a larger task.objects.count."
+        )
+
+    def _undone(self, asked: Asked, things: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
+        """Whether there is still something to do: what is to go to the left lies on the right."""
+        if asked.kind != "left_of":
+            return True
+        place = {body.name: root[:2, 3] for body, root in zip(things, roots, strict=True)}
+        theme, goal = place[asked.themes[0]], place[asked.goal]
+        wide = sum(_radius(body) for body in things if body.name in (asked.themes[0], asked.goal))
+        beside = goal + np.array([0.0, wide + GAP])
+        room = all(
+            np.linalg.norm(root[:2, 3] - beside) > _radius(body) + 0.5 * wide
+            for body, root in zip(things, roots, strict=True)
+            if body.name not in (asked.themes[0], asked.goal)
+        )
+        return bool(theme[1] < goal[1]) and room and in_reach(site, beside, (0.02, LIFT))
+
+    def _placed(
+        self, turned: list[Body], asked: Asked, rng: np.random.Generator, site: TaskSite
+    ) -> list[Body]:
+        """The things where they lie, and the tray where one is needed."""
+        bins = [
+            Body(
+                "tray",
+                tray(TRAY, WALL, COLOURS["gray"]),
+                np.eye(4),
+                fixed=True,
+                label=TRAY_LABEL,
+                shape="box",
+            )
+        ]
+        things = [*turned, *(bins if asked.kind == "sort" else [])]
+        radii = [_radius(body) for body in things]
+        handled = {*asked.themes, asked.goal}
+
+        def draw() -> list[FloatArray] | None:
+            roots: list[FloatArray] = []
+            for body, radius in zip(things, radii, strict=True):
+                root = sample_root(rng, site)
+                spots = np.stack([*(r[:2, 3] for r in roots), root[:2, 3]])
+                if not inside(site, root[:2, 3], min(radius, 0.15)):
+                    return None
+                if not clear(spots, radii[: len(spots)], GAP):
+                    return None
+                if body.name in handled and not in_reach(site, root[:2, 3], (0.02, LIFT)):
+                    return None
+                roots.append(root)
+            return roots if self._undone(asked, things, roots, site) else None
+
+        roots = sample_until(draw, f"{len(things)} objects", tries=20000)
+        return [_set_down(body, root, site) for body, root in zip(things, roots, strict=True)]
+
+
+def _beside(asked: Asked, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
+    """The round on the table where something is to be put left of another."""
+    if asked.kind != "left_of":
+        return ()
+    near = {body.name: body for body in bodies}
+    theme, goal = near[asked.themes[0]], near[asked.goal]
+    x, y = goal.world_from_body[:2, 3].tolist()
+    return ((x, y + _radius(theme) + _radius(goal) + GAP, _radius(theme)),)
+
+
+def _put_in(bodies: list[Body]) -> list[Asked]:
+    found = []
+    for goal in bodies:
+        width = mouth(_scan(goal), goal.world_from_body)
+        for body in bodies:
+            sides = sorted(_scan(body).size)
+            if body is not goal and sides[1] < width:
+                found.append(Asked("put_in", (body.name,), goal.name))
+    return found
+
+
+def _sort(bodies: list[Body]) -> list[Asked]:
+    """Things that share the last word of their names, or all of them."""
+    nouns: dict[str, list[str]] = {}
+    for body in bodies:
+        if max(sorted(_scan(body).size)[:2]) < min(TRAY[:2]) - 2 * WALL:
+            nouns.setdefault(body.label.split()[-1], []).append(body.name)
+    shared = [(word, names) for word, names in nouns.items() if len(names) > 1]
+    if shared:
+        return [Asked("sort", tuple(names), "tray", _plural(word)) for word, names in shared]
+    everything = tuple(name for names in nouns.values() for name in names)
+    return [Asked("sort", everything, "tray", "objects")] if len(everything) == len(bodies) else []
+
+
+def _plural(word: str) -> str:
+    return word + ("es" if word.endswith(("s", "x", "ch", "sh")) else "s")
+
+
+def _set_down(body: Body, root: FloatArray, site: TaskSite) -> Body:
+    """The body at the place of ``root``, its lowest point on the table."""
+    if not isinstance(body.solids[0], Scan):
+        return replace(
+            body,
+            world_from_body=planar(root[:2, 3], site.table_height, float(np.arctan2(root[1, 0], root[0, 0]))),
+        )
+    pose = rigid(body.world_from_body[:3, :3], (*root[:2, 3], 0.0))
+    pose[2, 3] = site.table_height + DROP - _scan(body).lowest(pose)
+    return replace(body, world_from_body=pose)
+
+
+def _radius(body: Body) -> float:
+    """Of the circle about its middle that holds it, seen from above, metres."""
+    if not isinstance(body.solids[0], Scan):
+        return float(np.hypot(*TRAY[:2])) / 2
+    flat = (_scan(body).hull @ body.world_from_body[:3, :3].T)[:, :2]
+    return float(np.linalg.norm(flat, axis=1).max())
+
+
+def _check_size(body: Body, site: TaskSite) -> None:
+    flat = (_scan(body).hull @ body.world_from_body[:3, :3].T)[:, :2]
+    sides = np.ptp(flat, axis=0)
+    if min(sides) > min(site.size) or max(sides) > max(site.size):
+        raise ConfigurationError(
+            f"The {body.label} covers {sides[0]:.2f} x {sides[1]:.2f} m, more than the {site.size[0]:.2f} x "
+            f"{site.size[1]:.2f} m of the table that the arm reaches. Choose another, or a smaller task.objects.scale."
+        )
+
+
+def _mass(scan: Scan) -> float:
+    try:
+        volume = float(ConvexHull(scan.hull).volume)
+    except QhullError:
+        volume = 0.0
+    return float(np.clip(DENSITY * volume, LIGHTEST, HEAVIEST))
+
+
+def _middle(scan: Scan) -> FloatArray:
+    """(3,) the mean of its surface: where the weight of a thing of even walls is."""
+    mesh = scan.textured.mesh
+    return np.asarray(np.average(mesh.vertices[mesh.faces].mean(axis=1), axis=0, weights=mesh.areas))
+
+
+def _scan(body: Body) -> Scan:
+    solid = body.solids[0]
+    assert isinstance(solid, Scan)
+    return solid

@@ -1,0 +1,81 @@
+"""One bank, one model: what has to be embedded is embedded once, whoever opens the bank."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gvla2.memory.bank import KnowledgeBank
+from gvla2.memory.interop.exporting import export_path
+from gvla2.memory.interop.importing import import_path
+from gvla2.memory.storage.store import Store
+
+
+class Counting:
+    """Three numbers a text, and how many texts it was asked for."""
+
+    def __init__(self, model: str) -> None:
+        self.model, self.texts = model, 0
+
+    def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        self.texts += sum(map(bool, texts))
+        rows = np.array([[len(text), text.count("e"), 1.0] for text in texts], np.float32).reshape(-1, 3)
+        return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), np.float32)
+
+
+class Choosing(Counting):
+    """An embedder that follows the bank."""
+
+    def for_bank(self, model: str) -> Counting:
+        return Counting(model or "new")
+
+
+def asked(path: Path, embedder: Counting | None) -> int:
+    """Texts that a process embeds until it has recalled; one of them is the query."""
+    with KnowledgeBank(path, embedder=embedder) as bank:
+        bank.recall("lift the cup")
+        return embedder.texts if embedder else 0
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    with KnowledgeBank(tmp_path / "one.db", embedder=Counting("a")) as bank:
+        bank.admit(["Lift the cup by its rim.", "Pour slowly."], task="lift the cup", trusted=True)
+    return tmp_path / "one.db"
+
+
+def models(path: Path) -> set[str]:
+    with Store.open(path) as store, store.reading() as view:
+        assert store.verify("default") == []
+        return {row.model for row in view.vector_rows("default")}
+
+
+def test_what_was_learnt_is_not_embedded_again(path: Path) -> None:
+    assert asked(path, Counting("a")) == 1
+
+
+def test_what_was_imported_is_embedded_once(path: Path, tmp_path: Path) -> None:
+    with Store.open(path) as store:
+        export_path(store, "default", tmp_path / "out")
+    with Store.open(tmp_path / "two.db") as store:
+        import_path(store, "default", tmp_path / "out", trusted=True)
+    assert [asked(tmp_path / "two.db", Counting("a")) for _ in range(3)] == [3, 1, 1]
+
+
+def test_a_named_embedder_replaces_the_vectors_once(path: Path) -> None:
+    assert [asked(path, Counting("b")) for _ in range(2)] == [3, 1]
+    assert models(path) == {"b"}
+
+
+def test_nobody_named_leaves_them_and_whoever_chooses_follows_the_bank(path: Path) -> None:
+    asked(path, None)
+    assert models(path) == {"a"}
+    with KnowledgeBank(path, embedder=Choosing("none")) as bank:
+        bank.admit("Wipe the rim.", task="clean the cup", trusted=True)
+    assert models(path) == {"a"}
+    with KnowledgeBank(path, bank="other", embedder=Choosing("none")) as bank:
+        bank.admit("Wipe the rim.", task="clean the cup", trusted=True)
+    with Store.open(path) as store, store.reading() as view:
+        assert view.model("other") == "new"

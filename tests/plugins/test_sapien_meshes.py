@@ -1,0 +1,114 @@
+"""Meshes as bodies of a simulated world: their pieces, their weight, their looks."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.geometry.transform import rigid
+from gvla2.plugins import load_plugins
+from gvla2.robot.mesh_body import Mesh
+from gvla2.robot.scan import read_scan
+from gvla2.robot.task import Body, Layout, Primitive, TaskSite
+from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien.convex import decompose, piece_file, pieces
+from gvla2_plugins.sapien.panda import panda_cell
+from gvla2_plugins.sapien.truth import true_scene
+from gvla2_plugins.sapien.world import World
+from tests.scanning import bowl, box, painted, write
+
+TABLE = 0.752
+
+
+def settled(layout):
+    """Each body of a layout and where it is (4, 4) once the world has come to rest."""
+    world = World(SapienConfig(), panda_cell(), layout)
+    return [(body, world.body_pose(body.name)) for body in layout.bodies]
+
+
+@pytest.fixture(scope="module")
+def bowl_file(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("scans"), "bowl", painted(bowl()))
+
+
+def test_a_convex_thing_is_one_piece_and_an_open_one_stays_open(tmp_path, bowl_file):
+    ball = read_scan(
+        write(tmp_path, "ball", painted(trimesh.creation.icosphere(subdivisions=4, radius=0.04)))
+    )
+    assert len(pieces(ball)) == 1
+    assert pieces(ball)[0].hull.volume == pytest.approx(4 / 3 * np.pi * 0.04**3, rel=0.05)
+    vessel = pieces(read_scan(bowl_file))
+    assert len(vessel) > 4
+    free = np.array([[0.0, 0.0, 0.01], [0.03, 0.03, 0.02], [-0.04, 0.0, 0.015]])
+    assert not any(piece.holds(free).any() for piece in vessel)
+    assert any(piece.holds(np.array([[0.0, 0.0, -0.0225]])).any() for piece in vessel)
+
+
+def test_pieces_are_made_once_and_kept(bowl_file, monkeypatch):
+    scan = read_scan(bowl_file)
+    path = piece_file(scan)
+    before = path.stat().st_mtime_ns
+    monkeypatch.setattr("gvla2_plugins.sapien.convex.decompose", lambda mesh: pytest.fail("made again"))
+    assert piece_file(scan).stat().st_mtime_ns == before
+    assert [p for p in path.parent.iterdir() if p.name.startswith(".")] == []
+
+
+def test_a_flat_sheet_gets_a_thickness(tmp_path):
+    sheet = trimesh.Trimesh([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0.1, 0.1, 0]], [[0, 1, 2], [1, 3, 2]])
+    scan = read_scan(write(tmp_path, "sheet", sheet))
+    (piece,) = decompose(scan.textured.mesh)
+    assert 0.0005 < np.ptp(piece[:, 2]) < 0.002
+
+
+def test_things_fall_into_a_bowl_and_stay(bowl_file, tmp_path):
+    spot = rigid(translation=(0.2, 0.1, TABLE + 0.0255))
+    cube = Body(
+        "cube",
+        (Primitive("box", (0.02, 0.02, 0.02), (1, 0, 0)),),
+        rigid(translation=(0.21, 0.1, TABLE + 0.06)),
+    )
+    vessel = Mesh(bowl_file, mass=0.2).body("bowl", spot)
+    world = World(SapienConfig(), panda_cell(), Layout((vessel, cube)))
+    now = world.body_pose("cube")[:3, 3]
+    assert np.linalg.norm(now[:2] - (0.2, 0.1)) < 0.06
+    assert TABLE + 0.01 < now[2] < TABLE + 0.03
+    assert world.touching("cube") == {"bowl"}
+    np.testing.assert_allclose(world.body_pose("bowl")[:3, 3], spot[:3, 3], atol=0.003)
+
+
+def test_the_mass_is_the_one_given(bowl_file, tmp_path):
+    carton = write(tmp_path, "carton", painted(box(0.05, 0.06, 0.07)))
+    for path, mass in ((bowl_file, 0.25), (carton, 0.4)):
+        body = Mesh(path, mass=mass).body("it", rigid(translation=(0.2, 0.0, TABLE + 0.05)))
+        world = World(SapienConfig(), panda_cell(), Layout((body,)))
+        (mover,) = world._movers
+        assert mover.mass == pytest.approx(mass, rel=0.01)
+
+
+def test_truth_knows_a_mesh(bowl_file):
+    body = Mesh(bowl_file).body("bowl", rigid(translation=(0.2, 0.0, TABLE + 0.025)), label="bowl")
+    cell = panda_cell()
+    world = World(SapienConfig(), cell, Layout((body,)))
+    (thing,) = true_scene(world, Layout((body,)), TABLE, cell.arm.workspace).objects
+    assert (thing.label, thing.shape) == ("bowl", "other")
+    np.testing.assert_allclose(thing.extents, (0.14, 0.14, 0.05), atol=0.002)
+    assert 0.11 < thing.opening < 0.14
+
+
+@pytest.mark.parametrize(("arrangement", "count"), [("stack", 3), ("leaning", 2), ("touching", 2)])
+def test_clutter_stays_as_it_was_arranged(arrangement, count):
+    registry = load_plugins()
+    options = {"name": "pick_and_lift", "distractors": count, "arrangement": arrangement}
+    task = registry.build({"task": options}, "task")
+    site = TaskSite((0.25, 0.0), (0.65, 0.91), TABLE, lambda point: True)
+    layout = task.sample(np.random.default_rng(1), site).layout
+    world = World(SapienConfig(), panda_cell(), layout)
+    for body in layout.bodies:
+        now = world.body_pose(body.name)
+        assert np.linalg.norm(now[:3, 3] - body.world_from_body[:3, 3]) < 0.02, body.name
+    touching = {
+        "stack": ("distractor_1", {"distractor_0", "distractor_2"}),
+        "leaning": ("distractor_1", {"distractor_0", "table"}),
+        "touching": ("distractor_1", {"table"}),
+    }
+    name, others = touching[arrangement]
+    assert world.touching(name) >= others

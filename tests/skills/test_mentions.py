@@ -1,0 +1,73 @@
+"""Mentions: what a wish speaks of, and where calls act on something else."""
+
+from dataclasses import replace
+
+import pytest
+
+from gvla2.planning.calls import SkillCall
+from gvla2.skills.mentions import MOST, mentions, misread, most_calls, undoable
+from gvla2.testing import inputs
+
+SCENE = inputs.scene()
+RED, BLUE = SCENE.objects
+TRAY = replace(BLUE, id="tray", label="gray tray", colour="gray")
+THREE = replace(SCENE, objects=(RED, BLUE, TRAY))
+
+
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ("put the red cube on the blue cube", [("red_cube", ""), ("blue_cube", "on")]),
+        ("from the tray take the blue one", [("tray", "from"), ("blue_cube", "")]),
+        ("lift it out of the tray", [("tray", "from")]),
+        ("put the red cube on top of the gray tray", [("red_cube", ""), ("tray", "onto")]),
+        ("lift the red cube without touching the blue cube", [("red_cube", "")]),
+        ("lift the pineapple", []),
+    ],
+)
+def test_mentions_in_their_order_with_what_stands_before_them(wish, said):
+    assert [(next(iter(m.roots)), m.after) for m in mentions(wish, THREE)] == said
+
+
+@pytest.mark.parametrize(
+    ("call", "wish", "sound"),
+    [
+        (SkillCall("place", "red_cube", "tray"), "put the red cube into the tray", True),
+        (SkillCall("place", "tray", "red_cube"), "put the red cube into the tray", False),
+        (SkillCall("pick", "tray"), "get that thing out of the tray", False),
+        (SkillCall("pick", "red_cube"), "get that thing out of the tray", True),
+        (SkillCall("pick", "red_cube"), "get me something", True),
+    ],
+)
+def test_what_is_acted_on_is_what_the_wish_says(call, wish, sound):
+    why, wanted = misread([call], wish, THREE)
+    assert (why == "") == sound
+    assert call.theme not in wanted
+
+
+def test_what_goes_on_about_it_acts_on_nothing_else():
+    calls = [SkillCall("pick", "red_cube"), SkillCall("push", "blue_cube", "tray")]
+    assert misread(calls, "take the red cube and lift it", THREE)[0]
+    assert not misread(calls, "take the red cube and push the blue cube to the tray", THREE)[0]
+
+
+@pytest.mark.parametrize(
+    ("wish", "verb"),
+    [
+        ("please pour me some tea", "pour"), ("could you unfold the umbrella", "unfold"),
+        ("lift the cup so that I can wipe the table", ""), ("fold the lid down", ""), ("lift it and throw it", "throw"),
+    ],
+)  # fmt: skip
+def test_a_verb_that_no_skill_is_for(wish, verb):
+    assert undoable(wish) == verb
+
+
+@pytest.mark.parametrize(
+    ("wish", "most"),
+    [
+        ("lift the red cube", 1), ("open the jar and put its lid on the tray", 2), ("put all of it away", MOST),
+        ("lift the cubes", MOST), ("first the red cube, then the blue one", 4),
+    ],
+)  # fmt: skip
+def test_no_more_calls_than_the_wish_has_parts(wish, most):
+    assert most_calls(wish, SCENE) == most
