@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
+from gvla2.commands.bench_arms import Arm, arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_episodes import chosen_memory, configured, has_file
+from gvla2.commands.bench_episodes import chosen_memory, configured
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, Results, cell_key
@@ -53,7 +54,7 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
         )
     tasks = read_tasks(config.agents.tasks, config.agents.names)
     chosen = _Chosen(config, registry, folder)
-    arms = list(dict.fromkeys(config.arms or USUAL_ARMS))
+    arms = list(dict.fromkeys([*(config.arms or USUAL_ARMS), *config.own_arms]))
     planned = [_sequence(chosen, tasks, arm, seed) for seed in config.seeds for arm in arms]
     keys = [key for one in planned for key in one.keys]
     known = {} if config.results.fresh else results.with_keys(keys)
@@ -112,7 +113,7 @@ def _sequence(chosen: _Chosen, tasks: Sequence[AgentTask], arm: str, seed: int) 
         "agent": str(getattr(config.agent, "name", "")),
         "model": _model_of(config),
         "verifier": str(getattr(config.verifier, "name", "")),
-        "options": _said(config, arm),
+        "options": _arm(chosen, arm).variant if config.arm_options.get(arm) or arm in config.own_arms else "",
         "tasks": Path(config.agents.tasks).name,
     }
     state = Path(config.agents.state or chosen.folder / "agents") / keys[-1][:16]
@@ -120,14 +121,22 @@ def _sequence(chosen: _Chosen, tasks: Sequence[AgentTask], arm: str, seed: int) 
 
 
 def _kinds(chosen: _Chosen, arm: str) -> tuple[str, ...]:
-    kinds = ("agent", "verifier", "memory", "retriever", "embedder", "inducer", "judge")
-    kept = arm != "off" and has_file(chosen.registry, arm)
-    return kinds if kept else ("agent", "verifier", "memory")
+    kept = has_bank(chosen.registry, _arm(chosen, arm))
+    helped = ("retriever", "embedder", "inducer", "judge") if kept else ()
+    return ("agent", "verifier", "memory", *helped)
 
 
 def _root(chosen: _Chosen, arm: str, bank: str) -> dict[str, Any]:
-    name = "none" if arm == "off" else arm
-    return {"agent": chosen.config.agent, **chosen_memory(chosen.config, chosen.registry, name, bank)}
+    return {
+        "agent": chosen.config.agent,
+        **chosen_memory(chosen.config, chosen.registry, _arm(chosen, arm), bank),
+    }
+
+
+def _arm(chosen: _Chosen, name: str) -> Arm:
+    """The arm; ``off`` is the memory of that name, ``none``."""
+    arm = arm_named(chosen.config, name)
+    return replace(arm, source="none") if arm.source == "off" else arm
 
 
 def _crew(chosen: _Chosen, arm: str) -> Callable[[Path], Crew]:
@@ -179,11 +188,6 @@ def _digest_of(task: AgentTask) -> str:
 def _model_of(config: BenchConfig) -> str:
     model = str(getattr(config.language, "model", "") or "")
     return Path(model).name or str(getattr(config.language, "base_url", "") or "")
-
-
-def _said(config: BenchConfig, arm: str) -> str:
-    options = dict(config.arm_options.get(arm) or {})
-    return ", ".join(f"{name}={value}" for name, value in sorted(options.items()))
 
 
 def _missing(planned: Sequence[TaskSequence], key: str) -> Cell:

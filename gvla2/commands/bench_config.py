@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.commands.run_config import DepthNoiseConfig
+from gvla2.commands.run_config import DepthNoiseConfig, ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
@@ -29,14 +29,6 @@ class DataConfig:
     def __post_init__(self) -> None:
         if not 32 <= self.size <= 4096 or not 1 <= self.samples <= 16:
             raise ConfigurationError("data.size lies in [32, 4096] and data.samples in [1, 16].")
-
-
-@dataclass
-class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
-
-    url: str = "sqlite:///outputs/results.sqlite"
-    fresh: bool = False
 
 
 @dataclass
@@ -151,7 +143,7 @@ class BenchConfig:
     planner_options: dict[str, Any] = field(default_factory=dict)
     teacher: str = ""
     arms: list[str] | None = None
-    variants: dict[str, Any] = field(default_factory=dict)
+    own_arms: dict[str, Any] = field(default_factory=dict)
     arm_options: dict[str, Any] = field(default_factory=dict)
     world: str = "plain"
     families: int = 2
@@ -217,4 +209,4 @@ class BenchConfig:
     def chosen_arms(self) -> list[str]:
         """The arms, each once."""
         usual = ["off"] if self.planners else ["off", "on", "shuffled", "semantic", "best_theta"]
-        return list(dict.fromkeys([*usual, *map(str, self.variants)] if self.arms is None else self.arms))
+        return list(dict.fromkeys([*usual, *map(str, self.own_arms)] if self.arms is None else self.arms))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
+from gvla2.commands.bench_arms import Arm
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import chosen_memory, configured
 from gvla2.commands.bench_progress import BenchProgress
@@ -55,7 +56,7 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
         )
     trials = read_trials(config.agents.trajectories)
     chosen = random.Random(config.seeds[0]).sample(trials, min(config.agents.most, len(trials)))
-    root = chosen_memory(config, registry, "governed", ":memory:")
+    root = chosen_memory(config, registry, Arm("governed", "governed"), ":memory:")
     options = [str(one) for one in configured(registry, root, ("verifier", "inducer"))]
     around = (VERSION, code_digest(MEASURING_CODE), versions(), options, [trial.id for trial in chosen])
     keys = {name: cell_key(SUITE, name, *around) for name in _ROWS}
@@ -63,7 +64,7 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
     if len(known) == len(keys):
         return [known[key] for key in keys.values()]
     with tempfile.TemporaryDirectory(prefix="gvla2-bench-") as place:
-        root = chosen_memory(config, registry, "governed", f"{place}/memory.db")
+        root = chosen_memory(config, registry, Arm("governed", "governed"), f"{place}/memory.db")
         built = registry.build_all(root, ("verifier", "memory"))
         try:
             figures = _measured(chosen, built, config, str(getattr(config.verifier, "name", "")))

@@ -11,6 +11,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +72,10 @@ class VectorStore:
     def __len__(self) -> int:
         self._refresh()
         return len(self._entries)
+
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank."""
+        return self._store.stats(self.bank)
 
     def nearest(self, text: str, k: int) -> list[Found]:
         """The ``k`` entries whose text is most similar, best first; ties in the order of their names."""

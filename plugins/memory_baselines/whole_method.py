@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import (
@@ -94,6 +94,10 @@ class WholeMethod:
         except Gvla2Error as error:
             return Learned(degraded=str(error))
         return Learned(added=tuple(added), merged=tuple(grown))
+
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank, see :meth:`Store.stats`; raises Gvla2Error when it cannot be used."""
+        return self._open().stats()
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
