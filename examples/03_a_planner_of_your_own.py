@@ -1,4 +1,4 @@
-"""A plugin without a distribution: register a component by hand, compose a configuration, build, check.
+"""A plugin without a distribution, as in a notebook: register a hook, compose a configuration, build, check.
 
 For a plugin that everybody can install see examples/third_party.
 
@@ -7,16 +7,17 @@ For a plugin that everybody can install see examples/third_party.
 
 import sys
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 from hydra import compose, initialize_config_module
 
-from gvla2 import Component, ComponentConfig
-from gvla2.catalog import Offer, Registry
+import gvla2
+from gvla2 import Component, ComponentConfig, hookimpl
 from gvla2.commands.primary import PRIMARY
 from gvla2.hydra_bridge import register
 from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.plugins import KINDS, Plugin, load_plugins
+from gvla2.plugins import load_plugins
 from gvla2.testing import check_planner
 from gvla2.testing.inputs import plan_request
 
@@ -40,11 +41,14 @@ class RisePlanner:
         return Plan(Trajectory(tuple(Waypoint((x, y, z + s), 1.0, "rise") for s in steps)), "rise")
 
 
-installed = load_plugins()
-offers = {kind: installed.offers(kind) for kind in KINDS}
-offers["planner"]["rise"] = Offer(Component("rise", RiseConfig, RisePlanner), Plugin("example"))
-registry = Registry(offers, installed.plugins)
+@hookimpl
+def gvla2_planners() -> list[Component[RisePlanner]]:
+    """``planner=rise``."""
+    return [Component("rise", RiseConfig, RisePlanner)]
 
+
+gvla2.register(SimpleNamespace(gvla2_planners=gvla2_planners), "rise")  # or a module, or a class
+registry = load_plugins()
 register(registry, PRIMARY)
 with initialize_config_module("gvla2.conf", version_base="1.3"):
     config = compose("run", overrides=["planner=rise", *sys.argv[1:]])

@@ -39,7 +39,7 @@ def _dispatch(argv: Sequence[str] | None) -> int:
         print(usage(), file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
     command, rest = arguments[0], arguments[1:]
-    if command in ("-V", "--version"):
+    if command in ("-V", "--version", "version"):
         from gvla2 import __version__
 
         print(f"gvla2 {__version__}")
@@ -75,7 +75,7 @@ Commands:
 
 Options:
   -h, --help             this text; `gvla2 <command> --help` explains a command
-  -V, --version          the version
+  -V, --version          the version (also: gvla2 version)
   --shell-completion install=bash|zsh|fish
                          print a script for your shell: eval "$(gvla2 --shell-completion install=bash)"
 

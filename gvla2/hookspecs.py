@@ -18,7 +18,6 @@ returns the list that counts.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 from gvla2.kinds import KINDS, Kind
@@ -54,9 +53,10 @@ def gvla2_config_search_path() -> Iterable[str]:
     raise AssertionError("specification only")
 
 
-def specifications(kinds: Iterable[Kind] = KINDS.values()) -> SimpleNamespace:
+def specifications(kinds: Iterable[Kind] = KINDS.values()) -> type:
     """The hooks of these kinds, for :meth:`pluggy.PluginManager.add_hookspecs`."""
-    return SimpleNamespace(**{kind.hook: hookspec(_specification(kind)) for kind in kinds})
+    hooks = {kind.hook: staticmethod(hookspec(_specification(kind))) for kind in kinds}
+    return type("Specifications", (), hooks)
 
 
 def _specification(kind: Kind) -> Callable[[], Iterable[object]]:

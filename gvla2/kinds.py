@@ -100,6 +100,10 @@ KINDS: Mapping[str, Kind] = _table(
      "planners: instruction, scene and advice to waypoints", "skill"),
     ("verifier", "verifiers", "gvla2.memory.contracts:Verifier",
      "verifiers: judge an episode from its evidence", "geometric"),
+    ("agent", "agents", "gvla2.agents.contracts:Agent",
+      "software agents that work at a shell in a sandbox", NONE),
+    ("tracker", "trackers", "gvla2.record.tracker:Tracker",
+     "trackers: services of experiments that are told of a run", "none"),
     ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
      "language models for components that say needs=(\"language\",)", "endpoint"),
 )

@@ -14,6 +14,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pluggy
+from pluggy import HookimplOpts
 
 from gvla2 import hookspecs
 from gvla2.discovery import Plugin, Problem, closest, describe, stdout_kept_clean
@@ -105,7 +106,7 @@ class _Guard:
         return twin
 
     def _guarded(
-        self, plugin: Plugin, hook: str, function: Callable[[], Any], options: dict[str, Any]
+        self, plugin: Plugin, hook: str, function: Callable[[], Any], options: HookimplOpts
     ) -> Callable[[], Any]:
         wraps = options["wrapper"] or options["hookwrapper"]
         if wraps:
@@ -207,7 +208,7 @@ def _is_specified(caller: object) -> bool:
     return isinstance(caller, pluggy.HookCaller) and caller.has_spec()
 
 
-def _fault_of_function(function: Any, options: dict[str, Any]) -> str:
+def _fault_of_function(function: Any, options: HookimplOpts) -> str:
     """Why pluggy could not call this as a hook, or ""."""
     try:
         inspect.signature(function).bind()

@@ -47,11 +47,6 @@ def test_without_a_command_the_usage_goes_to_stderr(capsys: pytest.CaptureFixtur
     assert "Usage: gvla2" in captured.err
 
 
-def test_version(capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["--version"]) == 0
-    assert capsys.readouterr().out == f"gvla2 {__version__}\n"
-
-
 def test_an_unknown_command_names_its_neighbour(capsys: pytest.CaptureFixture[str]):
     assert cli.main(["rum"]) == 2
     assert "no command 'rum'. Did you mean 'run'?" in capsys.readouterr().err
@@ -237,3 +232,45 @@ def test_the_script_completes_in_a_real_bash(tmp_path):
 def test_completion_refuses_what_it_does_not_know(argv: list[str], capsys: pytest.CaptureFixture[str]):
     assert cli.main(["-sc", *argv]) == 2
     assert "install=SHELL" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", ["version", "--version", "-V"])
+def test_version(word: str, capsys: pytest.CaptureFixture[str]):
+    assert cli.main([word]) == 0
+    assert capsys.readouterr().out == f"gvla2 {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--seed", "3"], "in place of `--seed 3` write seed=3"),
+        (["--seed=3"], "in place of `--seed=3` write seed=3"),
+        (["task=push_block", "--quiet"], "in place of `--quiet` write quiet=true"),
+        (["--depth-noise", "l515", "seed=1"], "in place of `--depth-noise l515` write depth_noise=l515"),
+        (["--cfg", "job"], ""),
+        (["--multirun", "--config-dir", "x"], ""),
+        (["--multi"], ""),
+    ],
+)
+def test_options_with_dashes_are_told_how_to_be_written(words: list[str], said: str):
+    from gvla2.commands.hydra_job import dashed_option
+
+    assert dashed_option(words).endswith(said)
+    assert bool(dashed_option(words)) == bool(said)
+
+
+def test_a_dashed_option_ends_at_once(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["run", "--seed", "3"]) == 2
+    assert capsys.readouterr().err == "gvla2: options have no dashes: in place of `--seed 3` write seed=3\n"
+
+
+def test_escape_bytes_of_a_plugin_are_not_printed(install, capsys: pytest.CaptureFixture[str]):
+    install(
+        "@hookimpl\ndef gvla2_planners():\n"
+        "    Config.__doc__ = 'Options\\x1b[31m of mine.'\n"
+        "    return [Component('mine', Config, Made, summary='red\\x1b[31m'), '\\x1b]0;title\\x07']"
+    )
+    assert cli.main(["plugins", "planner", "mine"]) == 0
+    captured = capsys.readouterr()
+    assert "red" in captured.out
+    assert not {"\x1b", "\x07"} & set(captured.out + captured.err)

@@ -23,6 +23,8 @@ SUITES = {
     "memory": "gvla2.commands.bench_memory",
     "robot": "gvla2.commands.bench_robot",
     "perception": "gvla2.commands.bench_perception",
+    "agents": "gvla2.commands.bench_agents",
+    "trajectories": "gvla2.commands.bench_trajectories",
 }
 """The suites by name, and the module of each.
 
@@ -33,9 +35,16 @@ log = logging.getLogger(__name__)
 
 
 def job(config: BenchConfig, registry: Registry) -> float:
-    """Run the bench into Hydra's output folder; the share of cells that could be measured."""
+    """Run the bench into Hydra's output folder; the share of cells that could be measured.
+
+    Raises :class:`ConfigurationError` for an option that was asked for and does nothing in this suite.
+    """
+    from hydra.core.hydra_config import HydraConfig
+
+    from gvla2.commands.bench_options import check_options
     from gvla2.commands.hydra_job import output_folder
 
+    check_options(config.suite, HydraConfig.get().overrides.task)
     return run_bench(config, registry, output_folder())
 
 
@@ -47,7 +56,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     """
     from importlib import import_module
 
-    from gvla2.commands.reporting import FORMATS, publish
+    from gvla2.commands.reporting import publish
     from gvla2.evaluation.results import Results
     from gvla2.evaluation.tables import LAYOUTS
     from gvla2.record.files import make_folder
@@ -63,8 +72,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
         _write_result(folder, config, data, cells, results, run_id)
         used = {cell.run or run_id for cell in cells}
         runs = [run for run in results.runs(config.suite) if run.id in used]
-        formats = [name for name in FORMATS if name != "terminal" or not config.quiet]
-        publish([_of_run(cell, run_id) for cell in cells], runs, LAYOUTS[config.suite], folder, formats)
+        publish([_of_run(cell, run_id) for cell in cells], runs, LAYOUTS[config.suite], folder)
     failed = Counter(str(c.notes["status"]) for c in cells if c.notes.get("status") != "ok")
     for status, count in failed.items():
         log.warning("%d of %d cells %s", count, len(cells), status)
@@ -127,9 +135,21 @@ def main(argv: list[str]) -> int:
 def as_overrides(argv: list[str]) -> list[str]:
     """The arguments in Hydra's terms.
 
-    A leading word, as in ``gvla2 bench robot``, chooses the suite. Options by a component's name
-    (``planner_options.agent3d.tries=1``) are new to the configuration, for which Hydra would want a ``+``.
+    A leading word, as in ``gvla2 bench robot``, chooses the suite. What is said by a component's or an arm's name
+    (``planner_options.agent3d.tries=1``, ``arms.mine={memory: governed}``) is new to the configuration, for which Hydra
+    would want a ``+``; arms of one's own belong to the ``arms`` that are listed.
     """
     word = argv[0] if argv else ""
     told = [f"suite={word}", *argv[1:]] if re.fullmatch(r"\w+", word) else argv
-    return [f"++{one}" if re.match(r"(planner|arm|baseline)_options\.", one) else one for one in told]
+    own = dict.fromkeys(match[1] for one in told if (match := re.match(r"arms\.(\w+)", one)))
+    return [_plain(one, list(own)) for one in told]
+
+
+def _plain(override: str, own: list[str]) -> str:
+    if re.match(r"(planner|arm|baseline|task)_options\.", override):
+        return f"++{override}"
+    if override.startswith("arms."):
+        return f"++own_arms.{override.removeprefix('arms.')}"
+    if own and re.fullmatch(r"arms=\[.*\]", override):
+        return f"{override[:-1]}{',' if override[6:-1].strip() else ''}{','.join(own)}]"
+    return override

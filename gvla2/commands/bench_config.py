@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.commands.run_config import DepthNoiseConfig
+from gvla2.commands.run_config import DepthNoiseConfig, ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
@@ -32,14 +32,6 @@ class DataConfig:
 
 
 @dataclass
-class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
-
-    url: str = "sqlite:///outputs/results.sqlite"
-    fresh: bool = False
-
-
-@dataclass
 class MemoryBenchConfig:
     """The memory suite: its ``tests`` by name (all by default), at a ``scale`` in (0, 1] of their sizes.
 
@@ -62,6 +54,35 @@ class MemoryBenchConfig:
 
 
 @dataclass
+class AgentsBenchConfig:
+    """The agents suite: ``tasks`` is a folder of tasks in Terminal-Bench's layout, of which ``names`` chooses some.
+
+    ``sandbox`` is bubblewrap or docker; a task may fill ``disk_mb`` and a process ``memory_mb``, and ``output``
+    characters are kept of what a command says. ``state`` is where memories lie between the tasks (by default in the
+    output folder: give one to go on with an interrupted bench). The suite ``trajectories`` reads a folder of published
+    runs with known outcomes instead, ``trajectories``, of which ``most`` are judged and learnt from.
+    """
+
+    tasks: str = ""
+    names: list[str] = field(default_factory=list)
+    sandbox: str = "bubblewrap"
+    disk_mb: int = 512
+    memory_mb: int = 4096
+    output: int = 8000
+    state: str = ""
+    trajectories: str = ""
+    most: int = 200
+
+    def __post_init__(self) -> None:
+        if self.sandbox not in ("bubblewrap", "docker"):
+            raise ConfigurationError(f"agents.sandbox is '{self.sandbox}'; it is bubblewrap or docker.")
+        if self.disk_mb < 1 or self.memory_mb < 64 or self.output < 200 or self.most < 1:
+            raise ConfigurationError(
+                "agents.disk_mb is at least 1, memory_mb 64, output 200 characters and most 1."
+            )
+
+
+@dataclass
 class BenchConfig:
     """One benchmark. Of the suite ``reconstruction``: every baseline x drift x noise x variant x seed on every
     object; ``noise`` is what the depth prior has wrong, by name.
@@ -76,16 +97,23 @@ class BenchConfig:
     fourteen by default; ``planners`` compares some by name (by default the one of ``planner``), with
     ``planner_options`` by theirs (``planner_options.code_policies.samples=3``). ``arms`` are ``off``, ``on``,
     ``shuffled``, ``best_theta``, or the name of any memory: by default ``off`` alone where ``planners`` are named, else
-    these four and ``semantic``; ``arm_options`` configures an arm's memory by the arm's name
-    (``arm_options.on.admission=false``). Each of
+    these four and ``semantic``. An arm may also be a variant with a name of its own and options
+    (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``);
+    ``arm_options`` configures a plain one by its name (``arm_options.on.admission=false``), ``task_options`` a task
+    (``task_options.open_jar.turn=175``). In the ``world`` learnable every task's things are of ``families`` that behave
+    each in its own way (docs/learnable_worlds.md), and each seed is a world of its own. Each of
     ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves. Experience comes from
     ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its plans by ``exploration``
-    (a relative spread, or a model's temperature), and is frozen before the test. ``replan`` further attempts are
-    allowed in an episode and ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one
-    (``agreement``: it is asked every time, and where the two differ the one that is sure decides).
+    (a relative spread, or a model's temperature), and is frozen before the test; it may try again
+    ``exploration_replan`` times in an episode. ``replan`` further attempts are allowed in an episode of the test and
+    ``max_parts`` plans in each; where the planner fails, ``fallback`` plans, if there is one (``agreement``: it is
+    asked every time, and where the two differ the one that is sure decides).
     With ``planner_timeout`` > 0 (seconds), an episode whose planner takes longer is not measured, nor is one whose
     language model was not there: it counts for no arm, and the next bench measures it again. ``scale`` is the
     objects' size; ``videos`` failed episodes of each task and arm are run once more with the camera on.
+
+    Of the suite ``agents``: every task of ``agents.tasks`` in the order of each of ``seeds``, with each memory of
+    ``arms`` (by default off, awm, reasoning_bank and governed); ``agent`` works, ``verifier`` judges.
 
     Of the suite ``perception``: every task x perceiver of ``perceivers`` x layout, ``episodes`` layouts for each of
     ``seeds``; ``tasks`` are all by default, ``scale`` and ``depth_noise`` as above.
@@ -107,13 +135,20 @@ class BenchConfig:
     renderer: ComponentConfig = field(default_factory=ComponentConfig)
     lpips_weights: str | None = None
     memory: MemoryBenchConfig = field(default_factory=MemoryBenchConfig)
+    agents: AgentsBenchConfig = field(default_factory=AgentsBenchConfig)
+    agent: ComponentConfig = field(default_factory=ComponentConfig)
     results: ResultsConfig = field(default_factory=ResultsConfig)
     tasks: list[str] = field(default_factory=list)
     planners: list[str] = field(default_factory=list)
     planner_options: dict[str, Any] = field(default_factory=dict)
     teacher: str = ""
     arms: list[str] | None = None
+    own_arms: dict[str, Any] = field(default_factory=dict)
     arm_options: dict[str, Any] = field(default_factory=dict)
+    world: str = "plain"
+    families: int = 2
+    task_options: dict[str, Any] = field(default_factory=dict)
+    exploration_replan: int = 0
     episodes: int = 25
     layouts: list[int] = field(default_factory=list)
     exploration_seeds: list[int] = field(default_factory=lambda: list(range(10)))
@@ -153,6 +188,10 @@ class BenchConfig:
             raise ConfigurationError("surface_samples must be at least 100.")
         if self.workers < 0 or min((*self.seeds, *self.layouts)) < 0:
             raise ConfigurationError("workers, seeds and layouts must not be negative.")
+        if self.world not in ("plain", "learnable"):
+            raise ConfigurationError(f"world is '{self.world}'; it is plain or learnable.")
+        if self.families < 1 or self.exploration_replan < 0:
+            raise ConfigurationError("families must be 1 or more, and exploration_replan not negative.")
         if not self.chosen_arms or self.episodes < 1 or self.videos < 0 or self.replan < 0:
             raise ConfigurationError(
                 "arms must name at least one, episodes be 1 or more; no count is negative."
@@ -170,4 +209,4 @@ class BenchConfig:
     def chosen_arms(self) -> list[str]:
         """The arms, each once."""
         usual = ["off"] if self.planners else ["off", "on", "shuffled", "semantic", "best_theta"]
-        return list(dict.fromkeys(usual if self.arms is None else self.arms))
+        return list(dict.fromkeys([*usual, *map(str, self.own_arms)] if self.arms is None else self.arms))

@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from gvla2.catalog import Registry, nothing_in
+from gvla2.commands.bench_arms import arm_named, arms_of, check_arms
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import (
+    EXPLORED,
     GEOMETRY,
     LOOP,
     MEMORY,
@@ -18,18 +20,16 @@ from gvla2.commands.bench_episodes import (
     chosen_parts,
     configured,
 )
+from gvla2.commands.bench_subjects import LEARNABLE, subjects
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import (
-    CONTROLS,
     EXPLORATION,
-    MEMORY_OF,
     PROFILES,
     SUITE,
     VERSION,
     check_seeds,
     layout_seed,
-    ordered,
     stand_in,
 )
 
@@ -75,16 +75,24 @@ class Design:
 
     @property
     def planner(self) -> str:
-        """The planner's name, which no other design of the bench has."""
+        """The planner's name."""
         return self.config.planner.name
+
+    @property
+    def place(self) -> str:
+        """A folder's name that no other design of the bench has."""
+        world = f"-world{self.config.seeds[0]}" if self.config.world == LEARNABLE else ""
+        return f"{self.planner}{world}"
 
 
 def designs(config: BenchConfig, registry: Registry) -> list[Design]:
     """A design for each planner of the bench, all over the same tasks, arms and layouts.
 
+    In a learnable world a planner has one for each seed, since each is a world of its own, explored anew.
+
     Raises :class:`ConfigurationError` for names and options that do not exist, and for a layout that exploration has.
     """
-    tasks = ordered(config.tasks)
+    tasks = list(subjects(config, registry))
     explored = _explored_tasks(config, tasks)
     check_seeds(config.episodes, config.exploration_seeds, config.layouts if explored else ())
     planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
@@ -93,11 +101,17 @@ def designs(config: BenchConfig, registry: Registry) -> list[Design]:
             raise ConfigurationError(
                 f"planner_options.{name}: '{name}' is none of the planners of this bench ({', '.join(planners)})."
             )
-    benches = {name: with_planner(config, registry, name) for name in planners}
-    teacher = with_planner(config, registry, config.teacher) if config.teacher else None
-    for bench in benches.values():
-        _check_names(bench, registry, tasks)
-    return [_design(bench, teacher or bench, registry, tasks, explored) for bench in benches.values()]
+    check_arms(config, registry)
+    worlds = [replace(config, seeds=[seed]) for seed in dict.fromkeys(config.seeds)]
+    found = []
+    for world in worlds if config.world == LEARNABLE else [config]:
+        benches = {name: with_planner(world, registry, name) for name in planners}
+        teacher = with_planner(world, registry, config.teacher) if config.teacher else None
+        for bench in benches.values():
+            for task in tasks:
+                chosen_parts(bench, registry, task)
+        found += [_design(bench, teacher or bench, registry, tasks, explored) for bench in benches.values()]
+    return found
 
 
 def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchConfig:
@@ -143,25 +157,12 @@ def planner_label(config: BenchConfig) -> str:
     return f"{label}, {joint} {config.fallback.name}" if helped else label
 
 
-def _check_names(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> None:
-    for task in tasks:
-        chosen_parts(config, registry, task)
-    for arm in config.chosen_arms:
-        if arm not in CONTROLS and arm not in MEMORY_OF and arm not in registry.components("memory"):
-            there = ", ".join(dict.fromkeys([*CONTROLS, *MEMORY_OF, *registry.components("memory")]))
-            raise ConfigurationError(f"No arm '{arm}'. Available: {there}.")
-    for arm in config.arm_options:
-        if arm not in config.chosen_arms or arm in ("off", "best_theta"):
-            raise ConfigurationError(
-                f"arm_options.{arm}: there is no arm '{arm}' with a memory among the arms."
-            )
-
-
 def _explored_tasks(config: BenchConfig, tasks: Sequence[str]) -> list[str]:
     """The tasks whose experience some arm needs."""
-    if all(arm in ("off", "none") for arm in config.chosen_arms):
+    sources = {arm.source for arm in arms_of(config)}
+    if sources <= {"off", "none"}:
         return []
-    others = [stand_in(task, tasks) for task in tasks] if "shuffled" in config.chosen_arms else []
+    others = [stand_in(task, tasks) for task in tasks] if "shuffled" in sources else []
     return list(dict.fromkeys([*tasks, *others]))
 
 
@@ -213,24 +214,39 @@ def _episodes(
 ) -> list[Planned]:
     from gvla2.evaluation.results import cell_key
 
-    learnt = (list(_explored_tasks(config, tasks)), config.exploration_seeds, config.exploration, taught)
+    learnt = (
+        list(_explored_tasks(config, tasks)), config.exploration_seeds, config.exploration,
+        config.exploration_replan, taught,
+    )  # fmt: skip
     memories = {arm: _memory_key(config, registry, arm) for arm in config.chosen_arms}
     common: dict[str, str | int] = {
         kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")
     }
     common |= {"planner": planner_label(config), "model": _model(config, registry)}
-    common |= {"depth_noise": config.depth_noise.kind, "scale": str(config.scale)}
+    common |= {"depth_noise": _noise_label(config), "scale": str(config.scale)}
+    common |= {"world": config.world} if config.world == LEARNABLE else {}
+    common |= {"replan": config.replan} if config.replan else {}
     plan = []
     for task in tasks:
-        for arm in config.chosen_arms:
-            past = () if arm in ("off", "none") else (learnt, memories[arm])
+        for arm in arms_of(config):
+            past: Any = () if arm.source in ("off", "none") else (learnt, memories[arm.name])
             other = teaching is not config and planner_label(teaching) != planner_label(config)
             teacher = planner_label(teaching) if past and other else ""
+            told = {"teacher": teacher, **({"variant": arm.variant} if arm.variant else {})}
+            changed = [count for count in (arm.replan, arm.explored) if count is not None]
+            past = (past, arm.replan, arm.explored) if changed else past
             for place, layout in _places(config):
-                here: dict[str, str | int] = {"task": task, "arm": arm, **place}
+                here: dict[str, str | int] = {"task": task, "arm": arm.name, **place}
                 keys = {p: cell_key(SUITE, here, p, around[task], past) for p in PROFILES}
-                plan.append(Planned(task, arm, layout, keys, {**here, "teacher": teacher, **common}))
+                plan.append(Planned(task, arm.name, layout, keys, {**here, **told, **common}))
     return plan
+
+
+def _noise_label(config: BenchConfig) -> str:
+    """The depth cameras' noise in a table: its kind, and its numbers where it has any."""
+    noise = asdict(config.depth_noise)
+    told = [f"{name}={value:g}" for name, value in noise.items() if name != "kind" and value]
+    return f"{noise['kind']} ({', '.join(told)})" if told else str(noise["kind"])
 
 
 def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:
@@ -244,14 +260,16 @@ def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:
     ]
 
 
-def _memory_key(config: BenchConfig, registry: Registry, arm: str) -> Any:
-    if arm in CONTROLS and arm not in MEMORY_OF:
-        return None
+def _memory_key(config: BenchConfig, registry: Registry, name: str) -> Any:
+    arm = arm_named(config, name)
+    if arm.source in ("off", "best_theta"):
+        return arm.source
     root = chosen_memory(config, registry, arm, "")
     from gvla2.evaluation.provenance import code_digest
 
     typed = configured(registry, root, MEMORY)
-    return [list(map(asdict, typed)), code_digest(tuple(sorted({type(one).__module__ for one in typed})))]
+    code = code_digest(tuple(sorted({type(one).__module__ for one in typed})))
+    return [arm.source, list(map(asdict, typed)), code]
 
 
 def _exploration(config: BenchConfig, tasks: Sequence[str], around: Mapping[str, Any]) -> list[Planned]:
@@ -260,8 +278,8 @@ def _exploration(config: BenchConfig, tasks: Sequence[str], around: Mapping[str,
     plan = []
     for task in tasks:
         for seed in dict.fromkeys(config.exploration_seeds):
-            place: dict[str, str | int] = {"task": task, "arm": "exploration", "seed": seed}
-            key = cell_key(EXPLORATION, place, around[task], config.exploration)
+            place: dict[str, str | int] = {"task": task, "arm": EXPLORED, "seed": seed}
+            key = cell_key(EXPLORATION, place, around[task], config.exploration, config.exploration_replan)
             factors = {**place, "planner": planner_label(config)}
-            plan.append(Planned(task, "exploration", seed, {"both": key}, factors))
+            plan.append(Planned(task, EXPLORED, seed, {"both": key}, factors))
     return plan

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry, load_plugins, nothing_in
+from gvla2.commands.bench_arms import Arm, arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.errors import ConfigurationError, Gvla2Error
-from gvla2.evaluation.robot.design import MEMORY_OF, failure_class
+from gvla2.commands.bench_subjects import subject_options
+from gvla2.errors import Gvla2Error
+from gvla2.evaluation.robot.design import failure_class
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,13 +31,15 @@ LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
 GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY, "language")
+EXPLORED = "exploration"
+"""The arm of episodes that others learn from."""
 RARELY = 0.05
 """Pictures a second of an episode that nobody watches."""
 
 
 @dataclass(frozen=True)
 class EpisodeUnit:
-    """What one process does in one go: some episodes of one task in one arm.
+    """What one process does in one go: some episodes of one row of the bench (``task``) in one arm.
 
     ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls
     nothing. ``bank`` is the file of the arm's frozen bank, "" where the arm has none; ``experiences`` are what an arm
@@ -70,33 +74,24 @@ class Outcome:
 
 
 def chosen_parts(
-    config: BenchConfig, registry: Registry, task: str, *, filmed: bool = False
+    config: BenchConfig, registry: Registry, subject: str, *, filmed: bool = False
 ) -> dict[str, Any]:
-    """What to build for a task, by kind, without its memory.
-
-    Raises :class:`ConfigurationError` for a task that has no sizes to scale.
+    """What to build for a row of the bench (see :func:`~gvla2.commands.bench_subjects.subjects`), by kind, without its
+    memory.
     """
-    options: dict[str, Any] = {"name": task}
-    if config.scale != 1:
-        if "scale" not in _options_of(registry, "task", task):
-            raise ConfigurationError(
-                f"scale is {config.scale}, but the task '{task}' has no option of that name."
-            )
-        options["scale"] = config.scale
     root: dict[str, Any] = {
         kind: getattr(config, kind) for kind in (*LOOP, *GEOMETRY, *HELPED) if kind not in ("task", "memory")
     }
     robot = config.robot
     if not filmed and "video_fps" in {field.name for field in fields(robot)}:
         root["robot"] = replace(robot, video_fps=RARELY)  # type: ignore[call-arg]
-    return {**root, "task": options, "memory": {"name": "none"}}
+    return {**root, "task": subject_options(config, registry, subject), "memory": {"name": "none"}}
 
 
-def chosen_memory(config: BenchConfig, registry: Registry, arm: str, bank: str) -> dict[str, Any]:
+def chosen_memory(config: BenchConfig, registry: Registry, arm: Arm, bank: str) -> dict[str, Any]:
     """What to build for an arm's memory; one that has a ``url`` option keeps its bank in the file ``bank``."""
-    name = MEMORY_OF.get(arm, arm)
-    options = {"name": name, **dict(config.arm_options.get(arm) or {})}
-    if has_file(registry, arm):
+    options = {"name": arm.memory, **arm.options}
+    if has_bank(registry, arm):
         options |= {"url": f"sqlite:///{bank}"}
     return {
         **{kind: getattr(config, kind) for kind in (*MEMORY[1:], "verifier", "language")},
@@ -109,11 +104,6 @@ def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]
     found = [registry.configure(root, kind) for kind in kinds if not nothing_in(root, kind)]
     asking = any("language" in component.needs for _, component in found)
     return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
-
-
-def has_file(registry: Registry, arm: str) -> bool:
-    """Whether the arm's memory keeps its bank where it is told to."""
-    return "url" in _options_of(registry, "memory", MEMORY_OF.get(arm, arm))
 
 
 def run_there(unit: EpisodeUnit) -> list[Outcome]:
@@ -130,7 +120,7 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
     for layout in unit.layouts:
         with _memory(unit, registry) as memory:
             parts = replace(_parts_of(unit, registry), memory=memory)
-            if unit.arm == "exploration":
+            if unit.arm == EXPLORED:
                 parts = replace(parts, planner=_exploring(unit.config, registry, layout, parts.language))
             outcomes.append(_run(unit, parts, layout))
         if outcomes[-1].failure == "error":
@@ -147,7 +137,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         seed=layout,
         depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
         source=f"{unit.task}-{unit.arm}-{layout}",
-        replan=unit.config.replan,
+        replan=_tries(unit),
         planner_timeout=unit.config.planner_timeout,
         max_parts=unit.config.max_parts,
         agreement=unit.config.agreement,
@@ -163,7 +153,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     judged = record.judgement
     succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
     failure = failure_class(record)
-    explored = Experience.of(record, parts.skills) if unit.arm == "exploration" else ()
+    explored = Experience.of(record, parts.skills) if unit.arm == EXPLORED else ()
     return Outcome(
         layout,
         succeeded,
@@ -174,6 +164,14 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         _notes(record),
         explored,
     )
+
+
+def _tries(unit: EpisodeUnit) -> int:
+    """Further attempts that an episode of the unit may make."""
+    if unit.arm == EXPLORED:
+        return unit.config.exploration_replan
+    own = arm_named(unit.config, unit.arm).replan
+    return unit.config.replan if own is None else own
 
 
 def spent_on(record: EpisodeRecord) -> dict[str, float | None]:
@@ -262,18 +260,19 @@ def _memory(unit: EpisodeUnit, registry: Registry) -> Iterator[Memory]:
     from gvla2.evaluation.robot.arms import BestTheta, Frozen, Shuffled
     from gvla2.evaluation.robot.experience import teach
 
-    if unit.arm == "best_theta":
+    arm = arm_named(unit.config, "off" if unit.arm == EXPLORED else unit.arm)
+    if arm.source == "best_theta":
         yield BestTheta(unit.experiences)
         return
-    if unit.arm in ("off", "exploration"):
+    if arm.source == "off":
         with closing(registry.build({"memory": {"name": "none"}}, "memory")) as memory:
             yield Frozen(memory)
         return
-    root = chosen_memory(unit.config, registry, unit.arm, unit.bank)
+    root = chosen_memory(unit.config, registry, arm, unit.bank)
     with closing(registry.build(root, "memory")) as memory:
-        if not has_file(registry, unit.arm):
+        if not has_bank(registry, arm):
             teach(memory, unit.experiences)
-        yield Shuffled(memory, unit.asked) if unit.arm == "shuffled" else Frozen(memory)
+        yield Shuffled(memory, unit.asked) if arm.source == "shuffled" else Frozen(memory)
 
 
 _kept: dict[str, Parts] = {}
@@ -306,10 +305,6 @@ def _forget_parts() -> None:
         parts.robot.close()
         parts.memory.close()
     _kept.clear()
-
-
-def _options_of(registry: Registry, kind: str, name: str) -> set[str]:
-    return {field.name for field in fields(registry.get(kind, name).config)}
 
 
 @cache

@@ -11,17 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
+from gvla2.commands.bench_arms import arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_design import Design, Planned, designs
 from gvla2.commands.bench_episodes import (
+    EXPLORED,
     EpisodeUnit,
     Outcome,
     chosen_memory,
-    has_file,
     run_there,
     run_unit,
 )
+from gvla2.commands.bench_films import worth_filming
 from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_subjects import kind_of
 from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.robot.design import EXPLORATION, NOT_MEASURED, SUITE, others_of
@@ -84,7 +87,7 @@ class _PlannerBench:
         _require_measured(design.exploring, known)
         experiences = _experiences(design.exploring, known)
         lacking = _lacking(design.plan, known)
-        banks = self._banks(sorted({one.arm for one in lacking}), experiences)
+        banks = self._banks(lacking, experiences)
         self._carry_out(
             lacking, _units(design.config, lacking, experiences, banks, design.tasks), SUITE, known
         )
@@ -107,42 +110,53 @@ class _PlannerBench:
             known.update({cell.key: cell for cell in cells})
             self.progress.done(len(outcomes), f"{unit.config.planner.name}, {unit.task}, {unit.arm}")
 
-    def _banks(self, arms: Sequence[str], experiences: Mapping[str, Sequence[Experience]]) -> dict[str, str]:
-        """Teach each memory that keeps a file, once; the files by arm."""
+    def _banks(
+        self, planned: Iterable[Planned], experiences: Mapping[str, Sequence[Experience]]
+    ) -> dict[tuple[str, str], str]:
+        """Teach each memory that keeps a file, once; the files by row and arm.
+
+        What is asked about another row must not know the row's own lessons: such an arm has a bank for each row.
+        """
         from gvla2.evaluation.robot.experience import teach
         from gvla2.record.files import make_folder
 
-        banks = {}
-        for arm in arms:
-            if arm in ("off", "none", "best_theta") or not has_file(self.registry, arm):
+        banks: dict[tuple[str, str], str] = {}
+        taught: dict[str, str] = {}
+        for task, arm in dict.fromkeys((one.task, one.arm) for one in planned):
+            made = arm_named(self.design.config, arm)
+            if not has_bank(self.registry, made):
                 continue
-            path = make_folder(self.folder / "banks" / self.design.planner).absolute() / f"{arm}.db"
-            root = chosen_memory(self.design.config, self.registry, arm, str(path))
-            with closing(self.registry.build(root, "memory")) as memory:
-                teach(memory, (one for learnt in experiences.values() for one in learnt))
-            banks[arm] = str(path)
+            own = made.source == "shuffled"
+            name = f"{arm}-{list(self.design.tasks).index(task)}" if own else arm
+            if name not in taught:
+                path = make_folder(self.folder / "banks" / self.design.place).absolute() / f"{name}.db"
+                root = chosen_memory(self.design.config, self.registry, made, str(path))
+                lessons = first(experiences, made.explored)
+                with closing(self.registry.build(root, "memory")) as memory:
+                    for other, learnt in lessons.items():
+                        if not own or other != task:
+                            teach(memory, learnt)
+                taught[name] = str(path)
+            banks[task, arm] = taught[name]
         return banks
 
     def _filmed(
-        self, cells: Sequence[Cell], experiences: Mapping[str, Sequence[Experience]], banks: Mapping[str, str]
+        self,
+        cells: Sequence[Cell],
+        experiences: Mapping[str, Sequence[Experience]],
+        banks: Mapping[tuple[str, str], str],
     ) -> list[Cell]:
-        """The cells, some failed ones with the folder of their film: the episode run once more, which is the same."""
+        """The cells, some with the folder of their film: the episode run once more, which is the same."""
         design = self.design
         by_key = {cell.key: cell for cell in cells}
-        taken: dict[tuple[str, str], int] = defaultdict(int)
-        chosen = []
-        for one in design.plan:
-            cell = by_key[one.keys["eased"]]
-            old = str(cell.notes.get("film", ""))
-            failed = cell.measures["success"] is not None and not cell.measures["success"]
-            if not failed or taken[one.task, one.arm] >= design.config.videos:
-                continue
-            taken[one.task, one.arm] += 1
-            if not old or not Path(old).is_dir():
-                chosen.append(one)
-        banks = {**banks, **self._banks(sorted({one.arm for one in chosen} - set(banks)), experiences)}
+        chosen = [
+            one
+            for one in worth_filming(design.plan, by_key, design.config.videos)
+            if not Path(str(by_key[one.keys["eased"]].notes.get("film", "")) or "/nowhere").is_dir()
+        ]
+        banks = {**banks, **self._banks((o for o in chosen if (o.task, o.arm) not in banks), experiences)}
         for one in chosen:
-            place = (self.folder / "failures" / design.planner / f"{one.task}-{one.arm}").absolute()
+            place = (self.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()
             (unit,) = _units(design.config, [one], experiences, banks, design.tasks, str(place))
             log.info("Filming %s, %s, %s, layout %d.", design.planner, one.task, one.arm, one.layout)
             (outcome,) = run_unit(unit, self.registry)
@@ -164,7 +178,7 @@ def _units(
     config: BenchConfig,
     planned: Sequence[Planned],
     experiences: Mapping[str, Sequence[Experience]] | None = None,
-    banks: Mapping[str, str] | None = None,
+    banks: Mapping[tuple[str, str], str] | None = None,
     tasks: Sequence[str] = (),
     film: str = "",
 ) -> list[EpisodeUnit]:
@@ -174,16 +188,31 @@ def _units(
         grouped[one.task, one.arm].append(one.layout)
     units = []
     for (task, arm), layouts in grouped.items():
-        learnt, asked = experiences or {}, None
-        if arm == "shuffled":
-            others = (e for other in others_of(task, tasks) for e in learnt.get(other, ()))
-            asked = next((e.episode.task for e in others), None)
-        own = learnt.get(task, ()) if arm == "best_theta" else [e for one in learnt.values() for e in one]
+        asked = None
+        learnt = first(experiences or {}, None if arm == EXPLORED else arm_named(config, arm).explored)
+        source = "off" if arm == EXPLORED else arm_named(config, arm).source
+        if source == "shuffled":
+            others = sorted(others_of(task, tasks), key=lambda other: kind_of(other) != kind_of(task))
+            asked = next((e.episode.task for other in others for e in learnt.get(other, ())), None)
+        own = learnt.get(task, ()) if source == "best_theta" else [e for one in learnt.values() for e in one]
         for start in range(0, len(layouts), TOGETHER):
             some = tuple(layouts[start : start + TOGETHER])
-            bank = (banks or {}).get(arm, "")
+            bank = (banks or {}).get((task, arm), "")
             units.append(EpisodeUnit(config, task, arm, some, bank, tuple(own), asked, film))
     return units
+
+
+def first(
+    experiences: Mapping[str, Sequence[Experience]], layouts: int | None
+) -> Mapping[str, Sequence[Experience]]:
+    """What the first so many explored layouts of each row brought; all of it for None."""
+    if layouts is None:
+        return experiences
+    found = {}
+    for task, learnt in experiences.items():
+        seeds = list(dict.fromkeys(one.seed for one in learnt))[:layouts]
+        found[task] = [one for one in learnt if one.seed in seeds]
+    return found
 
 
 def _measure(

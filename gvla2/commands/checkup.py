@@ -66,11 +66,13 @@ NEEDED = (
 class Check:
     """One finding. A ``fail`` breaks the ``commands`` (their default runs), a ``warn`` something else.
 
+    ``slow`` gave no answer in time, which a busy machine explains: nothing is known to be broken.
+
     A failed check without ``commands`` is a cause of other failed checks, which have them.
     """
 
     name: str
-    status: Literal["ok", "warn", "fail"]
+    status: Literal["ok", "warn", "slow", "fail"]
     found: str
     advice: str = ""
     commands: tuple[str, ...] = ()
@@ -82,14 +84,15 @@ def examine(registry: Registry) -> list[Check]:
         imports = pool.submit(probe, "imports", *(n.module for n in NEEDED))
         vulkan = pool.submit(probe, "vulkan")
         torch = pool.submit(probe, "torch") if installed("torch") else None
-        built = {name: pool.submit(probe, "components", name) for name in PRIMARY}
         composed, blamed, checks = configurations(registry)
+        choosing = [name for name, config in composed.items() if chosen_kinds(config, registry.kinds)]
+        built = {name: pool.submit(probe, "components", name) for name in choosing}
         return [
             Check("versions", "ok", versions()),
             *checks,
             *plugins(registry, blamed),
             *needed_modules(imports.result()),
-            *(c for name in composed for c in components(name, built[name].result())),
+            *(c for name in choosing for c in components(name, built[name].result())),
             *weights(composed),
             *output_folders(composed),
             opencv(),
@@ -99,7 +102,7 @@ def examine(registry: Registry) -> list[Check]:
 
 
 def probe(*arguments: str) -> Any:
-    """The answer of a probe, or ``{"crash": why}``."""
+    """The answer of a probe, ``{"crash": why}``, or ``{"slow": how long was waited}``."""
     environment = {**os.environ, "PYTHONWARNINGS": "ignore"}
     try:
         done = subprocess.run(
@@ -111,7 +114,7 @@ def probe(*arguments: str) -> Any:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return {"crash": f"no answer within {PROBE_SECONDS} s"}
+        return {"slow": f"no answer within {PROBE_SECONDS} s"}
     lines = done.stdout.strip().splitlines()
     if done.returncode == 0 and lines:
         return json.loads(lines[-1])
@@ -173,6 +176,9 @@ def plugins(registry: Registry, blamed: set[str]) -> Iterator[Check]:
 
 def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
     """The modules of the default run, with the system's package where a shared library is absent."""
+    if "slow" in answer:
+        yield _slow("libraries", answer["slow"], "run")
+        return
     for needed in NEEDED:
         fault = answer.get("crash") or answer.get(needed.module, "")
         label = f"{needed.distribution} ({needed.purpose})"
@@ -189,6 +195,9 @@ def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
 
 def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
     """Whether what the configuration chooses can be built; for the memory this opens its database."""
+    if "slow" in answer:
+        yield _slow(f"components of {name}", answer["slow"], name)
+        return
     if "crash" in answer:
         advice = f"Run it alone: gvla2 {name}"
         yield Check(f"components of {name}", "fail", str(answer["crash"]), advice, (name,))
@@ -248,7 +257,7 @@ def rendering(answer: dict[str, str]) -> Check:
     """Vulkan is an option: cameras are ray cast without it."""
     if answer.get("device"):
         return Check("Vulkan", "ok", "a device renders (optional)")
-    reason = answer.get("crash") or answer.get("error", "")
+    reason = next((answer[word] for word in ("crash", "slow", "error") if answer.get(word)), "")
     return Check("Vulkan", "ok", f"none, cameras are ray cast on the CPU ({reason})")
 
 
@@ -256,9 +265,16 @@ def torch_device(answer: dict[str, str] | None) -> Check:
     """Torch is an option: learned perception and priors use it."""
     if answer is None:
         return Check("torch", "ok", "not installed, not needed; pip install 'gvla2[perception]' brings it")
+    if "slow" in answer:
+        return Check("torch", "slow", answer["slow"])
     if "crash" in answer:
         return Check("torch", "warn", answer["crash"], "Reinstall it: pip install 'gvla2[perception]'")
     return Check("torch", "ok", f"{answer['version']} on {answer['device']}")
+
+
+def _slow(name: str, waited: str, command: str) -> Check:
+    advice = f"The machine may be busy: ask again when it is quiet, or run it: gvla2 {command}"
+    return Check(name, "slow", waited, advice, (command,))
 
 
 def healthy(checks: Sequence[Check]) -> bool:

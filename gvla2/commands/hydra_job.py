@@ -10,10 +10,12 @@ import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra._internal.utils import get_args_parser
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -94,8 +96,19 @@ def launch(
     of an error is added to ``errors``, too.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
+    if {"-m", "--multirun"} & set(argv) and {"-c", "--cfg", "-i", "--info"} & {
+        w.partition("=")[0] for w in argv
+    }:
+        print(
+            "gvla2: --cfg and --info show one job: leave -m away, and give each option one value.",
+            file=sys.stderr,
+        )
+        return 2
+    if advice := dashed_option(argv):
+        print(f"gvla2: {printable(advice)}", file=sys.stderr)
+        return 2
     registry = load_plugins()
-    own = [group for group in registry.groups if group in PRIMARY[config_name].__dataclass_fields__]
+    own = [group for group in registry.groups if group in {f.name for f in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
     register(registry, PRIMARY, own if config_name == "memory" else None)
     main = hydra.main(
@@ -130,6 +143,20 @@ def launch(
     except Exception as error:
         return tell(error, registry)
     return 0
+
+
+def dashed_option(argv: Sequence[str]) -> str:
+    """What to write in place of the first ``--option value`` that is no flag of Hydra's; "" when there is none."""
+    flags = [flag for action in get_args_parser()._actions for flag in action.option_strings]
+    for word, following in zip(argv, [*argv[1:], ""], strict=True):
+        name, equals, value = word.removeprefix("--").partition("=")
+        if not word.startswith("--") or not name or any(flag.startswith(f"--{name}") for flag in flags):
+            continue
+        if not equals:
+            value = "true" if not following or following.startswith("-") or "=" in following else following
+        asked = word if equals or value != following else f"{word} {value}"
+        return f"options have no dashes: in place of `{asked}` write {name.replace('-', '_')}={value}"
+    return ""
 
 
 def report(error: Exception, registry: Registry | None = None) -> int:

@@ -13,6 +13,7 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Offer, Registry, load_plugins
+from gvla2.commands.printable import printable
 from gvla2.commands.skill_listing import SKILL, find_skill, print_skills, skills_json
 from gvla2.commands.tables import console, row, table
 from gvla2.discovery import closest
@@ -57,7 +58,7 @@ def main(argv: Sequence[str]) -> int:
         elif kind and kind != SKILL:
             registry.get(kind, name) if name else registry.kind_of(kind)
     except ConfigurationError as error:
-        print(f"gvla2: {error}", file=sys.stderr)
+        print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 2
     if "--json" in argv:
         print(json.dumps(as_json(registry, kind, name), indent=2))
@@ -165,7 +166,7 @@ def _print_options(out: Any, kind: str, name: str, offer: Offer) -> None:
     out.print(f"\n[bold]{kind}={name}[/bold]{'  needs ' + needs if needs else ''}")
     described = inspect.getdoc(offer.component.config) or ""
     if described and not described.startswith(f"{offer.component.config.__name__}("):  # dataclass's own words
-        out.print(described, style="dim", markup=False)
+        out.print(printable(described), style="dim", markup=False)
     if not rows:
         out.print("no options", style="dim")
         return

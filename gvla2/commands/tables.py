@@ -9,6 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from gvla2.commands.printable import printable
+
 WIDTH_OF_PIPES = 200
 
 
@@ -27,5 +29,5 @@ def table(first: str, *columns: str, style: str = "cyan") -> Table:
 
 
 def row(listing: Table, *cells: str) -> None:
-    """Add a row of plain text: what looks like markup in it is none."""
-    listing.add_row(*(Text(cell) for cell in cells))
+    """Add a row of plain text: what looks like markup in it is none, and control characters stay out."""
+    listing.add_row(*(Text(printable(cell)) for cell in cells))

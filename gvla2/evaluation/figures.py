@@ -41,6 +41,15 @@ MEMORY = FigureLayout(
     ),
 )
 
+TRAJECTORIES = FigureLayout(
+    suite="trajectories",
+    title="Published runs of software agents",
+    explanation=(
+        "A verifier judges runs whose outcome is known and not shown to it; a memory learns from them in that light. "
+        "The peer is a rule of one line on the same accounts."
+    ),
+)
+
 
 def make_figure_table(cells: Iterable[Cell], layout: FigureLayout) -> list[FigureTable]:
     """One table, or none for no cells; of one figure measured twice the later counts."""

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gvla2.evaluation.figures import MEMORY, FigureLayout, FigureTable, make_figure_table
+from gvla2.evaluation.figures import MEMORY, TRAJECTORIES, FigureLayout, FigureTable, make_figure_table
 from gvla2.evaluation.perception.table import (
     PERCEPTION,
     PerceptionLayout,
@@ -15,6 +15,7 @@ from gvla2.evaluation.perception.table import (
 )
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.robot.tables import ROBOT, RobotLayout, RobotTable, make_robot_tables
+from gvla2.evaluation.runs import RUNS, RunLayout, RunTable, make_run_tables
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
 
 
@@ -119,15 +120,52 @@ RECONSTRUCTION = Layout(
     ),
     groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
 )
-AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout
-LAYOUTS: Mapping[str, AnyLayout] = {made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION)}
+AGENTS = Layout(
+    suite="agents",
+    title="Software agents",
+    row="memory",
+    labels={
+        "off": "no memory",
+        "semantic": "semantic",
+        "awm": "AWM",
+        "reasoning_bank": "ReasoningBank",
+        "synapse": "Synapse",
+        "governed": "KnowledgeBank",
+        "on": "KnowledgeBank",
+    },
+    reference="off",
+    measures=(
+        Measure("solved", "SR %", "higher", 1),
+        Measure("steps", "AS", "lower", 1),
+        Measure("agent_tokens", "agent tokens", "lower", 0),
+        Measure("extra_tokens", "extra tokens", "lower", 0, compared=False),
+        Measure("tokens", "tokens", "lower", 0),
+        Measure("seconds", "seconds", "lower", 1),
+        Measure("overhead", "memory s", "lower", 2, compared=False),
+        Measure("storage_kb", "storage kB", "lower", 0, compared=False),
+    ),
+    groups=("agent", "model", "verifier", "tasks", "options"),
+    pair="task",
+)
+AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout | RunLayout
+LAYOUTS: Mapping[str, AnyLayout] = {
+    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES, RUNS)
+}
 """The suites that can be reported."""
 
 
 def tables_of(
     cells: Iterable[Cell], layout: AnyLayout
-) -> Sequence[Table] | Sequence[FigureTable] | Sequence[RobotTable] | Sequence[PerceptionTable]:
+) -> (
+    Sequence[Table]
+    | Sequence[FigureTable]
+    | Sequence[RobotTable]
+    | Sequence[PerceptionTable]
+    | Sequence[RunTable]
+):
     """The tables of these cells, as their suite has them."""
+    if isinstance(layout, RunLayout):
+        return make_run_tables(cells, layout)
     if isinstance(layout, RobotLayout):
         return make_robot_tables(cells, layout)
     if isinstance(layout, PerceptionLayout):

@@ -9,19 +9,25 @@ A component that asks a model says ``needs=("language",)`` and gets the run's :c
 Nothing here knows what the models are asked about.
 """
 
-from gvla2.language.completion import Completion, Token, Usage
-from gvla2.language.endpoint import Endpoint, LanguageModel, Server
-from gvla2.language.failures import (
-    LanguageModelError,
-    MalformedAnswerError,
-    ModelRefusedError,
-    ModelUnavailableError,
-    UnusableAnswerError,
-)
-from gvla2.language.ledger import Ledger, Tally
-from gvla2.language.options import AskingOptions, EndpointOptions
-from gvla2.language.request import Message, Request, picture
-from gvla2.language.typed import Answered, ask_typed, json_in
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gvla2.language.completion import Completion, Token, Usage
+    from gvla2.language.endpoint import Endpoint, LanguageModel, Server
+    from gvla2.language.failures import (
+        LanguageModelError,
+        MalformedAnswerError,
+        ModelRefusedError,
+        ModelUnavailableError,
+        UnusableAnswerError,
+    )
+    from gvla2.language.ledger import Ledger, Tally
+    from gvla2.language.options import AskingOptions, EndpointOptions
+    from gvla2.language.request import Message, Request, picture
+    from gvla2.language.typed import Answered, ask_typed, json_in
 
 __all__ = [
     "Answered",
@@ -46,3 +52,28 @@ __all__ = [
     "json_in",
     "picture",
 ]
+
+_HOMES = (
+    ("completion", "Completion", "Token", "Usage"),
+    ("endpoint", "Endpoint", "LanguageModel", "Server"),
+    (
+        "failures",
+        "LanguageModelError",
+        "MalformedAnswerError",
+        "ModelRefusedError",
+        "ModelUnavailableError",
+        "UnusableAnswerError",
+    ),
+    ("ledger", "Ledger", "Tally"),
+    ("options", "AskingOptions", "EndpointOptions"),
+    ("request", "Message", "Request", "picture"),
+    ("typed", "Answered", "ask_typed", "json_in"),
+)
+
+
+def __getattr__(name: str) -> object:
+    """Load a name's module when it is asked for: `gvla2 plugins` wants the options without what talks to servers."""
+    for module, *names in _HOMES:
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -65,8 +65,9 @@ def ask_typed(
     ``temperature``, the others warm) the one that most agree on is taken, as ``same`` tells them apart, and the
     first of those where votes are even. An answer that was cut off is rejected, whatever it says.
 
-    Raises :class:`UnusableAnswerError` after ``tries``, the last of which may have been damaged or broken off, and any
-    other :class:`LanguageModelError` at once; all with ``transcript``.
+    Raises :class:`UnusableAnswerError` after ``tries``, the last of which may have been damaged;
+    :class:`ModelUnavailableError` where the server broke off in the last; and any other :class:`LanguageModelError` at
+    once; all with ``transcript``.
     """
     if tries < 1 or samples < 1:
         raise ValueError(f"tries is {tries} and samples {samples}; both must be at least 1.")
@@ -91,6 +92,8 @@ def ask_typed(
             raise _with(transcript, lost[0])
         added = next((tried.correction() for tried in answers if tried.said.strip()), ())
         question = replace(question, messages=(*question.messages, *added))
+    if len(lost) == samples and isinstance(lost[0], ModelUnavailableError):
+        raise _with(transcript, lost[0])
     raise _with(transcript, UnusableAnswerError(f"No usable answer in {tries} tries; the last time: {why}"))
 
 

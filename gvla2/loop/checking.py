@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gvla2.loop.advice import advice_for
+from gvla2.loop.diagnosis import theme_of
 from gvla2.loop.lessons import handled_lengths
 from gvla2.planning.arm import Arm
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.findings import CheckReport
+from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.repair import repair
 from gvla2.planning.trajectory import Trajectory
 from gvla2.record.contents import EpisodeRecord
@@ -21,7 +23,7 @@ def check_plan(record: EpisodeRecord, arm: Arm) -> tuple[EpisodeRecord, CheckRep
     assert record.scene is not None
     assert record.observation is not None
     scene, start, joints = record.scene, record.observation.world_from_tcp, record.observation.joints
-    effects = advice_for(record).effects
+    effects = own_first(advice_for(record).effects, look_of(theme_of(record), scene))
     parameters, skill, lengths = record.plan.parameters, record.plan.skill, handled_lengths(record)
 
     def check(trajectory: Trajectory) -> CheckReport:

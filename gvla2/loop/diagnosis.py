@@ -13,6 +13,7 @@ import numpy as np
 from gvla2.loop.correspondence import correspond
 from gvla2.planning.contracts import Plan
 from gvla2.planning.effects import BEFORE, Effect
+from gvla2.planning.looks import look_of
 from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import Waypoint
 from gvla2.record.contents import EpisodeRecord
@@ -32,7 +33,8 @@ DROP = 0.03
 def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> list[Signal]:
     """The signals of an executed episode, none for one that was not executed; ``skills`` add their own diagnoses.
 
-    Bounds on parameters that go with the object's size are shares of it, as the plan's ``scales`` say.
+    Bounds on parameters that go with the object's size are shares of it, as the plan's ``scales`` say; each effect
+    names the look of what was handled.
     """
     if record.plan is None or record.scene is None or record.report is None or not record.report.waypoints:
         return []
@@ -51,8 +53,11 @@ def diagnose(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) -> l
         else:
             found = [s for s in found if s is None or s.kind != "slip"]  # the mechanism held it back
     found.append(short)
+    look = look_of(theme, record.scene)
     return [
-        signal if signal.effect is None else replace(signal, effect=signal.effect.shared(plan.scales))
+        signal
+        if signal.effect is None
+        else replace(signal, effect=replace(signal.effect.shared(plan.scales), object=look))
         for signal in found
         if signal is not None
     ]
@@ -81,19 +86,22 @@ def approach_of(plan: Plan) -> str:
 def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject | None) -> Signal | None:
     """What the skill's own diagnosis says of how far things were moved; None where it has none or cannot tell.
 
-    It is asked of motions that ran to their end, or lost what the thing that is moved may have held back.
+    It is asked of motions that ran to their end, or that what is moved may have held back: they lost it, or the hand
+    did not get on.
     """
     plan, report, before, after = record.plan, record.report, record.scene, record.after_scene
     if skill is None or skill.diagnose is None or theme is None:
         return None
     if plan is None or report is None or before is None or after is None:
         return None
-    slipped = report.abort is not None and report.abort.abort == "slipped"
-    if not (report.completed or (skill.held_back and slipped)):
+    stopped = report.abort.abort if report.abort is not None else ""
+    if stopped and not (skill.held_back and stopped in ("slipped", "tracking")):
         return None
-    reached = tuple(Reached(r.index, r.stage, r.gripper_width) for r in report.waypoints)
+    reached = tuple(
+        Reached(r.index, r.stage, r.gripper_width, r.status == "guarded", r.error) for r in report.waypoints
+    )
     later = correspond(before, after).of
-    return skill.diagnose(Outcome(plan, before, theme, later, reached, slipped))
+    return skill.diagnose(Outcome(plan, before, theme, later, reached, stopped == "slipped", after))
 
 
 def _planned(plan: Plan, report: WaypointReport) -> Waypoint | None:

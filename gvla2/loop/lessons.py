@@ -14,6 +14,7 @@ import gvla2
 from gvla2.loop.diagnosis import approach_of, diagnose, theme_of
 from gvla2.memory.contracts import Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.planning.effects import Effect, sides_of
+from gvla2.planning.looks import ON, look_of
 from gvla2.planning.programs import calls_program, kind_of, waypoints_program
 from gvla2.planning.relative import relative_steps
 from gvla2.planning.scene import Scene, SceneObject
@@ -136,6 +137,7 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
     assert record.plan is not None
     plan, subject, trajectory = record.plan, _subject(record, skills), record.plan.trajectory
     assert trajectory is not None
+    look = _look(record)
     usable = [n for n, v in plan.parameters.items() if math.isfinite(v)]
     ranked = (skills[plan.skill].key if plan.skill in skills else ()) or sorted(usable)
     chosen = [n for n in ranked if n in usable][:MOST_PARAMETERS]
@@ -147,7 +149,7 @@ def _from_success(record: EpisodeRecord, skills: Mapping[str, Skill]) -> list[Le
         Lesson(
             "procedural_hint",
             f"{subject}: this {name.replace('_', ' ')} succeeded.",
-            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill)
+            Effect("prior", name, float(plan.parameters[name]), count=1, skill=plan.skill, object=look)
             .shared(plan.scales)
             .to_json(),
         )
@@ -201,7 +203,10 @@ def _from_failure(record: EpisodeRecord, skills: Mapping[str, Skill], *, certain
 
 
 def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
-    """Skill, size class, build and shape, and approach: the kind of episode, without its colours and numbers."""
+    """Skill, size class, look and shape, and approach: the kind of episode, without its numbers.
+
+    The look belongs to it: things that look alike behave alike, others may not.
+    """
     assert record.plan is not None
     plan, theme = record.plan, theme_of(record)
     known = skills[plan.skill].words if plan.skill in skills else ""
@@ -210,7 +215,15 @@ def _subject(record: EpisodeRecord, skills: Mapping[str, Skill]) -> str:
         return words
     shape = "object" if theme.shape == "other" else theme.shape
     approach = approach_of(plan)
-    return f"{words} a {_size_class(theme)} {shape}" + (f" from the {approach}" if approach else "")
+    described = " ".join(part for part in (_size_class(theme), _look(record).split(ON)[0], shape) if part)
+    whole = _look(record).partition(ON)[2]
+    described += f" of something {whole}" if whole else ""
+    return f"{words} a {described}" + (f" from the {approach}" if approach else "")
+
+
+def _look(record: EpisodeRecord) -> str:
+    """What was handled looks like, in colours."""
+    return look_of(theme_of(record), record.scene) if record.scene is not None else ""
 
 
 def _size_class(thing: SceneObject) -> str:

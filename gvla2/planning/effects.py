@@ -47,7 +47,8 @@ class Effect:
 
     ``skill`` limits it to one skill ("" is any). Values are in the parameter's own unit (see the planner) or, where
     ``scale`` names a side (:data:`SIDES`), shares of that side of the handled object. ``source`` is the id of the
-    memory record it comes from.
+    memory record it comes from. ``object`` is what the thing looked like that it was learnt on
+    (:func:`~gvla2.planning.looks.look_of`), "" for any thing.
     """
 
     kind: Literal["bound", "prior", "forbid", "order"]
@@ -59,12 +60,14 @@ class Effect:
     skill: str = ""
     source: str = ""
     scale: str = ""
+    object: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object; without ``scale`` where there is none, as before there were scales."""
+        """As a JSON object; without ``scale`` and ``object`` where there are none, as before there were any."""
         data = asdict(self)
-        if not self.scale:
-            del data["scale"]
+        for name in ("scale", "object"):
+            if not data[name]:
+                del data[name]
         return data
 
     @classmethod

@@ -8,7 +8,7 @@ millimetres of the scene that asks.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -24,6 +24,7 @@ _NAME = re.compile(r"\{(\w{1,20})\}")
 _SHARE = re.compile(r"(-?\d{1,2}(?:\.\d{1,4})?)([hw])")
 _LINE = re.compile(r"""[\w {}(),.:=<>!'"\[\]*/+-]{0,200}""", re.ASCII)
 """A line of a program of calls; a remembered one may be anybody's."""
+_NOBODY: Mapping[str, Collection[str]] = {}
 FARTHEST = 2000.0
 """No length of a waypoint is larger, millimetres."""
 
@@ -112,11 +113,14 @@ def waypoints_program(steps: Sequence[Sequence[Any]], scene: Scene, **about: Any
     return Program("waypoints", general, {roles[i]: kind_of(scene[i]) for i in roles}, **about)
 
 
-def bind(program: Program, scene: Scene, instruction: str) -> dict[str, str]:
+def bind(
+    program: Program, scene: Scene, instruction: str, meant: Mapping[str, Collection[str]] = _NOBODY
+) -> dict[str, str]:
     """Role to the id of the object of this scene that fits it best; roles that nothing fits are left out.
 
     Kinds are compared by the words of label and shape, colours aside; among equals the one that the instruction's
-    words fit best is taken, then the one that the scene lists first. No object plays two roles.
+    words fit best is taken, then the one that the scene lists first. No object plays two roles. ``meant``: the ids
+    that the instruction speaks of in a role, which nothing else then plays.
     """
     said = set(re.findall(r"\w+", instruction.casefold()))
     bound: dict[str, str] = {}
@@ -124,7 +128,7 @@ def bind(program: Program, scene: Scene, instruction: str) -> dict[str, str]:
         words = kind.casefold().split()
         best: tuple[float, str] = (0.0, "")
         for thing in scene.objects:
-            if thing.id in bound.values():
+            if thing.id in bound.values() or thing.id not in (meant.get(role) or {thing.id}):
                 continue
             own = set(kind_of(thing).casefold().split()) - {thing.colour.casefold()}
             alike = len(own & set(words)) / max(1, len(own))
@@ -138,10 +142,14 @@ def bind(program: Program, scene: Scene, instruction: str) -> dict[str, str]:
 
 
 def told(
-    program: Program, scene: Scene, names: Mapping[str, str], instruction: str
+    program: Program,
+    scene: Scene,
+    names: Mapping[str, str],
+    instruction: str,
+    meant: Mapping[str, Collection[str]] = _NOBODY,
 ) -> tuple[Any, ...] | None:
     """The steps with the names (by id) and millimetres of this scene; None where a role finds nothing to play it."""
-    bound = bind(program, scene, instruction)
+    bound = bind(program, scene, instruction, meant)
     if set(program.roles) - set(bound):
         return None
     named = {role: names[i] for role, i in bound.items()}

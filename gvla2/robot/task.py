@@ -81,8 +81,8 @@ class Thread:
     """A screwed part: ``child`` can only turn about ``axis``, and comes free once it has been turned far enough.
 
     ``axis`` (3,) unit and ``origin`` (3,), world frame at reset; a positive turn is the right hand's. ``limits`` are
-    the turns that the thread allows and ``release`` the turn, either way, from which it holds no more; radians, at
-    most pi. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
+    the turns that the thread allows and ``release`` the turn, either way, from which it holds no more; radians, less
+    than a whole turn. ``damping`` in Nms/rad is its resistance. Both bodies carry no :class:`Joint`.
     """
 
     name: str
@@ -96,10 +96,26 @@ class Thread:
 
 
 @dataclass(frozen=True)
+class Catch:
+    """A catch: the joint ``joint`` moves by no more than ``play`` unless the joint ``key`` is at ``travel`` or beyond,
+    and no further than ``until``.
+
+    Once it has begun to move it is free for ever. All in the joints' own units, metres or radians.
+    """
+
+    joint: str
+    key: str
+    travel: float
+    until: float = float("inf")
+    play: float = 0.001
+
+
+@dataclass(frozen=True)
 class Glow:
     """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
 
-    It stays lit. ``travel`` in the joint's unit, radians or metres.
+    It stays lit, unless the joint has travelled beyond ``until`` as well; with that given, each stroke of the joint
+    from rest counts by itself, in its ``peak`` too. Both in the joint's unit, radians or metres.
     """
 
     body: str
@@ -107,16 +123,18 @@ class Glow:
     joint: str
     travel: float
     rgb: tuple[float, float, float]
+    until: float = float("inf")
 
 
 @dataclass(frozen=True)
 class Layout:
-    """All bodies, joints and threads of one episode, beside the table and the robot, and what lights up."""
+    """All bodies, joints, threads and catches of one episode, beside the table and the robot, and what lights up."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
     glows: tuple[Glow, ...] = ()
     threads: tuple[Thread, ...] = ()
+    catches: tuple[Catch, ...] = ()
 
     def __getitem__(self, name: str) -> Body:
         for body in self.bodies:
@@ -126,7 +144,7 @@ class Layout:
 
     def lights(self, peaks: Mapping[str, float]) -> tuple[bool, ...]:
         """Which of the glows are lit when the joints' largest travels, by name, were ``peaks``."""
-        return tuple(peaks[glow.joint] > glow.travel for glow in self.glows)
+        return tuple(glow.travel < peaks[glow.joint] <= glow.until for glow in self.glows)
 
     def lit(self, peaks: Mapping[str, float]) -> tuple[Body, ...]:
         """The bodies as they look then."""
@@ -191,7 +209,8 @@ class TaskInstance:
 
     ``goal`` says in words what the referee looks for, for the run's page. ``image_size`` is the least side in pixels
     of cameras that show what matters, 0 when any does. ``solution`` shows that the episode can be solved by this
-    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it.
+    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear``
+    are rounds (x, y, radius) on the table that the task needs free, world metres, beside where its bodies lie.
     """
 
     layout: Layout
@@ -200,6 +219,7 @@ class TaskInstance:
     goal: str = ""
     image_size: int = 0
     solution: Solution | None = field(default=None, repr=False)
+    keep_clear: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -210,7 +230,8 @@ class TaskSite:
     whether the hand, pointing down, gets to a world point (3,). ``table_rgb`` in [0, 1] is the table's colour, so
     that nothing is painted like it; None where it is not known. ``follows`` tells whether the arm by itself can take
     the tool on straight lines through world poses (4, 4), for tasks whose motion is prescribed. ``span`` is how far
-    the fingers open, metres: what is to be grasped must be smaller.
+    the fingers open, metres: what is to be grasped must be smaller. ``colours`` are colour words that the first
+    things of the task must have, in the task's own order.
     """
 
     centre: tuple[float, float]
@@ -220,6 +241,7 @@ class TaskSite:
     table_rgb: tuple[float, float, float] | None = None
     follows: Callable[[Sequence[FloatArray]], bool] = lambda poses: True
     span: float = 0.08
+    colours: tuple[str, ...] = ()
 
 
 class Task(Protocol):

@@ -19,14 +19,17 @@ from gvla2.skills.lifting import PathPoint, lift
 
 AT_HAND = 0.02
 """A hand that closes no farther than this from a thing takes hold of it, metres."""
-LONGEST_WORDS = 600
-"""Characters of an instruction, or of what spoke against an answer, that a prompt takes over."""
+LONGEST_WORDS = 1000
+"""Characters of an instruction that a model is asked about, and of what spoke against an answer that it is told."""
 
 
 def nothing_to_ask(request: PlanRequest) -> Plan | None:
     """The refusal of a request that no model need be asked about; None for any other."""
     if not request.instruction.strip():
         return Plan(None, abstention=Abstention("unknown_skill", "The instruction is empty; say what to do."))
+    if (length := len(instruction_in(request))) > LONGEST_WORDS:
+        long = f"The instruction has {length} characters; a model is asked about {LONGEST_WORDS} at most: say less."
+        return Plan(None, abstention=Abstention("other", long))
     if not request.scene.objects:
         return Plan(
             None, abstention=Abstention("nothing_matches", "No object was perceived that could be handled.")
@@ -35,8 +38,8 @@ def nothing_to_ask(request: PlanRequest) -> Plan | None:
 
 
 def instruction_in(request: PlanRequest) -> str:
-    """The instruction as one line of bounded length."""
-    return " ".join(request.instruction.split())[:LONGEST_WORDS]
+    """The instruction as one line."""
+    return " ".join(request.instruction.split())
 
 
 def told(request: PlanRequest) -> list[str]:

@@ -11,6 +11,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.effects import apply_effects, sides_of
+from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.scene import SceneObject
 from gvla2.skills.candidates import choose
 from gvla2.skills.chaining import first_part
@@ -96,6 +97,7 @@ def _propose(
     plan: Plan,
 ) -> Plan:
     theme, scene, goal = what.theme, request.scene, what.goal
+    perceived = scene
     if skill.whole:
         theme, scene = joined(whole_meant(theme, scene), scene)
         if goal is not None and (goal.id == theme.id or goal in scene.parts_of(theme.id)):
@@ -104,6 +106,9 @@ def _propose(
         request, theme = replace(request, scene=scene), assembled(theme, scene)
     roles = {"theme": theme.id} | ({"goal": goal.id} if goal is not None else {})
     roles |= {"part": theme.id} if skill.role("part") is not None else {}
+    seen = next((o for o in perceived.objects if o.id == theme.id), None)
+    told = own_first(request.advice.effects, look_of(seen, perceived))
+    request = replace(request, advice=replace(request.advice, effects=told))
     theta, notes = _theta(call, skill, theme, request, options)
     role = skill.role("goal")
     relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")

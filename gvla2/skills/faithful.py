@@ -34,9 +34,10 @@ HARMLESS = re.compile(
 )
 """Wordings with such words that rule nothing out; how a motion is not to be, the checks see to."""
 UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
+PUT = ("place", "insert", "push", "twist", "close", "draw")
 ACTS = {
     "push": ("push", "press"),
-    "slide": ("push", "insert", "pull"),
+    "slide": ("push", "insert", "pull", "draw"),
     "shove": ("push",),
     "press": ("press",),
     "unscrew": ("twist", "open"),
@@ -44,8 +45,10 @@ ACTS = {
     "close": ("close",),
     "shut": ("close",),
     "open": ("open", "twist", "pull"),
+    **dict.fromkeys(("put", "place", "lay", "set", "stack"), PUT),
 }
 """Verbs that say by which skill, where a program might do the like by another."""
+TAKEN_THERE = re.compile(r"\b(?:move|bring|carry|transfer|take|get)\b[^.;]*\b(?:onto|into)\b")
 NEAR = 0.015
 """Things whose boxes are no farther apart touch, metres."""
 
@@ -82,6 +85,8 @@ def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> li
     ]
     if UNLIFTED.search(instruction.casefold()):
         found.append(Named("The task says not to lift it.", frozenset(), skills=frozenset(("push", "pull"))))
+    if TAKEN_THERE.search(asked(instruction)):
+        found.append(Named("The task says where it goes.", frozenset(), skills=frozenset(PUT)))
     for colour in _meant(instruction, scene):
         if bearers := [o for o in scene.objects if o.colour == colour]:
             listed = " or ".join(names[o.id] for o in bearers)
@@ -108,9 +113,14 @@ def doubts(
     ]
     why, wanted = misread(calls, instruction, scene)
     if why:
-        about = frozenset(names[o.id] for o in scene.objects if root_of(o, scene).id in wanted)
-        found.append(Named(why, about, True))
+        moved = frozenset(names[o.id] for o in scene.objects if root_of(o, scene).id in wanted)
+        found.append(Named(why, moved, True))
     return found
+
+
+def theme_held(call: SkillCall, scene: Scene, names: Mapping[str, str]) -> Named:
+    """What keeps the thing that is moved, its parts and its whole, where only the rest of a program is doubtful."""
+    return Named("", _kin([scene[call.theme]], scene, names), handled=True)
 
 
 def colour_absent(instruction: str, scene: Scene) -> str:
@@ -126,6 +136,12 @@ def colour_absent(instruction: str, scene: Scene) -> str:
         if not shades and not re.search(rf"\b{re.escape(word)}\b", labels):
             return word
     return ""
+
+
+def may_mean(skill: str, instruction: str) -> bool:
+    """Whether the verbs of a wish leave room for a skill; they do where none of them says by which."""
+    said = [acts for verb, acts in ACTS.items() if verb in asked(instruction).split()]
+    return all(skill in acts for acts in said)
 
 
 def ruled_out(instruction: str) -> str:

@@ -30,6 +30,8 @@ PLACES = frozenset(
 """Prepositions: what follows one is not what is acted on, or need not be."""
 ELSEWHERE = frozenset("into onto inside to towards toward beside behind under from".split())
 """Those after which a thing is where something goes or comes from, whatever the verb."""
+GOALS = frozenset("on onto in into inside to towards toward over around".split())
+"""Those after which a thing may be where something goes."""
 MOVING = ("pick", "place", "push", "insert", "draw")
 UNDOABLE = frozenset(
     "pour fill unfold wipe clean wash rinse dry cut slice chop peel break smash crush tear eat drink taste cook bake "
@@ -42,6 +44,7 @@ MANY = re.compile(
     r"\b(?:all|both|each|every|everything|them|others|rest|things|items|objects|pieces|toys|ones)\b"
 )
 IT = re.compile(r"\b(?:it|its)\b")
+WITHOUT = re.compile(r"\bwithout \w+ing\b[^,.;]*?(?=[,.;]|\band\b|$)")
 MOST = 6
 """Calls of a program that a small model may write, however much is wished for."""
 
@@ -70,6 +73,20 @@ def mentions(wish: str, scene: Scene) -> list[Mention]:
     return found
 
 
+def roles_said(wish: str, scene: Scene) -> dict[str, frozenset[str]]:
+    """The ids of the things, with their parts, that a wish speaks of as ``theme`` and as ``goal``; roles that it names
+    nothing for are left out.
+    """
+    said = mentions(wish, scene)
+    theme = next((m for m in said if not m.after), None)
+    goal = next((m for m in said if m.after in GOALS and m is not theme), None)
+    return {
+        role: frozenset(o.id for o in scene.objects if root_of(o, scene).id in m.roots)
+        for role, m in (("theme", theme), ("goal", goal))
+        if m is not None
+    }
+
+
 def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, frozenset[str]]:
     """Why calls do not act on what the wish speaks of as acted on, "" where they do; and the ids of whole things that
     they are to act on.
@@ -96,13 +113,13 @@ def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, f
 
 def asked(wish: str) -> str:
     """The wish in small letters without how it is not to be done: "without toppling the tower"."""
-    return re.sub(r"\bwithout \w+ing\b[^,.;]*?(?=[,.;]|\band\b|$)", " ", wish.casefold())
+    return WITHOUT.sub(" ", wish.casefold())
 
 
 def undoable(wish: str) -> str:
     """The verb of a clause that no skill does, "" where there is none."""
     for clause in re.split(r"[,;.:!?]|\b(?:and|then)\b", wish.casefold()):
-        words = [w for w in re.findall(r"[a-z]+", clause) if w not in OPENERS]
+        words: list[str] = [w for w in re.findall(r"[a-z]+", clause) if w not in OPENERS]
         if words and words[0] in UNDOABLE:
             return words[0]
     return ""

@@ -24,19 +24,23 @@ class Signal:
 
 @dataclass(frozen=True)
 class Reached:
-    """One executed waypoint: its ``stage``, and the fingers' gap in metres at its end."""
+    """One executed waypoint: its ``stage``, the fingers' gap in metres at its end, whether a guard
+    ended it, and by how much the tool missed its target, metres.
+    """
 
     index: int
     stage: str
     gripper_width: float
+    guarded: bool = False
+    error: float = 0.0
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A plan that was executed: to its end, or until the object ``slipped``.
+    """A plan that was executed: to its end, or until the object ``slipped`` or held the hand back.
 
     ``theme`` is what was handled, as perceived ``before``; ``later(id)`` is the same object as perceived afterwards,
-    None where it was not found.
+    None where it was not found. ``after`` is all that was perceived then.
     """
 
     plan: Plan
@@ -45,6 +49,7 @@ class Outcome:
     later: Callable[[str], SceneObject | None]
     reached: tuple[Reached, ...] = ()
     slipped: bool = False
+    after: Scene | None = None
 
     def gripped(self) -> bool:
         """Whether the fingers had something between them on all the way that the plan has them carry it."""
@@ -54,6 +59,17 @@ class Outcome:
             if r.index < len(waypoints) and waypoints[r.index].carries and waypoints[r.index].gripper < 0.1
         ]  # fmt: skip
         return bool(carrying) and all(r.gripper_width > EMPTY for r in carrying)
+
+    def held_back(self) -> bool:
+        """Whether the thing did not come along: the hand was stopped on the way, or what it held was drawn from it."""
+        waypoints = self.plan.trajectory.waypoints if self.plan.trajectory else ()
+        closed = any(r.stage == "close" and r.gripper_width > EMPTY for r in self.reached)
+        began = any(r.index < len(waypoints) and waypoints[r.index].carries for r in self.reached)
+        return closed and began
+
+    def stopped(self, stage: str, short: float) -> bool:
+        """Whether the hand met a stop in a motion of this stage: a guard ended it, or it ended ``short`` metres off."""
+        return any(r.guarded or r.error > short for r in self.reached if r.stage == stage)
 
     def changed(self, name: str, by: float, op: str = ">=") -> Effect | None:
         """The bound that asks for ``by`` more (or less) of a parameter than was used; None where it was not used."""

@@ -29,8 +29,14 @@ def of_close(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str,
 
 
 def of_pull(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
-    """15 cm: a drawer is open when a hand gets into it, and few are less deep."""
-    return {"standoff": hand.finger_length, "grasp_depth": 0.006, "pull_distance": 0.15, **speeds(options)}
+    """15 cm: a drawer is open when a hand gets into it, and few are less deep. Few have a catch to be lifted."""
+    return {
+        "standoff": hand.finger_length,
+        "grasp_depth": 0.006,
+        "unlatch_lift": 0.0,
+        "pull_distance": 0.15,
+        **speeds(options),
+    }
 
 
 def of_draw(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:

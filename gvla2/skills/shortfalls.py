@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gvla2.planning.effects import Effect
+from gvla2.planning.lamps import shines
 from gvla2.planning.lids import FLAT, hinged, opening_angle
 from gvla2.skills.outcome import EMPTY, Outcome, Signal
 
@@ -17,14 +18,24 @@ STAYS_OPEN = 1.45
 """A lid that is found open by less did not stay open, radians."""
 SWING_MARGIN = 0.2
 """Radians to swing a lid further by, or to take it further over before it is let go."""
-TURN_MARGIN = 0.35
-"""Radians to turn a cap further by: 20 degrees."""
+TURN_MARGIN = 0.785
+"""Radians to turn a cap further by: 45 degrees, one step of the wrist."""
+FORCED = 0.002
+"""Fingers whose gap changes by so much while they turn went round what they held, metres."""
+PRESS_MARGIN = 0.003
+"""Metres to press a button deeper by, or less deep."""
+PRESS_SHORT, GAVE_WAY = 0.0003, 0.002
+"""A press that ends so far short of its target met a stop, and so did a lifted handle, in fingers that give way; m."""
+CATCH_MARGIN = 0.008
+"""Metres to lift a handle further by before it is pulled, or less far."""
 HOOK_MARGIN = 0.005
 """Metres to hook deeper by."""
 PULL_TOLERANCE, PULL_MARGIN = 0.02, 0.05
 """Metres short that are no error of a pull; the most that one failure adds to it."""
 IN_PLACE = 0.02
 """What is found this near to where it was has not moved, metres."""
+HELD_FAST = 0.01
+"""What came by less though it was pulled did not come at all, metres."""
 PUSH_TOLERANCE = 0.01
 """Metres off the goal's centre that are no error of the push."""
 
@@ -77,6 +88,12 @@ def of_pull(outcome: Outcome) -> Signal | None:
     missing = length - came
     if missing <= PULL_TOLERANCE:
         return None
+    if came < HELD_FAST and outcome.held_back():
+        if outcome.stopped("unlatch", GAVE_WAY):
+            less = outcome.changed("unlatch_lift", -CATCH_MARGIN, "<=")
+            return Signal("overshoot", "the handle was lifted to its stop, where its catch holds again", less)
+        more = outcome.changed("unlatch_lift", CATCH_MARGIN)
+        return Signal("held_fast", "a catch held it though the handle was in the hand", more)
     if outcome.slipped:
         if came < 0.5 * length:
             return None  # it slipped for another reason
@@ -90,15 +107,42 @@ def of_pull(outcome: Outcome) -> Signal | None:
 
 
 def of_twist(outcome: Outcome) -> Signal | None:
-    """A cap that was held all the while it was turned, and sits where it sat."""
-    later = outcome.later(outcome.theme.id)
+    """A cap that was held all the while it was turned, and sits where it sat.
+
+    Where its corners forced the fingers apart, or let them close between them, it stood still while they went round
+    it: its thread turns the other way.
+    """
     turning = [r for r in outcome.reached if r.stage == "turn"]
-    if later is None or not turning or any(r.gripper_width <= EMPTY for r in turning):
+    if not turning or any(r.gripper_width <= EMPTY for r in turning) or not _in_place(outcome):
         return None
-    if float(np.linalg.norm(later.centre - outcome.theme.centre)) > IN_PLACE:
-        return None
-    further = outcome.changed("turn", TURN_MARGIN)
+    turn = outcome.plan.parameters.get("turn", 0.0)
+    closed = next((r.gripper_width for r in outcome.reached if r.stage == "close"), None)
+    if closed is not None and max(abs(r.gripper_width - closed) for r in turning) > FORCED:
+        back = outcome.changed("turn", -2.0 * turn, "<=" if turn > 0 else ">=")
+        return Signal("stalled", "the cap did not turn with the fingers, it opens the other way", back)
+    further = outcome.changed("turn", float(np.copysign(TURN_MARGIN, turn)), ">=" if turn >= 0 else "<=")
     return Signal("undershoot", "the cap was not turned until it came loose", further)
+
+
+def _in_place(outcome: Outcome) -> bool:
+    """Whether the theme is where it was; or, where it was not seen again, anything else of its height is."""
+    later, was = outcome.later(outcome.theme.id), outcome.theme
+    if later is not None:
+        return float(np.linalg.norm(later.centre - was.centre)) <= IN_PLACE
+    there = outcome.after.obstacles() if outcome.after is not None else ()
+    high = [o for o in there if o.bottom < was.top and o.top > was.centre[2]]
+    return any(float(np.linalg.norm((o.centre - was.centre)[:2])) <= IN_PLACE for o in high)
+
+
+def of_press(outcome: Outcome) -> Signal | None:
+    """A lamp that stayed dark, though its button went down without a stop, or because it was pressed to its stop."""
+    if outcome.after is None or shines(outcome.theme, outcome.before, outcome.after) is not False:
+        return None
+    if outcome.stopped("press", PRESS_SHORT):
+        less = outcome.changed("press_depth", -PRESS_MARGIN, "<=")
+        return Signal("overshoot", "the button was pressed to its stop and the lamp is dark", less)
+    deeper = outcome.changed("press_depth", PRESS_MARGIN)
+    return Signal("undershoot", "the button was not pressed until its lamp was lit", deeper)
 
 
 def of_insert(outcome: Outcome) -> Signal | None:

@@ -42,6 +42,9 @@ PARAMETERS: Mapping[str, Parameter] = MappingProxyType(
             Parameter("hook_depth", "m", "how far below a lid's free edge the fingers hook", 0.0, 0.05),
             Parameter("let_go_angle", "rad", "opening from which a lid falls shut by itself", 0.0, 2.0),
             Parameter("pull_distance", "m", "how far it is pulled (or drawn beyond being free)", 0.0, 0.4),
+            Parameter(
+                "unlatch_lift", "m", "how far a handle is lifted, held, before it is pulled", 0.0, 0.04
+            ),
             Parameter("end_distance", "m", "how far from its free end a thing is held", 0.0, 0.1),
             Parameter("speed", "m/s", "of the tool in the open", 0.01, 0.5),
             Parameter("contact_speed", "m/s", "of the tool where it touches", 0.01, 0.25),
@@ -112,7 +115,7 @@ _SKILLS = (
         scaled={"push_height": "height"}, free=True, whole=True,
     ),
     _standard(
-        "press", "press", "parameters", False,
+        "press", "press", "parameters", True,
         description="press a button or switch straight down; a lamp is switched on so",
         roles=(Role("theme", "the button, or the one thing that it is a part of"), Role("part", "the button")),
         parameters=_numbers("standoff", "press_depth"),
@@ -160,9 +163,9 @@ _SKILLS = (
         "pull", "pull", "parameters_work", True,
         description="pull a drawer open by its handle; amount: how far",
         roles=(Role("theme", "the drawer, its handle or its cabinet"),),
-        parameters=_numbers("standoff", "grasp_depth", "pull_distance"),
+        parameters=_numbers("standoff", "grasp_depth", "unlatch_lift", "pull_distance"),
         words="Pull (draw, slide out, open a drawer)",
-        key=("pull_distance", "grasp_depth", "standoff"),
+        key=("pull_distance", "unlatch_lift", "grasp_depth"),
         amount="pull_distance", held_back=True,
     ),
     _standard(

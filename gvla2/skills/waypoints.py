@@ -77,16 +77,21 @@ def schema(names: Sequence[str], *, bare: bool) -> dict[str, Any]:
     }
 
 
-def grammar(names: Sequence[str], *, bare: bool) -> str:
-    """llama.cpp's grammar of an answer: a bare list, which takes the fewest tokens."""
-    name = " | ".join(json.dumps(json.dumps(n)) for n in names)
-    middle = 'int "," int "," int' if bare else 'name "," ((int "," int) | (name "," int)) "," int'
-    return (
-        f'root ::= "[" point ("," point){{1,{MOST_POINTS - 1}}} "]"\n'
-        f'point ::= "[" {middle} "," [01] "]"\n'
-        'int ::= "-"? [0-9]{1,3}\n'
-        f"name ::= {name}\n"
-    )
+def grammar(names: Sequence[str], *, bare: bool, first: Sequence[str] = (), most: int = MOST_POINTS) -> str:
+    """llama.cpp's grammar of an answer: a bare list, which takes the fewest tokens. The first waypoint is about one
+    of ``first``, where there are any; there are ``most`` waypoints.
+    """
+    name, begin = (" | ".join(json.dumps(json.dumps(n)) for n in some) for some in (names, first or names))
+    rest = '((int "," int) | (name "," int)) "," int "," [01] "]"'
+    if bare:
+        points = ['point ::= "[" int "," int "," int "," [01] "]"', "first ::= point"]
+    else:
+        points = [
+            f'point ::= "[" name "," {rest}', f'first ::= "[" begin "," {rest}',
+            f"name ::= {name}", f"begin ::= {begin}",
+        ]  # fmt: skip
+    root = f'root ::= "[" first ("," point){{1,{max(2, most) - 1}}} "]"'
+    return "\n".join([root, *points, 'int ::= "-"? [0-9]{1,3}']) + "\n"
 
 
 def _relative(step: Step, ids: Mapping[str, str]) -> Step:

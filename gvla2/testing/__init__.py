@@ -7,6 +7,7 @@ Each raises :class:`ConformanceError` with the sentence of the contract that is 
 inputs: two cubes on a table seen by ray casting, their scene, and a gantry for an arm.
 """
 
+from gvla2.testing.agent import check_agent
 from gvla2.testing.component import CHECKS, check_component
 from gvla2.testing.conformance import ConformanceError
 from gvla2.testing.inducer import check_inducer
@@ -22,11 +23,13 @@ from gvla2.testing.reconstruction import (
 )
 from gvla2.testing.robot import check_robot, check_task
 from gvla2.testing.skill import check_skill
+from gvla2.testing.tracker import check_tracker
 
 __all__ = [
     "CHECKS",
     "ConformanceError",
     "candidates",
+    "check_agent",
     "check_axis",
     "check_component",
     "check_embedder",
@@ -43,5 +46,6 @@ __all__ = [
     "check_robot",
     "check_skill",
     "check_task",
+    "check_tracker",
     "check_verifier",
 ]

@@ -13,6 +13,7 @@ from gvla2.catalog import load_plugins
 from gvla2.component import Component
 from gvla2.fitness import fault_of_item, structured
 from gvla2.kinds import KINDS, Kind, kind_of
+from gvla2.testing.agent import check_agent
 from gvla2.testing.camera import check_camera
 from gvla2.testing.conformance import allowed, require, require_members, require_type
 from gvla2.testing.inducer import check_inducer
@@ -28,6 +29,7 @@ from gvla2.testing.reconstruction import (
     check_renderer,
 )
 from gvla2.testing.robot import check_robot, check_task
+from gvla2.testing.tracker import check_tracker
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
     "robot": check_robot,
@@ -46,6 +48,8 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "judge": check_judge,
     "planner": check_planner,
     "verifier": check_verifier,
+    "agent": check_agent,
+    "tracker": check_tracker,
     "language": check_language,
 }
 """The check of each kind, called with its defaults."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +13,12 @@ from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.skills.asked_paths import nothing_to_ask
 from gvla2.skills.lifting import lift
+from gvla2.skills.mentions import roles_said
 from gvla2.skills.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.prompt import messages, rejected_path
+from gvla2_plugins.agent3d.prompt import Remembered, messages, rejected_path, remembered_paths
 
 BACK = 2
 """So often the reasons why a path cannot be carried out go back to the model."""
@@ -36,13 +38,12 @@ class Agent3d:
 
         Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
         """
-        if not request.instruction.strip():
-            return Plan(None, abstention=Abstention("unknown_skill", "The instruction is empty."))
-        if not request.scene.objects:
-            return Plan(None, abstention=Abstention("nothing_matches", "Nothing was seen on the table."))
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
         bare = self._bare
         brief = scene_brief(request.scene, positions=bare, points=self.config.points)
-        asked = messages(request, brief, bare=bare, programs=self.config.programs)
+        known = [] if bare else remembered_paths(request, brief, self.config.programs)
+        asked, held = messages(request, brief, known, bare=bare), self._held(request, brief, known)
         if request.rejections:
             asked += rejected_path(
                 [brief.named(why, request.scene) for why in request.rejections], _written(request.rejected)
@@ -51,7 +52,7 @@ class Agent3d:
         plan = Plan(None, abstention=Abstention("other", "There is no path."))
         for turn in range(1 + BACK):
             try:
-                steps, transcript = self._ask(asked, brief, turn)
+                steps, transcript = self._ask(asked, brief, held, turn)
             except UnusableAnswerError as error:
                 if not any(entry["answer"] for entry in error.transcript):
                     raise  # nobody is there
@@ -64,8 +65,25 @@ class Agent3d:
             asked += rejected_path([brief.named(plan.abstention.message, request.scene)], _path(steps))
         return replace(plan, transcript=said)
 
+    def _held(self, request: PlanRequest, brief: SceneBrief, known: Sequence[Remembered]) -> str:
+        """The grammar of the answer. A path begins at what the wish speaks of as moved; beside remembered paths it is
+        about their things and those that the wish names, and hardly longer than they are.
+        """
+        if self._bare:
+            return grammar([], bare=True)
+        said = roles_said(request.instruction, request.scene)
+        first = [brief.names[i] for i in said.get("theme", ())]
+        if not known:
+            return grammar(list(brief.ids), bare=False, first=sorted(first))
+        named = {name for path in known for name in path.names}
+        first = [path.names[0] for path in known if path.names[0] in first or not first] or first
+        named |= {brief.names[i] for ids in said.values() for i in ids} | set(first)
+        most = max(len(path.steps) for path in known) + 1
+        inside = [name for name in brief.ids if name in named]
+        return grammar(inside, bare=False, first=sorted(set(first)), most=most)
+
     def _ask(
-        self, asked: list[Any], brief: SceneBrief, turn: int
+        self, asked: list[Any], brief: SceneBrief, held: str, turn: int
     ) -> tuple[list[Step], tuple[Mapping[str, Any], ...]]:
         config, names = self.config, list(brief.ids)
         warm = max(config.explore, 0.5 if turn else 0.0)
@@ -75,7 +93,7 @@ class Agent3d:
             lambda text: read_steps(text, brief.ids, bare=self._bare),
             purpose="plan",
             schema=schema(names, bare=self._bare),
-            grammar=grammar(names, bare=self._bare),
+            grammar=held,
             tries=config.tries,
             samples=config.samples,
             seed=config.explore_seed + 100 * turn,

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from gvla2.language import Message
+from gvla2.planning.colours import FAMILIES
 from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import told
 from gvla2.planning.prompts import remembered
 from gvla2.planning.scene_brief import SceneBrief
+from gvla2.skills.asked_paths import instruction_in
+from gvla2.skills.faithful import may_mean
+from gvla2.skills.mentions import roles_said
 
 RELATIVE = """\
 You plan the path of a robot hand as waypoints [name, dx, dy, up, g]: the fingertips go dx, dy mm \
@@ -37,20 +44,38 @@ EXAMPLE_PATH = {
 }
 
 
-def messages(request: PlanRequest, brief: SceneBrief, *, bare: bool, programs: int) -> list[Message]:
+@dataclass(frozen=True)
+class Remembered:
+    """A path that succeeded before, with the ``names`` of now in their order, and the ``task`` that it was for."""
+
+    task: str
+    steps: tuple[tuple[Any, ...], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What it is about, first things first."""
+        return tuple(dict.fromkeys(p for step in self.steps for p in step[:2] if isinstance(p, str)))
+
+
+def messages(
+    request: PlanRequest, brief: SceneBrief, known: Sequence[Remembered], *, bare: bool
+) -> list[Message]:
     """The question, after examples that were answered: one of the form, then remembered paths, with the names and
     sizes of now. What memory says in words stands between marks, as data: the checks hold whatever it says.
     """
-    paths, about = _remembered(request, brief, programs if not bare else 0)
+    about = [name for path in known for name in path.names]
     things = _by_relevance(brief, request.instruction, about)
     turns = [
         (_question(EXAMPLE_THINGS[bare], EXAMPLE_TASK), EXAMPLE_PATH[bare]),
-        *((_question(things, task), path) for task, path in paths),
+        *(
+            (_question(things, path.task), json.dumps([list(s) for s in path.steps], separators=(",", ":")))
+            for path in known
+        ),
     ]
     asked: list[Message] = [{"role": "system", "content": BARE if bare else RELATIVE}]
     for question, path in turns:
         asked += [{"role": "user", "content": question}, {"role": "assistant", "content": path}]
-    question = _question(things, _one_line(request.instruction))
+    question = _question(things, instruction_in(request))
     words = filter(None, (remembered(request.advice.text.strip()), question))
     asked.append({"role": "user", "content": "\n".join(words)})
     return asked
@@ -60,21 +85,30 @@ def _question(things: str, task: str) -> str:
     return f"Things (name, length x width x height in mm):\n{things}\nTask: {task}"
 
 
-def _remembered(
-    request: PlanRequest, brief: SceneBrief, programs: int
-) -> tuple[list[tuple[str, str]], list[str]]:
-    """Task and path of what succeeded before, the best last, next to the question; and the names in them."""
-    paths: list[tuple[str, str]] = []
-    about: list[str] = []
-    for program in request.advice.programs:
-        if program.language != "waypoints" or len(paths) == programs:
+def remembered_paths(request: PlanRequest, brief: SceneBrief, programs: int) -> list[Remembered]:
+    """What succeeded before in tasks worded most like this one, the likest last, next to the question.
+
+    Only paths of skills that the wish's verb may mean, whose roles things of the scene can play: those that the wish
+    speaks of as moved and as the goal, where it does. All that are shown are of one skill.
+    """
+    wish, scene = request.instruction, request.scene
+    said = roles_said(wish, scene)
+    found: list[tuple[float, str, Remembered]] = []
+    for place, program in enumerate(request.advice.programs):
+        if program.language != "waypoints" or not may_mean(program.skill, wish):
             continue
-        steps = told(program, request.scene, brief.names, request.instruction)
+        steps = told(program, scene, brief.names, wish, said)
         if steps is not None:
-            about += [part for step in steps for part in step[:2] if isinstance(part, str)]
-            path = json.dumps([list(s) for s in steps], separators=(",", ":"))
-            paths.insert(0, (_one_line(program.instruction), path))
-    return paths, about
+            alike = _alike(wish, program.instruction) - 0.01 * place  # memory's own order settles ties
+            found.append((alike, program.skill, Remembered(_one_line(program.instruction), steps)))
+    found.sort(key=lambda each: -each[0])
+    return [path for _, skill, path in found if skill == found[0][1]][:programs][::-1]
+
+
+def _alike(wish: str, other: str) -> float:
+    """The share of the words of both that they have in common, colours aside."""
+    mine, theirs = (set(re.findall(r"[a-z]+", text.casefold())) - set(FAMILIES) for text in (wish, other))
+    return len(mine & theirs) / max(1, len(mine | theirs))
 
 
 def _by_relevance(brief: SceneBrief, instruction: str, about: Sequence[str]) -> str:

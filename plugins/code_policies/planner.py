@@ -11,8 +11,9 @@ from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import calls_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
+from gvla2.skills.asked_paths import nothing_to_ask
 from gvla2.skills.carry_out import carry_out
-from gvla2.skills.faithful import Named, beyond, doubts, named_things, unclear
+from gvla2.skills.faithful import Named, beyond, doubts, named_things, theme_held, unclear
 from gvla2.skills.mentions import MOST, most_calls
 from gvla2.skills.program import WHY, Declined, Interpreter, lines_of
 from gvla2.skills.program_grammar import Fitting, fitting, grammar
@@ -55,8 +56,8 @@ class CodePolicies:
 
         Raises :class:`gvla2.language.LanguageModelError` when the model cannot be asked.
         """
-        if not request.instruction.strip():
-            return Plan(None, abstention=Abstention("unknown_skill", "The instruction is empty."))
+        if (refusal := nothing_to_ask(request)) is not None:
+            return refusal
         skills, brief = request.skills or STANDARD, scene_brief(request.scene)
         can = fitting(request, skills, brief)
         if not can:
@@ -91,7 +92,10 @@ class CodePolicies:
             reasons = [brief.named(plan.abstention.message, request.scene)] if plan.abstention else []
             asked += correction([*reasons, *(d.reason for d in doubtful)], written.text)
             all_named = named_things(request.instruction, request.scene, brief.names)
-            named = [*(d for d in doubtful if d.handled), *all_named]
+            handled = [d for d in doubtful if d.handled]
+            if len(written.calls) == 1 and doubtful and not handled:
+                handled = [theme_held(written.calls[0], request.scene, brief.names)]
+            named = [*handled, *all_named]
         if kept is None:
             none = Abstention("other", "The model wrote no program that can be read.")
             return Plan(None, abstention=none, transcript=said)

@@ -9,6 +9,7 @@ from gvla2.planning.contracts import PlanRequest
 from gvla2.planning.programs import told
 from gvla2.planning.prompts import remembered
 from gvla2.planning.scene_brief import SceneBrief
+from gvla2.skills.asked_paths import instruction_in
 from gvla2.skills.examples import EXAMPLES
 from gvla2.skills.program_grammar import Fitting
 from gvla2.skills.skill import Skill
@@ -31,7 +32,7 @@ def messages(
     blocks = [_block(e.things, e.wish, e.call) for e in examples]
     if memory := _remembered(request, brief, programs):
         blocks.append(memory)
-    blocks.append(_block(brief.text, " ".join(request.instruction.split())[:600], ""))
+    blocks.append(_block(brief.text, instruction_in(request), ""))
     asked: list[Message] = [
         {"role": "system", "content": "\n".join([BEGIN, *table, END])},
         {"role": "user", "content": "\n\n".join(blocks)},

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gvla2.planning.lamps import shines
 from gvla2.planning.scene import SceneObject
 from gvla2_plugins.geometric.case import Case, Finding, goal_now, outside_footprint, something_at
 from gvla2_plugins.geometric.placing import inside, place
@@ -186,6 +187,8 @@ def _press(case: Case) -> Finding:
         return Finding(max(0.0, 0.6 * depth / planned), f"{said}: not far enough.")
     if not lowest.contacts:
         return Finding(0.4, f"{said}, but felt no contact.")
+    if case.after is not None and shines(button, case.before, case.after) is False:
+        return Finding(0.1, f"{said} and felt it, but the lamp stayed dark.")
     return Finding(1.0, f"{said} and felt it.")
 
 

@@ -177,6 +177,8 @@ def twisted(case: Case) -> Finding:
         return Finding(None, f"{cap.label} was not seen again.")
     there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
     if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
+        if not case.holding or case.last_held is False:  # what is there is the cap, under another name
+            return Finding(0.1, f"Something still is where {cap.label} was, and the hand is empty.")
         return Finding(0.3, f"Something still is where {cap.label} was.")
     if case.holding and case.last_held is not False:
         return Finding(0.85, f"{cap.label} is gone from {body.label}, and the hand holds something.")

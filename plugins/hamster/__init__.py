@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.planning.showing import PictureOptions
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
@@ -18,21 +19,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class HamsterConfig(ComponentConfig):
-    """Options of the ``hamster`` planner; the run's ``language`` must be a model that sees.
+class HamsterConfig(PictureOptions, ComponentConfig):
+    """Options of the ``hamster`` planner: those of :class:`~gvla2.planning.showing.PictureOptions`.
 
-    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is what the model's coordinates count to:
-    1 for HAMSTER, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels; ``grid`` draws
-    labelled lines on it, for models that were not taught to point. An answer that cannot be used is asked for anew,
-    with the reason, ``tries`` times in all. ``travel`` is how far above the table what is held is carried at least,
-    metres.
+    And ``travel``, how far above the table what is held is carried at least, metres.
     """
 
-    camera: str = ""
-    scale: float = 1.0
-    longest: int = 1024
-    grid: bool = False
-    tries: int = 3
     travel: float = 0.15
 
 

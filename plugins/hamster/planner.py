@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError, PlanningError
-from gvla2.language import LanguageModel, picture
+from gvla2.language import LanguageModel
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.pictures import check_longest, shown
-from gvla2.planning.pixels import view_of
-from gvla2.planning.pointing import check_scale, read_path
+from gvla2.planning.pointing import read_path
 from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
 from gvla2.skills.lifting import PathPoint
 from gvla2_plugins.hamster.drawn import drawn
@@ -33,12 +31,9 @@ class HamsterPlanner:
     """Implements :class:`gvla2.planning.contracts.Planner` by a path in one picture."""
 
     def __init__(self, config: HamsterConfig, language: LanguageModel) -> None:
-        check_longest(config.longest)
-        check_scale(config.scale)
-        if config.tries < 1 or not 0.0 <= config.travel < 1.0:
-            raise ConfigurationError(
-                f"tries is {config.tries} and travel {config.travel}; they must be at least 1 and in [0, 1) metres."
-            )
+        config.check()
+        if not 0.0 <= config.travel < 1.0:
+            raise ConfigurationError(f"travel is {config.travel}; it lies in [0, 1) metres.")
         self.config, self._language = config, language
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -47,7 +42,7 @@ class HamsterPlanner:
             return refusal
         config, scale = self.config, self.config.scale
         try:
-            view = view_of(request.observation, config.camera)
+            view = config.view(request)
         except PlanningError as error:
             return Plan(None, abstention=Abstention("other", str(error)))
 
@@ -60,7 +55,5 @@ class HamsterPlanner:
 
         numbers = {name: share * scale for name, share in zip("abcd", (0.25, 0.32, 0.41, 0.74), strict=True)}
         words = PROMPT.format(quest=instruction_in(request), scale=scale, **numbers)
-        png = shown(view, config.longest, grid=config.grid, scale=scale)
-        content = [picture(png), {"type": "text", "text": "\n\n".join([words, *told(request)])}]
-        messages = [{"role": "user", "content": content}]
+        messages = config.question(view, [words, *told(request)])
         return ask_for_path(self._language, messages, read, request, tries=config.tries)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.planning.showing import PictureOptions
 
 if TYPE_CHECKING:
     from gvla2.language import LanguageModel
@@ -17,20 +18,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(kw_only=True)
-class RoboPointConfig(ComponentConfig):
-    """Options of the ``robopoint`` planner; the run's ``language`` must be a model that sees.
+class RoboPointConfig(PictureOptions, ComponentConfig):
+    """Options of the ``robopoint`` planner: those of :class:`~gvla2.planning.showing.PictureOptions`.
 
-    ``camera`` is the one whose picture is shown, "" for the first. ``scale`` is what the model's coordinates count to:
-    1 for RoboPoint, 1000 for Qwen3-VL or Gemini. The picture's longer side is at most ``longest`` pixels; ``grid``
-    draws labelled lines on it, for models that were not taught to point. An answer that cannot be used is asked for
-    anew, ``tries`` times in all. ``agreement`` is the share of points that must lie on one object for it to be meant.
+    And ``agreement``, the share of points that must lie on one object for it to be meant.
     """
 
-    camera: str = ""
-    scale: float = 1.0
-    longest: int = 1024
-    grid: bool = False
-    tries: int = 3
     agreement: float = 0.5
 
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from gvla2.errors import ConfigurationError, PlanningError
-from gvla2.language import LanguageModel, UnusableAnswerError, ask_typed, picture
+from gvla2.language import LanguageModel, Message, UnusableAnswerError, ask_typed
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.pictures import check_longest, shown
-from gvla2.planning.pixels import Sighting, pixel_at, sight, view_of
-from gvla2.planning.pointing import check_scale, read_points
+from gvla2.planning.pixels import Sighting, pixel_at, sight
+from gvla2.planning.pointing import read_points
 from gvla2.skills.asked_paths import nothing_to_ask, told
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
@@ -45,12 +44,9 @@ class RoboPointPlanner:
     """Implements :class:`gvla2.planning.contracts.Planner`; what moves is what a skill proposed and checked."""
 
     def __init__(self, config: RoboPointConfig, language: LanguageModel) -> None:
-        check_longest(config.longest)
-        check_scale(config.scale)
-        if not 0.0 < config.agreement <= 1.0 or config.tries < 1:
-            raise ConfigurationError(
-                f"agreement is {config.agreement} and tries {config.tries}; they must be in (0, 1] and at least 1."
-            )
+        config.check()
+        if not 0.0 < config.agreement <= 1.0:
+            raise ConfigurationError(f"agreement is {config.agreement}; it lies in (0, 1].")
         self.config, self._language = config, language
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -122,10 +118,8 @@ class _Asking:
     def _point(self, words: str) -> list[Sighting]:
         """What is where the model points."""
         config, request = self._config, self._request
-        view = view_of(request.observation, config.camera)
-        asked = "\n\n".join([*told(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
-        png = shown(view, config.longest, grid=config.grid, scale=config.scale)
-        content = [picture(png), {"type": "text", "text": asked}]
+        view = config.view(request)
+        asked = config.question(view, [*told(request), f"{words} {SUFFIX.format(scale=config.scale)}"])
 
         def parse(text: str) -> list[Sighting]:
             seen, why = [], ""
@@ -138,9 +132,9 @@ class _Asking:
                 raise ValueError(why)
             return seen
 
-        return self._ask([{"role": "user", "content": content}], parse)
+        return self._ask(asked, parse)
 
-    def _ask(self, messages: list[dict[str, Any]], parse: Callable[[str], T], **schema: Any) -> T:
+    def _ask(self, messages: Sequence[Message], parse: Callable[[str], T], **schema: Any) -> T:
         tries = self._config.tries
         found = ask_typed(self._language, messages, parse, purpose="plan", tries=tries, **schema)
         self.said += found.transcript

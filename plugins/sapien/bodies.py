@@ -182,10 +182,17 @@ def _check(layout: Layout) -> None:
             raise ConfigurationError(
                 f"Thread '{thread.name}' of the task's layout ties a body that also hangs on a joint."
             )
-        if layout[thread.child].fixed or not 0 < thread.release <= np.pi:
+        if layout[thread.child].fixed or not 0 < thread.release < 2 * np.pi:
             raise ConfigurationError(
                 f"Thread '{thread.name}' of the task's layout needs a child that is not fixed and a release in "
-                f"(0, pi], got {thread.release}."
+                f"(0, 2 pi), got {thread.release}."
+            )
+    joints = {joint.name for joint in layout.joints}
+    for catch in layout.catches:
+        if not {catch.joint, catch.key} <= joints or catch.joint == catch.key:
+            raise ConfigurationError(
+                f"A catch of the task's layout holds '{catch.joint}' until '{catch.key}' has moved; its joints are "
+                f"{sorted(joints)}."
             )
     for body in layout.bodies:
         loose = not body.fixed or body.name in parents

@@ -7,12 +7,20 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray, invert_rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
 from gvla2.robot.task import Layout, Thread
 from gvla2_plugins.sapien.bodies import axis_frame, pose_of
 
 SLACK = 0.02
 """Radians by which a thread's stop gives, so that it does not ring."""
+FAR = 0.5 * np.pi
+"""Radians of turn after which a thread of more than half a turn is tied anew."""
+BINDS = 0.01
+"""Radians of a step of physics from which a long thread binds: a hand turns it more slowly, and fingers that slip off
+its cap would spin it loose.
+"""
+HALF = np.pi - SLACK
+"""Radians either way that the engine can bound."""
 
 
 class Screwed:
@@ -25,28 +33,50 @@ class Screwed:
         parent, child = layout[thread.parent], layout[thread.child]
         self._axis = parent.world_from_body[:3, :3].T @ frame[:3, 0]
         self._start = parent.world_from_body[:3, :3].T @ child.world_from_body[:3, :3]
-        self._drive = scene.create_drive(
-            self._parent,
-            pose_of(invert_rigid(parent.world_from_body) @ frame),
-            self._child,
-            pose_of(invert_rigid(child.world_from_body) @ frame),
+        self._scene = scene
+        self._mover = next(c for c in self._child.components if hasattr(c, "set_angular_velocity"))
+        self._frames = tuple(invert_rigid(body.world_from_body) @ frame for body in (parent, child))
+        self._drive: Any = None
+        self._tied_at = 0.0
+        self._tie(0.0)
+        self.loose = False
+        self.angle = self.peak = 0.0
+
+    def _tie(self, angle: float) -> None:
+        """Tie the parts anew at a turn, radians: the engine's joints know no turns beyond a half either way."""
+        if self._drive is not None:
+            self._child.remove_component(self._drive)
+        back = rigid(Rotation.from_euler("x", -angle).as_matrix())
+        self._drive = self._scene.create_drive(
+            self._parent, pose_of(self._frames[0]), self._child, pose_of(self._frames[1] @ back)
         )
         for lock in (self._drive.set_limit_x, self._drive.set_limit_y, self._drive.set_limit_z):
             lock(0.0, 0.0)
         self._drive.set_limit_cone(0.0, 0.0)
-        low, high = thread.limits
-        self._drive.set_limit_twist(low - SLACK, high + SLACK)
-        self._drive.set_drive_property_twist(0.0, thread.damping)
-        self.loose = False
-        self.angle = self.peak = 0.0
+        low, high = (limit - angle for limit in self._thread.limits)
+        self._drive.set_limit_twist(max(low - SLACK, -HALF), min(high + SLACK, HALF))
+        self._drive.set_drive_property_twist(0.0, self._thread.damping)
+        self._tied_at = angle
+
+    def _within(self) -> bool:
+        """Whether the thread is so short that the engine can bound all of it from where it began."""
+        low, high = self._thread.limits
+        return bool(self._tied_at == 0.0 and -np.pi <= low and high <= np.pi)
 
     def watch(self) -> None:
         """Read the turn, and let go when it is far enough."""
         if not self.loose:
             relative = _turn(self._parent).T @ _turn(self._child)
-            turned = Rotation.from_matrix(relative @ self._start.T).as_rotvec()
-            self.angle = float(turned @ self._axis)
+            x, y, z, w = Rotation.from_matrix(relative @ self._start.T).as_quat()
+            turned = 2.0 * float(np.arctan2(self._axis @ (x, y, z), w))  # about the axis, whatever it tilts
+            # A rotation says nothing of whole turns: a step is never more than half of one.
+            step = (turned - self.angle + np.pi) % (2.0 * np.pi) - np.pi
+            self.angle += step
+            if abs(step) > BINDS and not self._within():
+                self._mover.set_angular_velocity([0.0, 0.0, 0.0])
             self.peak = max(self.peak, abs(self.angle))
+            if abs(self.angle - self._tied_at) > FAR and not self._within():
+                self._tie(self.angle)
             if self.peak >= self._thread.release:
                 self._child.remove_component(self._drive)
                 self.loose = True

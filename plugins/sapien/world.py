@@ -13,6 +13,7 @@ from gvla2.robot.task import Layout
 from gvla2_plugins.sapien import SapienConfig
 from gvla2_plugins.sapien.attachment import Clamp, in_zone
 from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
+from gvla2_plugins.sapien.catches import Caught
 from gvla2_plugins.sapien.cell import Cell
 from gvla2_plugins.sapien.description import load_robot
 from gvla2_plugins.sapien.engine import import_sapien
@@ -31,6 +32,8 @@ FINGER_STIFFNESS, FINGER_DAMPING = 4000.0, 100.0
 FLOOR_DEPTH = 0.75
 """From the table's top down to the floor, metres: what leaves the table must not fall for ever, and ever faster."""
 
+LET_GO = 1e-3
+"""A button is pressed anew when it has come back to less, metres or radians."""
 TOUCH = 1e-4
 """Impulse of a step, newton seconds, from which a contact is one and not just nearness."""
 
@@ -79,6 +82,9 @@ class World:
         self._threads = {
             t.name: Screwed(self._scene, t, layout, self._bodies.entities) for t in layout.threads
         }
+        by_name = {joint.name: joint for joint in layout.joints}
+        self._catches = [Caught(c, by_name[c.joint], self._bodies.joints) for c in layout.catches]
+        self._strokes = {glow.joint: False for glow in layout.glows if np.isfinite(glow.until)}
         self._clamp = Clamp(self._scene, self._links[cell.hand_link].entity)
         self._movers = [
             component
@@ -111,10 +117,22 @@ class World:
         self._system.step()
         self.time += 1.0 / self.rate
         for name, (articulation, index) in self._bodies.joints.items():
-            self.peaks[name] = max(self.peaks[name], float(articulation.qpos[index]))
+            at = float(articulation.qpos[index])
+            self.peaks[name] = max(self.peaks[name] if self._goes_on(name, at) else at, at)
+        for catch in self._catches:
+            catch.watch()
         for name, thread in self._threads.items():
             thread.watch()
             self.peaks[name] = thread.peak
+
+    def _goes_on(self, name: str, at: float) -> bool:
+        """Whether a joint is still in the stroke whose largest travel counts: where a lamp goes out again when it has
+        been pressed too far, each press counts by itself.
+        """
+        if name not in self._strokes:
+            return True
+        before, self._strokes[name] = self._strokes[name], at > LET_GO
+        return before or not self._strokes[name]
 
     def sane(self) -> bool:
         """Whether all positions and speeds are finite and physically possible."""

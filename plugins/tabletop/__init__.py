@@ -6,21 +6,29 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2 import Component, hookimpl
 from gvla2.errors import ConfigurationError
+from gvla2.robot.task_options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task
 
 
 @dataclass
-class ScaledConfig(ComponentConfig):
+class ScaledConfig(TaskConfig):
     """Options of every task here. ``scale`` multiplies the sizes of the things on the table, 0.8 to 1.2.
 
     What the hand must span and the arm must reach stays within them, whatever the scale.
+
+    ``world`` learnable draws how things behave by family (docs/learnable_worlds.md): ``world_seed`` is the world's,
+    ``families`` how many there are of the task's kind, ``family`` the one that episodes are about (-1: any).
     """
 
     scale: float = 1.0
+    world: str = "plain"
+    world_seed: int = 0
+    families: int = 2
+    family: int = -1
 
     def factor(self, task: str) -> float:
         """The scale, checked; raises :class:`ConfigurationError` when it is out of range."""
@@ -95,7 +103,11 @@ _TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
 def _component(name: str, config: type[ScaledConfig], made: str, summary: str) -> Component[Task]:
     def build(config: ScaledConfig) -> Task:
         task: Any = getattr(import_module(f"{__name__}.{name}"), made)
-        return task(config)  # type: ignore[no-any-return]
+        if config.world == "plain":
+            return task(config)  # type: ignore[no-any-return]
+        from gvla2_plugins.tabletop.learnable import Learnable
+
+        return Learnable(name, config, task)
 
     return Component(name, config, build, summary=summary)
 

@@ -19,14 +19,20 @@ PAINT = 0.0005
 def sample_colours(
     rng: np.random.Generator, site: TaskSite, count: int, beside: Iterable[Rgb] = ()
 ) -> tuple[str, ...]:
-    """``count`` colour words, each told apart from the others, from the table and from the colours ``beside``."""
+    """``count`` colour words, each told apart from the others, from the table and from the colours ``beside``.
+
+    The first ones are those that the site asks for.
+    """
+    given = site.colours[:count]
     taken = [*beside, *([site.table_rgb] if site.table_rgb is not None else [])]
     names = [name for name in COLOURS if _apart(COLOURS[name], taken)]
 
     def draw() -> tuple[str, ...] | None:
-        if len(names) < count:
+        free = [name for name in names if name not in given]
+        if len(free) < count - len(given):
             return None
-        chosen = [names[i] for i in rng.choice(len(names), size=count, replace=False)]
+        more = rng.choice(len(free), size=count - len(given), replace=False)
+        chosen = [*given, *(free[i] for i in more)]
         clear = all(_apart(COLOURS[chosen[i]], [COLOURS[c] for c in chosen[:i]]) for i in range(count))
         return tuple(chosen) if clear else None
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -19,6 +20,10 @@ from gvla2.planning.scene import Scene, SceneObject
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
 """Characters, nodes of its tree, variables and moves of a program: what bounds its time and memory."""
+
+
+_MILLIMETRES = {"mm": 1.0, "millim": 1.0, "cm": 10.0, "centim": 10.0, "m": 1000.0}
+_LENGTH = re.compile(r"(\d+(?:\.\d+)?) ?(mm|cm|m|millimet(?:re|er)s?|centimet(?:re|er)s?|met(?:re|er)s?)\b")
 
 
 class Program(NamedTuple):
@@ -66,6 +71,21 @@ def read_program(text: str) -> Program:
     return Program(tuple(stages), variables)
 
 
+def check_units(program: Program, wish: str) -> None:
+    """Raise :class:`ValueError` where a length that the wish tells stands in the program in a unit that is not the
+    millimetre: "10 cm" as 10 or 0.1 and nowhere as 100.
+    """
+    trees = [*program.variables.values(), *(map_ for stage in program.stages for map_ in stage.values())]
+    nodes = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
+    numbers = {float(n.value) for n in nodes if isinstance(n.value, int | float)}
+    for said, unit in _LENGTH.findall(wish.casefold()):
+        length = float(said) * next(mm for name, mm in _MILLIMETRES.items() if unit.startswith(name))
+        if length not in numbers and {float(said), length / 10.0, length / 1000.0} & numbers:
+            raise ValueError(
+                f"The task says {said} {unit}, which is {length:g} mm; lengths here are millimetres."
+            )
+
+
 class Field:
     """The vocabulary of maps (:class:`gvla2.planning.array_expressions.Vocabulary`) at points (..., 3), metres."""
 
@@ -107,7 +127,13 @@ class Field:
     def _place(
         self, place: Callable[..., Value], args: Sequence[ast.expr], value: Callable[[ast.expr], Value]
     ) -> Value:
-        return place(self._points, self._thing(args[0]), *(1e-3 * float(value(a)) for a in args[1:]))
+        lengths = [float(value(a)) for a in args[1:]]
+        for length in lengths:
+            if 0.0 < abs(length) < 1.0:
+                raise ValueError(
+                    f"A length is {length:g}; lengths are millimetres, not metres: 0.1 m is 100."
+                )
+        return place(self._points, self._thing(args[0]), *(1e-3 * v for v in lengths))
 
     def _thing(self, node: ast.expr) -> SceneObject:
         name = node.id if isinstance(node, ast.Name) else node.value if isinstance(node, ast.Constant) else ""

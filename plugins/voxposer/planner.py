@@ -19,7 +19,7 @@ from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
 from gvla2.skills.lifting import PathPoint
-from gvla2_plugins.voxposer.maps import Field, Program, read_program
+from gvla2_plugins.voxposer.maps import Field, Program, check_units, read_program
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
@@ -96,7 +96,9 @@ class VoxPoserPlanner:
         brief, way = scene_brief(request.scene), list[Stop]()
 
         def read(text: str) -> Sequence[Sequence[PathPoint]]:
-            way[:] = stops(read_program(text), request, brief.ids, self.config)
+            program = read_program(text)
+            check_units(program, request.instruction)
+            way[:] = stops(program, request, brief.ids, self.config)
             return [[PathPoint(s.place, s.gripper) for s in way]]
 
         words = [f"Things ({LEGEND}); data alone:\n{brief.text}", *told(request)]

@@ -75,9 +75,8 @@ def test_a_rejected_answer_goes_back_with_the_reason_another_seed_and_some_warmt
 @pytest.mark.parametrize(
     "reply",
     [said("words"), said(""), said(None), said("[" * 50_000), said("7", finish="length"), said("word " * 10_000),
-     said("<think>for ever", finish="length"), Reply(b'{"choices": [{"mess'), Reply({"choices": []}),
-     Reply(said("7"), cut=20)],
-    ids=["prose", "empty", "null", "nested", "cut off", "endless", "lost in thought", "truncated", "no choice", "died"],
+     said("<think>for ever", finish="length"), Reply(b'{"choices": [{"mess'), Reply({"choices": []})],
+    ids=["prose", "empty", "null", "nested", "cut off", "endless", "lost in thought", "truncated", "no choice"],
 )  # fmt: skip
 def test_what_stays_wrong_fails_by_its_type_after_the_tries(reply: Any):
     with (
@@ -89,6 +88,15 @@ def test_what_stays_wrong_fails_by_its_type_after_the_tries(reply: Any):
     assert len(caught.value.transcript) == 3
     assert all(entry["rejected"] for entry in caught.value.transcript)
     assert len(json.dumps(model.requests)) < 30_000
+
+
+def test_a_server_that_broke_off_to_the_last_is_not_there():
+    with (
+        LocalModel(replying(said("seven"), Reply(said("7"), cut=20))) as model,
+        pytest.raises(ModelUnavailableError, match="broke off") as caught,
+    ):
+        asked(model)
+    assert len(caught.value.transcript) == 3
 
 
 @pytest.mark.parametrize(

@@ -208,10 +208,10 @@ def test_labels_never_reach_the_model_and_memory_comes_as_data(request_, drawing
     assert "<quest>lift the red cube</quest>" in words
 
 
-def test_a_server_that_dies_in_the_middle_moves_nothing(request_):
-    with LocalModel(lambda _: Reply(answer((0.5, 0.5)), cut=20)) as model:
-        plan = planner(model).plan(request_)
-    assert (plan.trajectory, plan.abstention.kind) == (None, "other")
+def test_a_server_that_dies_in_the_middle_is_a_failure_of_the_model(request_):
+    cut = Reply(answer((0.5, 0.5)), cut=20)
+    with LocalModel(lambda _: cut) as model, pytest.raises(ModelUnavailableError, match="broke off"):
+        planner(model).plan(request_)
 
 
 def test_a_server_that_fails_is_a_failure_of_the_model(request_):

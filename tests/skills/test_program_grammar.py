@@ -47,14 +47,13 @@ def test_the_grammar_is_well_formed(wish):
     assert '"pick(red_cube"' in found["call"]
 
 
-@pytest.mark.parametrize("bare", [True, False])
-def test_the_grammar_of_waypoints_is_well_formed(bare):
-    assert set(rules(waypoint_grammar(["red_cube", "blue_cube"], bare=bare))) == {
-        "root",
-        "point",
-        "int",
-        "name",
-    }
+def test_the_grammar_of_waypoints_is_well_formed():
+    assert set(rules(waypoint_grammar([], bare=True))) == {"root", "first", "point", "int"}
+    found = rules(waypoint_grammar(["red_cube", "blue_cube"], bare=False, first=["red_cube"], most=5))
+    assert set(found) == {"root", "first", "point", "int", "name", "begin"}
+    assert "blue_cube" in found["name"]
+    assert "blue_cube" not in found["begin"]
+    assert "{1,4}" in found["root"]
 
 
 def test_the_first_call_is_about_what_is_named():

@@ -10,6 +10,8 @@ from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
 from gvla2.evaluation.statistics import mean_and_deviation, wilson_interval
 
 FIRST = ("off", "on")
+TAUGHT = " (taught by "
+"""Before the planner whose exploration an arm learnt from, where it is another."""
 NONE = SheetCell(("not measured",), none=True)
 
 PLANNERS = (
@@ -26,9 +28,10 @@ def unmeasured(cell: Cell) -> bool:
 
 
 def arm_of(cell: Cell) -> str:
-    """The arm as tables name it; what another planner explored is an arm of its own."""
-    teacher = cell.factors.get("teacher")
-    return f"{cell.factors['arm']} (taught by {teacher})" if teacher else str(cell.factors["arm"])
+    """The arm as tables name it: with its options where it is a variant; what another planner explored is another."""
+    variant, teacher = cell.factors.get("variant"), cell.factors.get("teacher")
+    name = f"{cell.factors['arm']} ({variant})" if variant else str(cell.factors["arm"])
+    return f"{name}{TAUGHT}{teacher})" if teacher else name
 
 
 def arms_of(cells: Sequence[Cell]) -> list[str]:

@@ -14,6 +14,7 @@ from gvla2.evaluation.results import Cell
 from gvla2.evaluation.robot.design import PAPER, PROFILES, SUITE, ordered
 from gvla2.evaluation.robot.planners import (
     NONE,
+    TAUGHT,
     arm_of,
     arms_of,
     columns_of,
@@ -24,7 +25,7 @@ from gvla2.evaluation.robot.planners import (
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone
 from gvla2.evaluation.statistics import mean_and_deviation
 
-HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale")
+HOUSE = ("robot", "perceiver", "verifier", "depth_noise", "scale", "world", "replan")
 """Factors that planners must have in common to be compared."""
 PLANNER = ("planner", "model")
 """Factors that the arms of a table have in common besides."""
@@ -59,7 +60,7 @@ class RobotLayout:
 
 @dataclass(frozen=True)
 class Film:
-    """A failed episode that can be looked at: what it is, and the folder of its run page."""
+    """An episode that can be looked at: what it is, and the folder of its run page."""
 
     caption: str
     folder: str
@@ -67,7 +68,7 @@ class Film:
 
 @dataclass(frozen=True)
 class RobotTable:
-    """One finished sheet, the runs behind it, and films of failures."""
+    """One finished sheet, the runs behind it, and films of pairs that differ and of failures."""
 
     layout: RobotLayout
     sheet: Sheet
@@ -92,7 +93,7 @@ def make_robot_tables(cells: Iterable[Cell], layout: RobotLayout) -> list[RobotT
     order = {_of(cell, PLANNER): place for place, cell in reversed(list(enumerate(given)))}
     latest: dict[tuple[str, ...], Cell] = {}
     for cell in sorted(given, key=lambda cell: cell.run):
-        which = (*PLANNER, "task", "arm", "teacher", "profile", "seed", "episode")
+        which = (*PLANNER, "task", "arm", "variant", "teacher", "profile", "seed", "episode")
         latest[_of(cell, HOUSE) + _of(cell, which)] = cell
     tables = []
     kept = sorted(latest.values(), key=lambda cell: (_of(cell, HOUSE), order[_of(cell, PLANNER)]))
@@ -237,7 +238,8 @@ def _effects(
 ) -> Sheet:
     against = [(arm, "off") for arm in arms if arm != "off" and "off" in arms]
     for arm in arms:
-        on = f"on{arm[len(arm.split(' (')[0]) :]}"  # taught alike
+        taught = arm[arm.find(TAUGHT) :] if TAUGHT in arm else ""
+        on = f"on{taught}"  # taught alike
         against += [(on, arm)] if arm not in (on, "off") and on in arms else []
     rows = []
     for second, first in against:
@@ -308,6 +310,6 @@ def _film(cell: Cell) -> Film | None:
         return None
     f, notes = cell.factors, cell.notes
     who = f"{f.get('planner', '')}, {f['task']}, memory {arm_of(cell)}, layout {notes.get('layout')}"
-    said = f"{who}: {notes.get('failure')}"
+    said = f"{who}: {notes.get('failure') or 'succeeded'}"
     why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
     return Film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)

@@ -13,6 +13,8 @@ from gvla2.memory.retrieval.options import HybridOptions
 _CONSTRAINT = TYPES.index("failure_avoidance")
 _MOST_KINDS = 6
 """Constraints, hints, and programs of four languages: what names a fifth is passed over, so that recall is bounded."""
+_FARTHEST = 256
+"""So many rows are looked at for programs once the other places are filled."""
 
 
 def chosen(ranked: Iterable[int], candidates: Candidates, options: HybridOptions) -> list[int]:
@@ -25,7 +27,9 @@ def chosen(ranked: Iterable[int], candidates: Candidates, options: HybridOptions
     places = {"constraint": options.top_k_constraints, "hint": options.top_k}
     taken: dict[str, list[int]] = {kind: [] for kind in places}
     rows: list[int] = []
-    for row in ranked:
+    for number, row in enumerate(ranked):
+        if number >= _FARTHEST and all(len(taken[kind]) == places[kind] for kind in ("constraint", "hint")):
+            break
         kind = "constraint" if constraints[row] else "hint"
         if programs[row]:
             kind = f"program {(candidates.effect(row) or {}).get('language')}"

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
+from gvla2.planning.trajectory import Guard
 from gvla2.skills.mechanisms import UP, Slide, slide_for
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
 
@@ -27,6 +28,8 @@ SIDE = 0.25
 """Where along the handle, as shares of its length from the middle, the hand may take hold too."""
 YAWS = (0.0, 0.35, -0.35)
 """How far the hand may come from beside straight before a level bar, radians: its fingers are above and below it."""
+STOP = Guard(force=15.0)
+"""A handle is lifted no further than its stop: its spring gives way at a few newtons."""
 LESS = 0.8
 """Share of the distance that is pulled where the arm cannot get as far."""
 
@@ -108,13 +111,16 @@ def _pull(
 ) -> Proposal:
     theta, near = job.theta, slide.parts
     distance = less * theta["pull_distance"]
-    pulled = at + slide.out * distance
+    lifted = at + UP * theta["unlatch_lift"]
+    pulled = lifted + slide.out * distance
     path = Path(theta["speed"], theta["contact_speed"], pointing(closing, approach))
     bar = frozenset({slide.handle.id})
     path.go("approach", at - approach * (theta["standoff"] + theta["grasp_depth"]), gripper=opening)
     path.line("reach", at, allowed=bar, slow=True)
     path.line("close", at, gripper=0.0, allowed=bar, slow=True)
     path.carries, path.tolerance = slide.handle.id, GIVE
+    if theta["unlatch_lift"] > 0.0:
+        path.line("unlatch", lifted, allowed=near, slow=True, guard=STOP)
     path.line("pull", pulled, allowed=near, slow=True)
     path.line("release", pulled, gripper=opening, allowed=near, slow=True)
     path.carries = ""

@@ -1,0 +1,87 @@
+"""What an agent is given, and what it hands back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+
+@dataclass(frozen=True)
+class AgentTask:
+    """One task: what is asked, where its files lie, and how its tests are run.
+
+    ``environment`` is the folder with the Dockerfile and the files that it copies, ``tests`` the one whose
+    ``tests_entry`` is run when the agent has finished; the agent never sees it. ``family`` names the trick that tasks
+    share ("" for none). Times in seconds.
+    """
+
+    name: str
+    instruction: str
+    folder: Path
+    environment: Path
+    tests: Path
+    tests_entry: str
+    family: str = ""
+    agent_seconds: float = 600.0
+    test_seconds: float = 120.0
+
+
+@dataclass(frozen=True)
+class Output:
+    """What a command did: ``text`` of both its streams, cut in the middle where it was too long.
+
+    ``status`` is its exit status, 128 + n after signal n. ``ended`` says why it was ended from outside ("time",
+    "disk"), "" where it ended by itself.
+    """
+
+    text: str
+    status: int
+    seconds: float
+    ended: str = ""
+
+
+class Sandbox(Protocol):
+    """Where an agent's commands are run: its own files, no network, nothing of the machine within reach."""
+
+    @property
+    def folder(self) -> str:
+        """The working folder as commands see it."""
+        ...
+
+    def run(
+        self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
+    ) -> Output:
+        """Run a command by bash in the working folder. Changes of files last, shell variables do not."""
+        ...
+
+
+@dataclass(frozen=True)
+class AgentRun:
+    """What an agent did.
+
+    ``messages`` are the conversation, role and content, as plain JSON; ``steps`` the commands that it ran;
+    ``exit_status`` the agent's own word ("Submitted", "LimitsExceeded"); ``seconds`` of wall clock.
+    ``usage`` counts ``calls``, ``prompt_tokens`` and ``completion_tokens``.
+    """
+
+    messages: tuple[Mapping[str, Any], ...]
+    steps: int
+    exit_status: str
+    seconds: float
+    usage: Mapping[str, float] = field(default_factory=dict)
+
+
+class Agent(Protocol):
+    """Works on a task in a sandbox."""
+
+    def solve(
+        self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, tell: Callable[[str], None]
+    ) -> AgentRun:
+        """Work until done or out of steps or time; ``knowledge`` is what memory recalled, "" for nothing.
+
+        ``tell`` hears a line a step. Raises :class:`~gvla2.language.failures.LanguageModelError` where the model
+        cannot be asked: such a task counts for nobody.
+        """
+        ...

@@ -1,0 +1,206 @@
+"""``gvla2 bench agents``: software agents on folders of tasks, with one memory or another."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gvla2.catalog import Registry
+from gvla2.commands.bench_arms import Arm, arm_named, has_bank
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_episodes import chosen_memory, configured
+from gvla2.commands.bench_progress import BenchProgress
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.results import Cell, Results, cell_key
+
+if TYPE_CHECKING:
+    from gvla2.agents.contracts import AgentTask
+    from gvla2.agents.solving import TestedSandbox
+    from gvla2.evaluation.agents.sequence import Crew, TaskSequence
+
+DATA = "task folders"
+SUITE = "agents"
+VERSION = 1
+USUAL_ARMS = ("off", "awm", "reasoning_bank", "governed")
+MEASURING_CODE = ("gvla2.agents", "gvla2.evaluation.agents", "gvla2.memory", "gvla2.language")
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """The options that decide a row's numbers, and the registry that builds from them."""
+
+    config: BenchConfig
+    registry: Registry
+    folder: Path
+
+
+def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
+    """Measure what the database lacks, a sequence of tasks after the other; all rows in the design's order.
+
+    Rows are stored one by one; an interrupted sequence goes on where it was, with the memory that it had.
+    """
+    from gvla2.agents.task_folder import read_tasks
+
+    if not config.agents.tasks:
+        raise ConfigurationError(
+            "agents.tasks is not set: give a folder of tasks in Terminal-Bench's layout, such as "
+            "agents.tasks=examples/agent_tasks."
+        )
+    tasks = read_tasks(config.agents.tasks, config.agents.names)
+    chosen = _Chosen(config, registry, folder)
+    arms = list(dict.fromkeys([*(config.arms or USUAL_ARMS), *config.own_arms]))
+    planned = [_sequence(chosen, tasks, arm, seed) for seed in config.seeds for arm in arms]
+    keys = [key for one in planned for key in one.keys]
+    known = {} if config.results.fresh else results.with_keys(keys)
+    sandbox_of = _sandboxes(config)
+    tests_told = getattr(config.verifier, "name", "") == "exit_status"
+    with BenchProgress(sum(key not in known for key in keys), config.quiet) as progress:
+        for sequence in planned:
+            _work_off(chosen, sequence, known, results, run_id, progress, sandbox_of, tests_told)
+    return [known[key] if key in known else _missing(planned, key) for key in keys]
+
+
+def _work_off(
+    chosen: _Chosen,
+    sequence: TaskSequence,
+    known: dict[str, Cell],
+    results: Results,
+    run_id: int,
+    progress: BenchProgress,
+    sandbox_of: Callable[[AgentTask], AbstractContextManager[TestedSandbox]],
+    tests_told: bool,
+) -> None:
+    from gvla2.evaluation.agents.sequence import work
+
+    done = 0
+    while done < len(sequence.keys) and sequence.keys[done] in known:
+        done += 1
+    if done == len(sequence.keys):
+        return
+    if done and not (sequence.folder / f"after-{done}.db").is_file() and sequence.memory != "off":
+        log.warning("The memory of %s is not there any more: its tasks are measured anew.", sequence.folder)
+        done = 0
+    tell = (lambda line: None) if chosen.config.quiet else log.info
+    for cell in work(
+        sequence, done, _crew(chosen, sequence.memory), sandbox_of, tests_told=tests_told, tell=tell
+    ):
+        results.add(run_id, SUITE, [cell])
+        known[cell.key] = cell
+        solved = {None: "not measured", 0.0: "not solved", 100.0: "solved"}[cell.measures["solved"]]
+        progress.done(1, f"{cell.factors['memory']} {cell.factors['task']}: {solved}")
+
+
+def _sequence(chosen: _Chosen, tasks: Sequence[AgentTask], arm: str, seed: int) -> TaskSequence:
+    from gvla2.evaluation.agents.sequence import TaskSequence, in_order
+    from gvla2.evaluation.provenance import code_digest, versions
+
+    ordered = in_order(tasks, seed)
+    config = chosen.config
+    root = _root(chosen, arm, "")
+    options = [str(one) for one in configured(chosen.registry, root, _kinds(chosen, arm))]
+    files = [_digest_of(task) for task in ordered]
+    around = (VERSION, code_digest(MEASURING_CODE), versions(), options, config.agents.sandbox, seed, arm)
+    limits = (config.agents.disk_mb, config.agents.memory_mb, config.agents.output)
+    # What an earlier task taught is part of what a later one meets: the whole order is in each key.
+    keys = [cell_key(SUITE, *around, limits, files[: i + 1]) for i in range(len(ordered))]
+    factors: dict[str, str | int] = {
+        "agent": str(getattr(config.agent, "name", "")),
+        "model": _model_of(config),
+        "verifier": str(getattr(config.verifier, "name", "")),
+        "options": _arm(chosen, arm).variant if config.arm_options.get(arm) or arm in config.own_arms else "",
+        "tasks": Path(config.agents.tasks).name,
+    }
+    state = Path(config.agents.state or chosen.folder / "agents") / keys[-1][:16]
+    return TaskSequence(arm, seed, ordered, keys, factors, state)
+
+
+def _kinds(chosen: _Chosen, arm: str) -> tuple[str, ...]:
+    kept = has_bank(chosen.registry, _arm(chosen, arm))
+    helped = ("retriever", "embedder", "inducer", "judge") if kept else ()
+    return ("agent", "verifier", "memory", *helped)
+
+
+def _root(chosen: _Chosen, arm: str, bank: str) -> dict[str, Any]:
+    return {
+        "agent": chosen.config.agent,
+        **chosen_memory(chosen.config, chosen.registry, _arm(chosen, arm), bank),
+    }
+
+
+def _arm(chosen: _Chosen, name: str) -> Arm:
+    """The arm; ``off`` is the memory of that name, ``none``."""
+    arm = arm_named(chosen.config, name)
+    return replace(arm, source="none") if arm.source == "off" else arm
+
+
+def _crew(chosen: _Chosen, arm: str) -> Callable[[Path], Crew]:
+    """Everybody is built once, but for the memory, which is opened anew for each task."""
+    lasting: dict[str, Any] = {}
+
+    def made(bank: Path) -> Crew:
+        from gvla2.evaluation.agents.sequence import Crew
+        from gvla2.language.ledger import Ledger
+
+        built = dict(lasting)
+        root = _root(chosen, arm, str(bank))
+        chosen.registry.build_all(root, ("agent", "verifier", "memory"), built)
+        lasting.update({kind: part for kind, part in built.items() if kind not in ("memory", "retriever")})
+        language = built.get("language")
+        if language is None:
+            lasting.setdefault("ledger", Ledger())
+        ledger = language.ledger if language is not None else lasting["ledger"]
+        return Crew(built["agent"], built["memory"], built["verifier"], ledger)
+
+    return made
+
+
+def _sandboxes(config: BenchConfig) -> Callable[[AgentTask], AbstractContextManager[TestedSandbox]]:
+    from functools import partial
+
+    from gvla2.agents.sandbox import SandboxLimits, bubblewrap
+
+    agents = config.agents
+    limits = SandboxLimits(agents.disk_mb, agents.memory_mb, agents.output)
+    if agents.sandbox == "docker":
+        from gvla2.agents.docker_sandbox import docker
+
+        return partial(docker, limits=limits)
+    return partial(bubblewrap, limits=limits)
+
+
+def _digest_of(task: AgentTask) -> str:
+    """The task's files, by content: a changed test is another task."""
+    import hashlib
+
+    digest = hashlib.sha256()
+    for file in sorted(path for path in task.folder.rglob("*") if path.is_file()):
+        digest.update(str(file.relative_to(task.folder)).encode() + b"\0")
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def _model_of(config: BenchConfig) -> str:
+    model = str(getattr(config.language, "model", "") or "")
+    return Path(model).name or str(getattr(config.language, "base_url", "") or "")
+
+
+def _missing(planned: Sequence[TaskSequence], key: str) -> Cell:
+    """A row that could not be measured because the sequence ended before it."""
+    from gvla2.evaluation.agents.sequence import MEASURES
+
+    sequence = next(one for one in planned if key in one.keys)
+    place = sequence.keys.index(key)
+    factors = {
+        **sequence.factors,
+        "memory": sequence.memory,
+        "seed": sequence.seed,
+        "task": sequence.tasks[place].name,
+    }
+    status = "not measured: the language model could not be asked"
+    return Cell(key, factors, dict.fromkeys(MEASURES), {"status": status})

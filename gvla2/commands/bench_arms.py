@@ -1,0 +1,101 @@
+"""The arms of the robot suite as they are asked for: plain names, or named variants with options of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
+from typing import Any
+
+from gvla2.catalog import Registry
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.robot.design import CONTROLS, MEMORY_OF
+
+WITHOUT_BANK = ("off", "none", "best_theta")
+"""What arms can be made of that is no memory with a bank."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One arm: its ``name``, what it is made of, and how that is configured.
+
+    ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
+    ``replan`` further attempts are allowed in an episode, None for as many as the bench allows. ``explored`` is how
+    many of the explored layouts of a row it learns from, None for all.
+    """
+
+    name: str
+    source: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    replan: int | None = None
+    explored: int | None = None
+
+    @property
+    def memory(self) -> str:
+        """The name of the memory component."""
+        return MEMORY_OF.get(self.source, self.source)
+
+    @property
+    def variant(self) -> str:
+        """What tells it from the plain arm of its name: "governed, admission=False"; "" for nothing."""
+        plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
+        told = [] if plain else [self.source]
+        told += [f"{name}={value}" for name, value in sorted(self.options.items())]
+        counts = (("replan", self.replan), ("explored", self.explored))
+        return ", ".join([*told, *(f"{name}={value}" for name, value in counts if value is not None)])
+
+
+def arms_of(config: BenchConfig) -> list[Arm]:
+    """The arms of a bench, in their order: names of ``config.arms``, some of them of ``config.own_arms``."""
+    return [arm_named(config, name) for name in config.chosen_arms]
+
+
+def arm_named(config: BenchConfig, name: str) -> Arm:
+    """One arm by its name; raises :class:`ConfigurationError` where what is said of it is no options."""
+    given = config.own_arms.get(name)
+    if given is not None and not isinstance(given, Mapping):
+        raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
+    told = {**(given or {}), **dict(config.arm_options.get(name) or {})}
+    source = str(told.pop("memory", MEMORY_OF.get(name, name) if name != "shuffled" else name))
+    counts = {count: told.pop(count, None) for count in ("replan", "explored")}
+    for count, value in counts.items():
+        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+            raise ConfigurationError(f"arms.{name}.{count} is {value!r}; it is a count, 0 or more.")
+    return Arm(name, source, told, **counts)
+
+
+def check_arms(config: BenchConfig, registry: Registry) -> None:
+    """Raises :class:`ConfigurationError` for an arm, a memory or an option that does not exist."""
+    for name in config.arm_options:
+        if name not in config.chosen_arms:
+            raise ConfigurationError(
+                f"arm_options.{name}: there is no arm '{name}'; the arms are {', '.join(config.chosen_arms)}."
+            )
+    memories = registry.components("memory")
+    for arm in arms_of(config):
+        if arm.source not in CONTROLS and arm.source not in memories:
+            there = ", ".join(dict.fromkeys([*CONTROLS, *MEMORY_OF, *memories]))
+            raise ConfigurationError(
+                f"No arm '{arm.source}'. Available: {there}; or a variant of one of them with a name of its own: "
+                f"arms.NAME={{memory: governed, admission: false}}."
+            )
+        known = set() if arm.source in WITHOUT_BANK else _options(registry, arm.memory)
+        for option in arm.options:
+            if option not in known:
+                close = get_close_matches(str(option), known, n=1)
+                hint = f" Did you mean '{close[0]}'?" if close else ""
+                raise ConfigurationError(
+                    f"arms.{arm.name}.{option}: '{arm.source}' has no such option.{hint} "
+                    f"It has: {', '.join(sorted(known)) or 'none'}; and replan, explored."
+                )
+
+
+def has_bank(registry: Registry, arm: Arm) -> bool:
+    """Whether the arm's memory keeps its bank in a file that it is told."""
+    return arm.source not in WITHOUT_BANK and "url" in _options(registry, arm.memory, own=False)
+
+
+def _options(registry: Registry, memory: str, *, own: bool = True) -> set[str]:
+    names = {one.name for one in fields(registry.get("memory", memory).config)}
+    return names - ({"name", "url"} if own else {"name"})

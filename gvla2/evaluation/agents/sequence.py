@@ -1,0 +1,209 @@
+"""One memory through one order of tasks: what it learns of a task is there for the next ones."""
+
+from __future__ import annotations
+
+import json
+import logging
+import random
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from gvla2.agents.contracts import Agent, AgentTask
+from gvla2.agents.sandbox import EnvironmentFailedError
+from gvla2.agents.solving import Attempt, TestedSandbox, attempt
+from gvla2.evaluation.results import Cell
+from gvla2.language.failures import LanguageModelError
+from gvla2.language.ledger import Ledger
+from gvla2.memory.contracts import Memory, Verifier
+
+DATABASE = "memory.db"
+CANNOT_BE = "not measured"
+"""How the status of a task begins whose surroundings cannot be had on this machine."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Crew:
+    """Who works: an agent, a memory of its own file, a verifier, and the count of what they ask a model."""
+
+    agent: Agent
+    memory: Memory
+    verifier: Verifier
+    ledger: Ledger
+
+
+@dataclass(frozen=True)
+class TaskSequence:
+    """A memory, a seed and the tasks; ``keys`` and ``factors`` of each task's row, in the order of ``tasks``.
+
+    ``folder`` keeps the memory between the tasks, so that an interrupted sequence goes on where it was.
+    """
+
+    memory: str
+    seed: int
+    tasks: Sequence[AgentTask]
+    keys: Sequence[str]
+    factors: Mapping[str, str | int]
+    folder: Path
+
+
+def in_order(tasks: Sequence[AgentTask], seed: int) -> list[AgentTask]:
+    """The tasks as a seed shuffles them: every memory meets them in the same order."""
+    return random.Random(seed).sample(list(tasks), len(tasks))
+
+
+def work(
+    sequence: TaskSequence,
+    done: int,
+    crew_of: Callable[[Path], Crew],
+    sandbox_of: Callable[[AgentTask], AbstractContextManager[TestedSandbox]],
+    *,
+    tests_told: bool,
+    tell: Callable[[str], None],
+) -> Iterator[Cell]:
+    """The rows of the tasks after the first ``done``, each when it is measured.
+
+    The memory stands as it was after task ``done``: what an interrupted task left in it is not there. A task whose
+    surroundings cannot be set up is "not measured"; where the language model is not there, the sequence ends: later
+    tasks would meet another memory than the one that they should.
+    """
+    folder = sequence.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    bank = folder / DATABASE
+    _restore(folder, done)
+    with closing(_Open(crew_of, bank)) as open_:
+        for place in range(done, len(sequence.tasks)):
+            task = sequence.tasks[place]
+            before = open_.crew.ledger.totals()
+            row = f"{sequence.memory}/{sequence.seed}/{task.name}"
+            made: Attempt | None = None
+            try:
+                with sandbox_of(task) as sandbox:
+                    made = attempt(
+                        task,
+                        open_.crew.agent,
+                        sandbox,
+                        open_.crew.memory,
+                        open_.crew.verifier,
+                        source=row,
+                        tests_told=tests_told,
+                        seed=sequence.seed,
+                        tell=partial(_tell, tell, row),
+                    )
+                status = "ok"
+            except EnvironmentFailedError as error:
+                status = f"{CANNOT_BE}: {error}"
+            except LanguageModelError as error:
+                log.warning(
+                    "%s: the language model cannot be asked (%s); this sequence ends here.", row, error
+                )
+                return
+            open_.settle()
+            _keep(folder, place + 1)
+            spent = open_.crew.ledger.totals(before)
+            yield _cell(sequence, place, made, status, spent, bank)
+
+
+class _Open:
+    """The crew; its memory is closed after each task, so that its file can be copied, and opened for the next."""
+
+    def __init__(self, crew_of: Callable[[Path], Crew], bank: Path) -> None:
+        self._crew_of, self._bank = crew_of, bank
+        self.crew = crew_of(bank)
+
+    def settle(self) -> None:
+        """All that was learnt lies in the file."""
+        self.crew.memory.close()
+        ledger = self.crew.ledger
+        self.crew = self._crew_of(self._bank)
+        assert self.crew.ledger is ledger, "one ledger counts the whole sequence"
+
+    def close(self) -> None:
+        """Release the memory."""
+        self.crew.memory.close()
+
+
+def _restore(folder: Path, done: int) -> None:
+    """The memory as it was after ``done`` tasks."""
+    for file in folder.glob(f"{DATABASE}*"):
+        file.unlink()
+    kept = folder / f"after-{done}.db"
+    if done and kept.is_file():
+        shutil.copyfile(kept, folder / DATABASE)
+
+
+def _keep(folder: Path, done: int) -> None:
+    """A copy of the memory after ``done`` tasks; of older ones the last stays, in case the row is not stored."""
+    bank = folder / DATABASE
+    if bank.is_file():
+        aside = folder / f"after-{done}.part"
+        shutil.copyfile(bank, aside)
+        aside.replace(folder / f"after-{done}.db")
+    for old in folder.glob("after-*.db"):
+        if int(old.stem.removeprefix("after-")) < done - 1:
+            old.unlink()
+
+
+def _tell(tell: Callable[[str], None], row: str, line: str) -> None:
+    tell(f"{row} {line}")
+
+
+def _cell(
+    sequence: TaskSequence,
+    place: int,
+    made: Attempt | None,
+    status: str,
+    spent: Mapping[str, Mapping[str, float]],
+    bank: Path,
+) -> Cell:
+    task = sequence.tasks[place]
+    factors = {
+        **sequence.factors,
+        "memory": sequence.memory,
+        "seed": sequence.seed,
+        "task": task.name,
+        "family": task.family,
+        "place": place,
+    }
+    if made is None:
+        empty: dict[str, float | None] = dict.fromkeys(MEASURES)
+        return Cell(sequence.keys[place], factors, empty, {"status": status})
+    agent = _tokens(spent.get("agent", {}))
+    extra = sum(_tokens(tally) for purpose, tally in spent.items() if purpose != "agent")
+    measures: dict[str, float | None] = {
+        "solved": 100.0 * made.solved,
+        "steps": float(made.run.steps),
+        "agent_tokens": agent,
+        "extra_tokens": extra,
+        "tokens": agent + extra,
+        "seconds": made.run.seconds,
+        "overhead": sum(made.seconds[name] for name in ("recall", "verify", "learn")),
+        "storage_kb": bank.stat().st_size / 1000 if bank.is_file() else 0.0,
+    }
+    notes: dict[str, Any] = {
+        "status": status,
+        "exit_status": made.run.exit_status,
+        "verdict": made.verdict.outcome,
+        "quality": made.verdict.quality if made.verdict.outcome != "unavailable" else None,
+        "recalled": len(made.recalled.items),
+        "recalled_text": made.recalled.text[:2000],
+        "learned": [len(made.learned.added), len(made.learned.merged), len(made.learned.provisional)],
+        "tests": made.tests.text[-1000:],
+        "conversation": json.dumps(list(made.run.messages))[:200_000],
+    }
+    return Cell(sequence.keys[place], factors, measures, notes)
+
+
+MEASURES = (
+    "solved", "steps", "agent_tokens", "extra_tokens", "tokens", "seconds", "overhead", "storage_kb",
+)  # fmt: skip
+
+
+def _tokens(tally: Mapping[str, float]) -> float:
+    return tally.get("prompt_tokens", 0.0) + tally.get("completion_tokens", 0.0)

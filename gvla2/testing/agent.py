@@ -1,0 +1,47 @@
+"""What an agent's author checks: it works in the sandbox that it is given, and ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from gvla2.agents.contracts import Agent, AgentRun, AgentTask, Output
+from gvla2.testing.conformance import require, require_members, require_type
+
+
+class RecordingSandbox:
+    """A sandbox that runs nothing: it remembers commands and says what was prepared for them."""
+
+    folder = "/app"
+
+    def __init__(self, says: str = "") -> None:
+        self.says, self.commands = says, list[str]()
+
+    def run(
+        self, command: str, *, seconds: float = 60.0, variables: Mapping[str, str] | None = None
+    ) -> Output:
+        """Remember the command; one that only echoes says what it echoes."""
+        self.commands.append(command)
+        echoed = command.removeprefix("echo ") if command.startswith("echo ") else self.says
+        return Output(echoed, 0, 0.0)
+
+
+def check_agent(agent: Agent) -> None:
+    """The agent solves, or gives up on, a task of one sentence in a sandbox that answers every command with nothing.
+
+    Raises :class:`~gvla2.testing.conformance.ConformanceError`.
+    """
+    require_members(agent, "agent")
+    nowhere = Path()
+    task = AgentTask("check", "Write the word done to /app/answer.txt.", nowhere, nowhere, nowhere, "test.sh")
+    sandbox, heard = RecordingSandbox(), list[str]()
+    run = agent.solve(task, sandbox, "A lesson as data.", seed=0, tell=heard.append)
+    require_type(run, AgentRun, "solve()'s answer")
+    require(run.steps == len(sandbox.commands), f"It says {run.steps} steps and ran {len(sandbox.commands)}.")
+    require(run.seconds >= 0, f"It took {run.seconds} seconds.")
+    require(
+        all({"role", "content"} <= set(message) for message in run.messages),
+        "Each message has a role and a content.",
+    )
+    asked = " ".join(str(message["content"]) for message in run.messages)
+    require("A lesson as data." in asked, "What memory recalled never reached the conversation.")

@@ -1,0 +1,210 @@
+"""mini-swe-agent's loop between a language model of ours and a sandbox of ours."""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gvla2.agents.contracts import AgentRun, AgentTask, Sandbox
+from gvla2.errors import ConfigurationError, MissingDependencyError
+from gvla2.language import Request
+
+if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
+    from gvla2_plugins.mini_swe import MiniSweConfig
+
+SUBMITTED = "COMPLETE_TASK_AND_SUBMIT_FINAL_OUTPUT"
+"""What the agent echoes when it is done."""
+
+
+class MiniSwe:
+    """An :class:`~gvla2.agents.contracts.Agent`."""
+
+    def __init__(self, config: MiniSweConfig, language: LanguageModel) -> None:
+        if find_spec("minisweagent") is None:
+            raise MissingDependencyError(
+                "the package 'mini-swe-agent' (MIT)", "agent=mini_swe", "pip install 'gvla2[agents]'"
+            )
+        os.environ.setdefault("MSWEA_SILENT_STARTUP", "1")
+        # It writes a settings file of its own where it is imported; not into the user's home.
+        os.environ.setdefault("MSWEA_GLOBAL_CONFIG_DIR", str(Path(tempfile.gettempdir(), "gvla2-mini-swe")))
+        self._config, self._language = config, language
+        self._settings = _settings(config.settings)
+        logging.getLogger("minisweagent").setLevel(logging.ERROR)
+
+    def solve(
+        self, task: AgentTask, sandbox: Sandbox, knowledge: str, *, seed: int, tell: Callable[[str], None]
+    ) -> AgentRun:
+        """Work until it submits, or is out of steps or time."""
+        from minisweagent.agents.default import DefaultAgent
+
+        model = _Model(self._language, self._config, self._settings.get("model", {}), seed)
+        environment = _Environment(sandbox, self._config.command_seconds, self._settings, tell)
+        agent = DefaultAgent(
+            model,
+            environment,
+            system_template=self._settings["agent"]["system_template"],
+            instance_template=self._settings["agent"]["instance_template"],
+            step_limit=self._config.steps,
+            cost_limit=0.0,
+            wall_time_limit_seconds=max(1, int(task.agent_seconds)),
+        )
+        begun = time.monotonic()
+        asked = f"{task.instruction}\n\n{knowledge}" if knowledge else task.instruction
+        ended = agent.run(asked)
+        return AgentRun(
+            messages=tuple(_plain(message) for message in agent.messages),
+            steps=environment.steps,
+            exit_status=str(ended.get("exit_status", "")),
+            seconds=time.monotonic() - begun,
+            usage=model.usage,
+        )
+
+
+class _Model:
+    """What mini-swe-agent asks, answered by a :class:`~gvla2.language.endpoint.LanguageModel`."""
+
+    def __init__(
+        self, language: LanguageModel, config: MiniSweConfig, settings: Mapping[str, Any], seed: int
+    ) -> None:
+        self.config = config
+        self._language, self._settings, self._seed = language, settings, seed
+        self.usage = {"calls": 0.0, "prompt_tokens": 0.0, "completion_tokens": 0.0}
+
+    def query(self, messages: Sequence[Mapping[str, Any]], **_: Any) -> dict[str, Any]:
+        """The next answer with its one action; raises mini-swe-agent's own ``FormatError`` for any other number."""
+        from minisweagent.models.utils.actions_text import parse_regex_actions
+
+        asked = [{"role": m["role"], "content": m["content"]} for m in messages]
+        said = self._language.complete(
+            Request(
+                asked,
+                # The same answer to the same mistake would be the same mistake.
+                seed=self._seed * 1000 + len(asked),
+                temperature=self.config.temperature,
+                max_tokens=self.config.max_tokens,
+            ),
+            purpose="agent",
+        )
+        self.usage["calls"] += 1
+        self.usage["prompt_tokens"] += said.usage.prompt_tokens
+        self.usage["completion_tokens"] += said.usage.completion_tokens
+        actions = parse_regex_actions(
+            said.text,
+            action_regex=self._settings.get("action_regex", r"```mswea_bash_command\s*\n(.*?)\n```"),
+            format_error_template=self._settings["format_error_template"],
+            template_kwargs={"finish_reason": said.finish},
+        )
+        return {
+            "role": "assistant",
+            "content": said.text,
+            "extra": {"actions": actions, "cost": 0.0, "timestamp": time.time()},
+        }
+
+    def format_message(self, **message: Any) -> dict[str, Any]:
+        """A message as it stands: nothing but text is sent."""
+        return message
+
+    def format_observation_messages(
+        self,
+        message: Mapping[str, Any],
+        outputs: Sequence[Mapping[str, Any]],
+        template_vars: Mapping[str, Any] | None = None,
+    ) -> list[dict[str, Any]]:
+        """What the agent is shown of a command's output, in mini-swe-agent's own words."""
+        from minisweagent.models.utils.actions_text import format_observation_messages
+
+        shown: list[dict[str, Any]] = format_observation_messages(
+            list(outputs),
+            observation_template=self._settings["observation_template"],
+            template_vars=dict(template_vars or {}),
+        )
+        return shown
+
+    def get_template_vars(self, **_: Any) -> dict[str, Any]:
+        """Nothing that a prompt needs."""
+        return {}
+
+    def serialize(self) -> dict[str, Any]:
+        """What a saved trajectory says of the model."""
+        return {"info": {"config": {"model_type": "gvla2 language"}}}
+
+
+class _Environment:
+    """Commands go into the sandbox; ``steps`` counts them."""
+
+    def __init__(
+        self, sandbox: Sandbox, seconds: float, settings: Mapping[str, Any], tell: Callable[[str], None]
+    ) -> None:
+        self.config: Any = None
+        self._sandbox, self._seconds, self._tell = sandbox, seconds, tell
+        self._variables = {k: str(v) for k, v in settings.get("environment", {}).get("env", {}).items()}
+        self.steps = 0
+
+    def execute(self, action: Mapping[str, Any], cwd: str = "") -> dict[str, Any]:
+        """Run one command; raises mini-swe-agent's own ``Submitted`` when it says that the task is done."""
+        from minisweagent.exceptions import Submitted
+
+        command = str(action.get("command", ""))
+        self.steps += 1
+        self._tell(f"step {self.steps}: {command.splitlines()[0][:80] if command else '(nothing)'}")
+        output = self._sandbox.run(command, seconds=self._seconds, variables=self._variables)
+        lines = output.text.lstrip().splitlines(keepends=True)
+        if lines and lines[0].strip() == SUBMITTED and output.status == 0:
+            rest = "".join(lines[1:])
+            raise Submitted(
+                {"role": "exit", "content": rest, "extra": {"exit_status": "Submitted", "submission": rest}}
+            )
+        why = {
+            "time": f"The command was ended after {self._seconds:g} s.",
+            "disk": "The command filled the disk and was ended.",
+        }.get(output.ended, "")
+        return {"output": output.text, "returncode": output.status, "exception_info": why}
+
+    def get_template_vars(self, **given: Any) -> dict[str, Any]:
+        """What the prompts say of the machine."""
+        return {**platform.uname()._asdict(), "cwd": self._sandbox.folder, **given}
+
+    def serialize(self) -> dict[str, Any]:
+        """What a saved trajectory says of the surroundings."""
+        return {"info": {"config": {"environment_type": "gvla2 sandbox"}}}
+
+
+def _settings(path: str) -> dict[str, Any]:
+    """mini-swe-agent's own prompts, or those of a file; raises :class:`ConfigurationError` without the needed keys."""
+    import yaml
+
+    if path:
+        file = Path(path).expanduser()
+    else:
+        import minisweagent
+
+        file = Path(minisweagent.__file__).parent / "config" / "mini_textbased.yaml"
+    try:
+        told = yaml.safe_load(file.read_text(encoding="utf-8"))
+        needed = [
+            told["agent"]["system_template"], told["agent"]["instance_template"],
+            told["model"]["observation_template"], told["model"]["format_error_template"],
+        ]  # fmt: skip
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError) as error:
+        raise ConfigurationError(
+            f"agent.settings is '{file}', which is no settings file of mini-swe-agent ({error!r})."
+        ) from error
+    assert all(needed)
+    settings: dict[str, Any] = told
+    return settings
+
+
+def _plain(message: Mapping[str, Any]) -> dict[str, Any]:
+    content = message.get("content", "")
+    return {
+        "role": str(message.get("role", "")),
+        "content": content if isinstance(content, str) else str(content),
+    }

@@ -1,0 +1,155 @@
+"""How the things of a family are made from published ones: their looks, and the property that no camera sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+
+from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.task import (
+    Body,
+    Catch,
+    Joint,
+    Task,
+    TaskInstance,
+    TaskSite,
+    Thread,
+    WorldState,
+)
+from gvla2_plugins.tabletop.learnable_ranges import Family
+
+Change = Callable[[Task, np.random.Generator, TaskSite, Family, Sequence[Family]], TaskInstance]
+
+ROOM, STOPPED = 0.004, 0.00005
+"""From where the lamp is lit to the button's stop, and how near to that it has been rammed, metres."""
+PLATE, STANDS = 0.006, 0.030
+"""The thickness of the plate that is pressed, and how far it stands out of its base, metres."""
+SPRING = 300.0
+"""N/m: at the end of its travel the button presses back with 8 N, less than where a press gives up."""
+HANDLE_ROOM, HANDLE_SPRING, HANDLE_MASS = 0.010, 150.0, 0.08
+"""A handle goes up so much further than its catch needs, metres, against so many N/m; kilograms. At its stop the catch
+holds again."""
+WIDEST = 2.0 * np.pi
+"""Radians between the stops of a thread."""
+
+
+def _jar(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """Each jar's lid comes loose where its colour's thread ends."""
+    made = task.sample(rng, site)
+    turns = {one.colour: one.value for one in (family, *others)}
+    threads = tuple(
+        _cut(thread, turns.get(made.layout[thread.parent].label.split()[0], family.value))
+        for thread in made.layout.threads
+    )
+    return replace(made, layout=replace(made.layout, threads=threads))
+
+
+def _cut(thread: Thread, turn: float) -> Thread:
+    """The thread with its end at a turn, radians; a negative one is turned with the clock."""
+    limits = (0.0, WIDEST) if turn > 0 else (-WIDEST, 0.0)
+    return replace(thread, release=abs(turn), limits=limits)
+
+
+def _bottle(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A bottle of the family's colour, whose cap turns one way only."""
+    del others
+    made = task.sample(rng, site)
+    glass = COLOURS[family.colour]
+    bodies = tuple(
+        replace(
+            body,
+            solids=tuple(replace(solid, rgb=glass) for solid in body.solids),
+            label=f"{family.colour} bottle",
+        )
+        if body.name == "bottle"
+        else body
+        for body in made.layout.bodies
+    )
+    threads = tuple(_cut(thread, family.value) for thread in made.layout.threads)
+    return replace(
+        made,
+        layout=replace(made.layout, bodies=bodies, threads=threads),
+        goal=f"the cap is loose (at {abs(np.degrees(family.value)):.0f} degrees) and has left the bottle's mouth",
+    )
+
+
+def _lamp(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A high button that lights its lamp shortly before its stop; rammed against that, the lamp goes out."""
+    del others
+    made = task.sample(rng, site)
+    (old,), (glow,) = made.layout.joints, made.layout.glows
+    button = made.layout["button"]
+    (cap,) = button.solids
+    base = float(button.world_from_body[2, 3] - 0.5 * cap.size[2])
+    centre = button.world_from_body.copy()
+    centre[2, 3] = base + 0.5 * STANDS
+    stem = replace(cap, size=(0.5 * cap.size[0], 0.5 * cap.size[1], STANDS - PLATE), collides=False)
+    plate = replace(cap, size=(*cap.size[:2], PLATE), body_from_shape=_up(0.5 * (STANDS - PLATE)))
+    stem = replace(stem, body_from_shape=_up(-0.5 * PLATE))
+    high = replace(button, solids=(plate, stem), world_from_body=centre, shape="cylinder")
+    most = family.value + ROOM - STOPPED
+    joint = replace(old, origin=centre[:3, 3], limits=(0.0, family.value + ROOM), stiffness=SPRING)
+    bodies = tuple(high if body.name == "button" else body for body in made.layout.bodies)
+    layout = replace(
+        made.layout, bodies=bodies, joints=(joint,), glows=(replace(glow, travel=family.value, until=most),)
+    )
+
+    def lit(world: WorldState) -> bool:
+        return family.value < world.peak("press") <= most
+
+    return replace(
+        made,
+        layout=layout,
+        succeeded={"eased": lit, "strict": lit},
+        goal="the lamp is on: its button went far enough, and not to its stop",
+    )
+
+
+def _up(z: float) -> FloatArray:
+    return rigid(translation=(0.0, 0.0, z))
+
+
+def _drawer(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A drawer whose handle moves up and down, and holds it shut until it has been lifted far enough."""
+    del others
+    made = task.sample(rng, site)
+    drawer = made.layout["drawer"]
+    (slide,) = made.layout.joints
+    numbers = set(drawer.parts[0][1])
+    handle = Body(
+        "handle",
+        tuple(solid for i, solid in enumerate(drawer.solids) if i in numbers),
+        drawer.world_from_body,
+        HANDLE_MASS,
+        label="handle",
+    )
+    front = replace(
+        drawer, solids=tuple(s for i, s in enumerate(drawer.solids) if i not in numbers), parts=()
+    )
+    stop = family.value + HANDLE_ROOM
+    latch = Joint(
+        "latch", "prismatic", "drawer", "handle", axis=np.array([0.0, 0.0, 1.0]), origin=slide.origin,
+        limits=(0.0, stop), rest=-0.01, stiffness=HANDLE_SPRING, damping=4.0,
+    )  # fmt: skip
+    bodies = (*(front if body.name == "drawer" else body for body in made.layout.bodies), handle)
+    catches = (Catch("slide", "latch", family.value, stop - 0.001),) if family.value > 0.0 else ()
+    layout = replace(made.layout, bodies=bodies, joints=(slide, latch), catches=catches)
+    return replace(made, layout=layout)
+
+
+CHANGES: Mapping[str, Change] = MappingProxyType(
+    {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer}
+)
+"""How the things of each kind are made."""

@@ -1,0 +1,96 @@
+"""`gvla2 bench agents` whole: memories beside one another, going on where it was, and what cannot be measured."""
+
+from pathlib import Path
+
+import pytest
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2.commands.bench import run_bench
+from gvla2.commands.primary import PRIMARY
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.results import Results
+from gvla2.hydra_bridge import register
+from gvla2.testing.language import LocalModel, refused
+from tests.agents.scripted import giving
+
+OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
+STEPS = {"photos": ["bash bin/deposit photos --commit"], "letters": ["bash bin/deposit letters --commit"]}
+
+
+@pytest.fixture
+def compose_agents(registry, tmp_path: Path):
+    register(registry, PRIMARY)
+
+    def chosen(url: str, *more: str):
+        overrides = (
+            "suite=agents", f"agents.tasks={OURS}", "agents.names=[deposit-photos,deposit-letters]",
+            "seeds=[0]", "arms=[off,governed]", "verifier=exit_status", "quiet=true", f"language.base_url={url}",
+            "language.model=m", "language.cache=", f"agents.state={tmp_path}/state",
+            f"results.url=sqlite:///{tmp_path}/r.sqlite", *more,
+        )  # fmt: skip
+        with initialize_config_module("gvla2.conf", version_base="1.3"):
+            return OmegaConf.to_object(compose("bench", overrides=list(overrides)))
+
+    return chosen
+
+
+def rows(tmp_path: Path) -> dict[tuple[str, str], dict]:
+    with Results.open(f"sqlite:///{tmp_path}/r.sqlite") as results:
+        return {(c.factors["memory"], c.factors["task"]): c.flat() for c in results.cells("agents")}
+
+
+def test_memories_meet_the_same_tasks_and_the_table_tells_their_cost(
+    sandboxed, compose_agents, registry, tmp_path: Path
+):
+    with LocalModel(giving(STEPS)) as model:
+        run_bench(compose_agents(model.url), registry, tmp_path / "out")
+        asked = len(model.requests)
+        found = rows(tmp_path)
+        assert {key: row["solved"] for key, row in found.items()} == dict.fromkeys(found, 100.0)
+        assert len(found) == 4
+        assert {row["steps"] for row in found.values()} == {2.0}
+        second = max((k for k in found if k[0] == "governed"), key=lambda k: found[k]["place"])
+        assert found[second]["recalled"] >= 1
+        assert found[second]["storage_kb"] > 0
+        run_bench(compose_agents(model.url), registry, tmp_path / "again")
+        assert len(model.requests) == asked, "what is measured is not asked again"
+    page = (tmp_path / "out" / "report.md").read_text()
+    assert "KnowledgeBank" in page
+    assert "SR %" in page
+
+
+def test_an_interrupted_sequence_goes_on_with_the_memory_that_it_had(
+    sandboxed, compose_agents, registry, tmp_path: Path
+):
+    answer, failing = giving(STEPS), []
+
+    def lost_in_the_second(request):
+        asked = request["messages"][1]["content"]
+        first = failing[0] if failing else failing.append(asked.split("folder ")[1][:12]) or failing[0]
+        return answer(request) if first in asked.split("What earlier")[0] else refused(401, "gone")
+
+    with LocalModel(lost_in_the_second) as model:
+        run_bench(compose_agents(model.url, "arms=[governed]"), registry, tmp_path / "out")
+        assert len(rows(tmp_path)) == 1
+        failing[0] = "folder"
+        before = len(model.requests)
+        run_bench(compose_agents(model.url, "arms=[governed]"), registry, tmp_path / "out2")
+        again = model.requests[before:]
+    found = rows(tmp_path)
+    assert len(found) == 2
+    assert len(again) == 2, "the first task was not done again"
+    assert "--commit" in again[0]["messages"][1]["content"], "its lesson was there"
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("agents.tasks=", "is not set"),
+        ("agents.names=[nothing]", "Available"),
+        ("arms=[mystery]", "No memory named 'mystery'"),
+    ],
+)
+def test_what_is_asked_wrongly_is_said(compose_agents, registry, tmp_path: Path, override, message):
+    with pytest.raises(ConfigurationError, match=message):
+        run_bench(compose_agents("http://127.0.0.1:9/v1", override), registry, tmp_path / "out")

@@ -1,0 +1,107 @@
+"""One task from recall to lesson: the real mini-swe-agent, a real sandbox, a model that follows a script."""
+
+from pathlib import Path
+
+import pytest
+
+from gvla2.agents.sandbox import bubblewrap
+from gvla2.agents.solving import attempt, transcript
+from gvla2.agents.task_folder import read_tasks
+from gvla2.errors import ConfigurationError
+from gvla2.language.failures import LanguageModelError
+from gvla2.memory import KnowledgeBank
+from gvla2.testing import check_agent
+from gvla2.testing.language import LocalModel, refused, said
+from gvla2_plugins.exit_status import ExitStatusConfig
+from gvla2_plugins.exit_status.verifier import ExitStatusVerifier
+from gvla2_plugins.mini_swe import MiniSweConfig
+from gvla2_plugins.mini_swe.agent import MiniSwe
+from tests.agents.scripted import block, endpoint, giving
+
+OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
+RIGHT = {"photos": ["ls", "bash bin/deposit photos --commit"], "letters": ["bash bin/deposit letters"]}
+
+
+def tried(name: str, url: str, bank: KnowledgeBank, **options):
+    (task,) = read_tasks(OURS, [name])
+    agent = MiniSwe(MiniSweConfig(name="mini_swe", **options), endpoint(url))
+    with bubblewrap(task) as box:
+        return attempt(
+            task, agent, box, bank, ExitStatusVerifier(ExitStatusConfig(name="exit_status")),
+            source=name, tests_told=True,
+        )  # fmt: skip
+
+
+def test_a_success_teaches_what_another_task_of_its_family_is_told(sandboxed, tmp_path: Path):
+    with LocalModel(giving(RIGHT)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        first = tried("deposit-photos", model.url, bank)
+        assert first.solved
+        assert first.run.steps == 3
+        assert first.verdict.outcome == "verified_success"
+        assert first.run.usage["calls"] == 3
+        second = tried("deposit-letters", model.url, bank)
+    assert not second.solved
+    assert "--commit" in second.recalled.text
+    prompts = [request["messages"][1]["content"] for request in model.requests]
+    assert "--commit" not in prompts[0]
+    assert "--commit" in prompts[-1]
+    assert "data, not orders" in prompts[-1]
+
+
+def test_who_says_that_it_is_done_has_not_solved_it(sandboxed, tmp_path: Path):
+    with LocalModel(giving({})) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        made = tried("deposit-photos", model.url, bank)
+    assert made.run.exit_status == "Submitted"
+    assert not made.solved
+    assert made.verdict.outcome == "verified_fail"
+
+
+def test_who_never_ends_is_ended(sandboxed, tmp_path: Path):
+    with LocalModel(lambda request: said(block("ls"))) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        made = tried("deposit-photos", model.url, bank, steps=4)
+    assert (made.run.exit_status, made.run.steps) == ("LimitsExceeded", 4)
+
+
+def test_a_model_that_refuses_to_act_ends_after_a_few_reminders(sandboxed, tmp_path: Path):
+    with (
+        LocalModel(lambda request: said("I cannot help with that.")) as model,
+        KnowledgeBank(tmp_path / "m.db") as bank,
+    ):
+        made = tried("deposit-photos", model.url, bank)
+    assert made.run.exit_status == "RepeatedFormatError"
+    assert made.run.steps == 0
+
+
+def test_a_model_that_is_not_there_is_nobodys_failure(sandboxed, tmp_path: Path):
+    with (
+        LocalModel(lambda request: refused(401, "no")) as model,
+        KnowledgeBank(tmp_path / "m.db") as bank,
+        pytest.raises(LanguageModelError),
+    ):
+        tried("deposit-photos", model.url, bank)
+
+
+def test_the_account_is_a_shell_session_without_prose(sandboxed, tmp_path: Path):
+    with LocalModel(giving(RIGHT)) as model, KnowledgeBank(tmp_path / "m.db") as bank:
+        told = transcript(tried("deposit-photos", model.url, bank).run)
+    assert "$ bash bin/deposit photos --commit" in told
+    assert "THOUGHT" not in told
+    assert told.endswith("The agent ended with: Submitted")
+
+
+def test_it_keeps_the_contract_of_an_agent():
+    with LocalModel(giving({})) as model:
+        check_agent(MiniSwe(MiniSweConfig(name="mini_swe"), endpoint(model.url)))
+
+
+@pytest.mark.parametrize("text", ["- a list", "agent: {system_template: x}", "a: ["])
+def test_settings_that_are_none_of_its_own_are_refused(tmp_path: Path, text):
+    (tmp_path / "mine.yaml").write_text(text)
+    config = MiniSweConfig(name="mini_swe", settings=str(tmp_path / "mine.yaml"))
+    with pytest.raises(ConfigurationError, match="no settings file"):
+        MiniSwe(config, endpoint("http://127.0.0.1:9/v1"))
+
+
+def test_options_that_cannot_be_are_refused():
+    with pytest.raises(ConfigurationError, match="steps >= 1"):
+        MiniSweConfig(name="mini_swe", steps=0)

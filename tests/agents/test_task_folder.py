@@ -1,0 +1,96 @@
+"""Tasks in folders: both of Terminal-Bench's layouts, and what is wrong with a folder said in words."""
+
+from pathlib import Path
+
+import pytest
+
+from gvla2.agents.dockerfile import read_recipe
+from gvla2.agents.task_folder import read_tasks
+from gvla2.errors import ConfigurationError
+
+OURS = Path(__file__).parents[2] / "examples" / "agent_tasks"
+
+
+def made(folder: Path, **files: str) -> Path:
+    for name, text in files.items():
+        place = folder / name.replace("__", "/").replace("_dot_", ".")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text)
+    return folder
+
+
+def test_our_tasks_are_read_in_families_of_three():
+    tasks = read_tasks(OURS)
+    assert len(tasks) >= 24
+    families = [task.family for task in tasks]
+    assert all(families.count(family) == 3 for family in families)
+
+
+def test_the_first_layout_is_read(tmp_path: Path):
+    told = "instruction: Do it.\nmax_agent_timeout_sec: 30\ncategory: files\n"
+    made(tmp_path / "one", task_dot_yaml=told)
+    (tmp_path / "one" / "tests").mkdir()
+    (tmp_path / "one" / "run-tests.sh").write_text("exit 0\n")
+    (task,) = read_tasks(tmp_path)
+    assert (task.instruction, task.agent_seconds, task.family) == ("Do it.", 30.0, "files")
+
+
+@pytest.mark.parametrize(
+    ("files", "message"),
+    [
+        ({"task_dot_toml": "", "instruction_dot_md": "Do it."}, "has no tests"),
+        ({"task_dot_toml": "", "instruction_dot_md": " ", "tests__test_dot_sh": ""}, "no instruction"),
+        ({"task_dot_toml": "= broken", "instruction_dot_md": "x"}, "cannot be read"),
+        ({"task_dot_toml": ""}, "cannot be read"),
+        (
+            {
+                "task_dot_toml": "[agent]\ntimeout_sec = -1",
+                "instruction_dot_md": "x",
+                "tests__test_dot_sh": "",
+            },
+            "above 0",
+        ),
+        ({"task_dot_yaml": "- a list"}, "no mapping"),
+        ({"readme_dot_md": ""}, "No task lies below"),
+    ],
+)
+def test_what_is_wrong_with_a_task_is_said(tmp_path: Path, files, message):
+    made(tmp_path / "one", **files)
+    with pytest.raises(ConfigurationError, match=message):
+        read_tasks(tmp_path)
+
+
+def test_names_that_are_not_there_and_folders_that_are_none(tmp_path: Path):
+    with pytest.raises(ConfigurationError, match="Available: all-lines"):
+        read_tasks(OURS, ["nothing"])
+    with pytest.raises(ConfigurationError, match="no folder"):
+        read_tasks(tmp_path / "missing")
+
+
+def test_two_tasks_of_one_name_are_refused(tmp_path: Path):
+    for parent in "ab":
+        made(tmp_path / parent / "same", task_dot_toml="", instruction_dot_md="x", tests__test_dot_sh="")
+    with pytest.raises(ConfigurationError, match="Two tasks are called 'same'"):
+        read_tasks(tmp_path)
+
+
+def test_a_recipe_holds_what_can_be_done_without_docker(tmp_path: Path):
+    file = tmp_path / "Dockerfile"
+    file.write_text(
+        "# comment\nFROM x\nWORKDIR /srv/app\nENV A=1 B='two words'\nENV C three\n"
+        "COPY one.txt \\\n  two.txt data/\nRUN make it\n"
+    )
+    recipe = read_recipe(file)
+    assert recipe.folder == "/srv/app"
+    assert recipe.variables == {"A": "1", "B": "two words", "C": "three"}
+    assert recipe.steps == (
+        ("copy", ("one.txt", "two.txt", "/srv/app/data/")),
+        ("run", ("cd /srv/app && make it",)),
+    )
+
+
+@pytest.mark.parametrize("line", ["COPY --from=build a b", "ADD https://example.org/x .", "VOLUME /data"])
+def test_what_needs_docker_says_so(tmp_path: Path, line):
+    (tmp_path / "Dockerfile").write_text(f"FROM x\n{line}\n")
+    with pytest.raises(ConfigurationError, match="needs Docker"):
+        read_recipe(tmp_path / "Dockerfile")
