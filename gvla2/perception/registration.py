@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -125,7 +126,7 @@ def _slope(points: FloatArray) -> float:
     return float(np.hypot(normal[0], normal[1]))
 
 
-def _normals(points: FloatArray, chosen: FloatArray) -> FloatArray:
+def _normals(points: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
     """(N, 3) unit normals at the chosen pixels, from neighbours two apart; NaN beside an edge."""
     across, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
     across[:, 2:-2] = points[:, 4:] - points[:, :-4]
@@ -166,8 +167,8 @@ def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArr
         for j, other in enumerate(sights):
             if i == j or len(one.things) < 20 or len(other.things) < 20:
                 continue
-            distance, k = cKDTree(other.things).query(one.things, distance_upper_bound=reach)
-            near = np.isfinite(distance)
+            distance, found = cKDTree(other.things).query(one.things, distance_upper_bound=reach)
+            near, k = np.isfinite(distance), np.asarray(found)
             p, q, n = one.things[near], other.things[k[near]], other.normals[k[near]]
             like = np.abs(np.einsum("ij,ij->i", n, one.normals[near])) > 0.8
             p, q, n = p[like], q[like], n[like]

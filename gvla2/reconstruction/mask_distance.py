@@ -45,7 +45,7 @@ class Silhouette:
 
     def sample(self, uv: FloatArray) -> FloatArray:
         """(N,) distances in pixels at pixels (N, 2), bilinear; the nearest value outside the image, NaN at NaN."""
-        known = np.isfinite(uv).all(axis=1)
+        known = np.asarray(np.isfinite(uv).all(axis=1))
         where = np.where(known[:, None], uv - 0.5, 0.0)[:, ::-1].T
         # Where nothing is known the distance is infinite, and infinity times a weight of 0 is none.
         near = map_coordinates(np.minimum(self.distance, np.float32(1e6)), where, order=1, mode="nearest")
