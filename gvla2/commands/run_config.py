@@ -60,6 +60,14 @@ class DepthNoiseConfig:
 
 
 @dataclass
+class ResultsConfig:
+    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
+
+    url: str = "sqlite:///outputs/results.sqlite"
+    fresh: bool = False
+
+
+@dataclass
 class RunConfig(EveryKind):
     """One episode, or many. Beside these options there is one group for each kind of component.
 
@@ -69,7 +77,8 @@ class RunConfig(EveryKind):
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
     means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they do
     not mean the same the one that is sure decides. A program that takes several plans is carried out in up to
-    ``max_parts``.
+    ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept,
+    unless ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -81,6 +90,7 @@ class RunConfig(EveryKind):
     max_parts: int = 6
     agreement: bool = False
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+    results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:
         if self.episodes < 1:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -108,7 +109,7 @@ def refined(scan: Scan, seen: Seen, pose: FloatArray) -> FloatArray:
     reach = TRUNCATED
     for _ in range(ROUNDS):
         local = transform_points(invert_rigid(pose), points)
-        gaps, nearest = scan.tree.query(local)
+        gaps, nearest = nearest_on(scan, local)
         used = gaps <= max(min(reach, float(np.percentile(gaps, 80))), 0.002)
         if used.sum() < 12:
             break
@@ -132,11 +133,17 @@ def refined(scan: Scan, seen: Seen, pose: FloatArray) -> FloatArray:
     return pose
 
 
+def nearest_on(scan: Scan, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+    """Distances (N,) of points (N, 3) in the scan's frame from its nearest samples, and the samples' indices (N,)."""
+    gaps, nearest = scan.tree.query(points)
+    return np.asarray(gaps, dtype=np.float64), np.asarray(nearest, dtype=np.intp)
+
+
 def judged(scan: Scan, seen: Seen, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points = seen.points[:: max(1, len(seen.points) // 700)]
     local = transform_points(invert_rigid(pose), points)
-    gaps, nearest = scan.tree.query(local)
+    gaps, nearest = nearest_on(scan, local)
     # Samples lie some millimetres apart: the distance to the plane at the nearest is that to the surface.
     flat = np.abs(np.einsum("ij,ij->i", local - scan.points[nearest], scan.normals[nearest]))
     off = np.where(gaps < 0.01, np.maximum(flat, gaps - 0.004), gaps)

@@ -180,7 +180,7 @@ def _keep(kept: Path, arrays: dict[str, FloatArray]) -> None:
     aside = kept.with_name(f"{kept.stem}.{os.getpid()}.npz")
     try:
         kept.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(aside, **arrays)
+        np.savez(aside, allow_pickle=False, **arrays)
         aside.replace(kept)
     except OSError:
         aside.unlink(missing_ok=True)

@@ -114,7 +114,8 @@ class Catch:
 class Glow:
     """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
 
-    It stays lit, unless the joint has travelled beyond ``until`` as well. Both in the joint's unit, radians or metres.
+    It stays lit, unless the joint has travelled beyond ``until`` as well; with that given, each stroke of the joint
+    from rest counts by itself, in its ``peak`` too. Both in the joint's unit, radians or metres.
     """
 
     body: str

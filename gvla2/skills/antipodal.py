@@ -153,12 +153,7 @@ def _ways(outward: FloatArray) -> Iterator[tuple[str, FloatArray]]:
         yield "leaning", grasp_rotation(np.cos(0.4) * down + np.sin(0.4) * beside, closing)
     for k in range(12):  # over, along the closing direction: for rims that slope
         over = _level(np.pi * k / 6)
-        yield (
-            "leaning",
-            grasp_rotation(
-                np.cos(OVER) * down + np.sin(OVER) * over, np.cos(OVER) * over - np.sin(OVER) * down
-            ),
-        )
+        yield "leaning", grasp_rotation(np.cos(OVER) * down + np.sin(OVER) * over, over)
     for turn in (0.0, 0.5, -0.5, 1.0, -1.0):
         for tilt in (0.9, 1.3):
             ahead = _level(away + turn)
