@@ -124,7 +124,8 @@ def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray)
     if skin is None:
         return []
     found: list[Antipodal] = []
-    for family, rotation in _ways(outward):
+    yaw = float(np.arctan2(thing.world_from_object[1, 0], thing.world_from_object[0, 0]))
+    for family, rotation in _ways(outward, yaw):
         found += _by_slabs(skin, family, rotation, hand, table)
     return _apart(sorted(found, key=lambda g: -g.worth))
 
@@ -140,19 +141,19 @@ def held_between(skin: Skin, rotation: FloatArray, centre: FloatArray, opening: 
     return bool((slab & pad & (off < 0.5 * opening)).any() and struck.sum() <= 0.002 * len(off))
 
 
-def _ways(outward: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    """Families and rotations (3, 3) of the hand."""
+def _ways(outward: FloatArray, yaw: float) -> Iterator[tuple[str, FloatArray]]:
+    """Families and rotations (3, 3) of the hand, square to the thing's own axes at ``yaw`` among others."""
     down = np.array([0.0, 0.0, -1.0])
     for k in range(12):
-        yield "top", grasp_rotation(down, _level(np.pi * k / 12))
+        yield "top", grasp_rotation(down, _level(yaw + np.pi * k / 12))
     away = float(np.arctan2(outward[1], outward[0]))
     for k in range(6):
-        closing = _level(np.pi * k / 6)
+        closing = _level(yaw + np.pi * k / 6)
         beside = np.array([-closing[1], closing[0], 0.0])
         beside = beside if beside @ outward >= 0 else -beside
         yield "leaning", grasp_rotation(np.cos(0.4) * down + np.sin(0.4) * beside, closing)
     for k in range(12):  # over, along the closing direction: for rims that slope
-        over = _level(np.pi * k / 6)
+        over = _level(yaw + np.pi * k / 6)
         yield "leaning", grasp_rotation(np.cos(OVER) * down + np.sin(OVER) * over, over)
     for turn in (0.0, 0.5, -0.5, 1.0, -1.0):
         for tilt in (0.9, 1.3):
