@@ -102,6 +102,8 @@ KINDS: Mapping[str, Kind] = _table(
      "verifiers: judge an episode from its evidence", "geometric"),
     ("agent", "agents", "gvla2.agents.contracts:Agent",
       "software agents that work at a shell in a sandbox", NONE),
+    ("tracker", "trackers", "gvla2.record.tracker:Tracker",
+     "trackers: services of experiments that are told of a run", "none"),
     ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
      "language models for components that say needs=(\"language\",)", "endpoint"),
 )
@@ -123,6 +125,7 @@ TAKEN = frozenset(
         "max_parts",
         "agreement",
         "depth_noise",
+        "results",
     }
 )
 """Words that mean something else in the configuration of ``gvla2 run``, so that no kind can have them."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from gvla2.evaluation.figures import FigureTable
 from gvla2.evaluation.perception.table import PerceptionTable, sheet_of_perception
 from gvla2.evaluation.robot.tables import RobotTable
+from gvla2.evaluation.runs import RunTable
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone, explanations, sheet_of_figures
 from gvla2.evaluation.tables import NOTABLE, Entry, Measure, Table, TableRow
 
@@ -60,12 +61,12 @@ def footnote(table: Table) -> str:
     return told
 
 
-AnyTable = Table | FigureTable | RobotTable | PerceptionTable
+AnyTable = Table | FigureTable | RobotTable | PerceptionTable | RunTable
 
 
 def sheet_of(table: AnyTable) -> Sheet:
     """Any table as cells of text."""
-    if isinstance(table, RobotTable):
+    if isinstance(table, RobotTable | RunTable):
         return table.sheet
     if isinstance(table, PerceptionTable):
         return sheet_of_perception(table)

@@ -92,7 +92,8 @@ def locate(
 
     A model that cannot be asked, or answers nothing of use, ends it: what was good so far is kept.
     """
-    mask, score, refused = None, 0.0, ""
+    mask: BoolArray | None = None
+    score, refused = 0.0, ""
     clicks: list[Click] = []
     masks: list[BoolArray] = []
     for _ in range(budget):

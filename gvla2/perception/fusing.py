@@ -16,10 +16,12 @@ from gvla2.perception.frames import BoolArray, Frame, Table
 from gvla2.perception.things import thing_of
 from gvla2.planning.scene import SceneObject
 
-SHARED = 0.25
-"""Share of the points of each of two masks that lie on the other, from which they show one thing. A part's points all
-lie on the whole, but few of the whole's on the part: they stay two.
+SHARED = 0.55
+"""Share of each mask's points that lie on the other, of those that its picture shows, from which both show one thing.
+A part's points all lie on the whole, but few of the whole's on the part: they stay two.
 """
+IN_SIGHT = 0.015
+"""Metres between a point and what a picture measured there, within which the picture shows the point."""
 TOUCHING = 0.008
 """Metres between points that lie on one another: cameras err by millimetres, pixels are some wide."""
 SAMPLE = 400
@@ -75,12 +77,11 @@ def fuse(frames: Sequence[Frame], candidates: Sequence[Candidate]) -> list[Fused
     clouds = [_points(frames[c.view], c.mask) for c in kept]
     seen = [i for i, cloud in enumerate(clouds) if len(cloud)]
     kept, clouds = [kept[i] for i in seen], [clouds[i] for i in seen]
-    trees = [cKDTree(cloud) for cloud in clouds]
     pairs = [
         (i, j)
         for i in range(len(kept))
         for j in range(i)
-        if kept[i].view != kept[j].view and _one_thing(kept[i], kept[j], (clouds, trees), i, j)
+        if kept[i].view != kept[j].view and _one_thing(frames, kept[i], kept[j], clouds[i], clouds[j])
     ]
     if not kept:
         return []
@@ -153,19 +154,30 @@ def iou(one: BoolArray, other: BoolArray) -> float:
 
 
 def _points(frame: Frame, mask: BoolArray) -> FloatArray:
-    cloud = frame.points[mask & frame.known]
+    known = mask & frame.known
+    with np.errstate(invalid="ignore"):
+        above = known & (frame.height > ABOVE)
+    cloud = frame.points[above if above.any() else known]  # what leaks onto the table says nothing of a thing
     return cloud[:: max(1, len(cloud) // SAMPLE)]
 
 
 def _one_thing(
-    a: Candidate, b: Candidate, looked_up: tuple[list[FloatArray], list[cKDTree]], i: int, j: int
+    frames: Sequence[Frame], a: Candidate, b: Candidate, of_a: FloatArray, of_b: FloatArray
 ) -> bool:
     if a.seed >= 0 and b.seed >= 0:
         return a.seed == b.seed
-    clouds, trees = looked_up
-    forth = np.isfinite(trees[j].query(clouds[i], distance_upper_bound=TOUCHING)[0]).mean()
-    back = np.isfinite(trees[i].query(clouds[j], distance_upper_bound=TOUCHING)[0]).mean()
-    return bool(min(forth, back) >= SHARED)
+    return min(_share_on(frames[b.view], b.mask, of_a), _share_on(frames[a.view], a.mask, of_b)) >= SHARED
+
+
+def _share_on(frame: Frame, mask: BoolArray, cloud: FloatArray) -> float:
+    """Share of the points (N, 3) that a picture shows in a mask (H, W), of those that it shows at all."""
+    uv, _ = frame.view.camera.project(cloud)
+    inside = frame.view.camera.inside(uv)
+    columns, rows = np.floor(uv[inside]).astype(int).T
+    there = frame.points[rows, columns]
+    with np.errstate(invalid="ignore"):
+        shown = np.linalg.norm(there - cloud[inside], axis=1) < IN_SIGHT
+    return float(mask[rows[shown], columns[shown]].mean()) if shown.sum() >= 3 else 0.0
 
 
 def _whole_of(k: int, spread: Sequence[FloatArray]) -> int:

@@ -68,7 +68,7 @@ def _colours(part: trimesh.Trimesh, faces: np.ndarray, weights: FloatArray) -> F
             height, width = pixels.shape[:2]
             columns = np.minimum((uv[:, 0] % 1.0 * width).astype(int), width - 1)
             rows = np.minimum(((1.0 - uv[:, 1] % 1.0) * height).astype(int), height - 1)
-            return pixels[rows, columns]
+            return np.asarray(pixels[rows, columns])
     if visual.defined:
         coloured = visual.to_color() if visual.kind == "texture" else visual
         corners = np.asarray(coloured.vertex_colors, dtype=np.float64)[:, :3] / 255.0

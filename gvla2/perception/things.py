@@ -9,12 +9,16 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2.planning.colours import nearest_colours
+from gvla2.planning.colours import appearance, nearest_colours
 from gvla2.planning.scene import Scene, SceneObject, Shape
 
 MOST_POINTS = 4000
 RESTS = 0.02
 """What is seen no higher above the table than this, metres, stands on it: its foot is hidden or too near the table."""
+ONE_HUE = 18.0
+"""Points of one hue differ by less, in look: what is printed on a thing is not its colour."""
+CUBE = 1.2
+"""A box whose longest side is less than so many of its shortest is called a cube."""
 SURE = 12.0
 """By how much the second nearest colour word must be further away to be ruled out."""
 
@@ -36,7 +40,8 @@ def thing_of(
     own = true_colour(rgb)
     (colour, first), (_, second) = nearest_colours(own, 2)
     sure = float(np.clip((second - first) / SURE, 0.0, 1.0))
-    noun = {"other": "thing"}.get(shape, shape)
+    alike = float(extents.max()) < CUBE * float(extents.min())
+    noun = "cube" if shape == "box" and alike else {"other": "thing"}.get(shape, shape)
     seen = points if len(points) <= MOST_POINTS else points[:: -(-len(points) // MOST_POINTS)]
     pose = rigid(turn, [*middle, 0.5 * (bottom + top)])
     score = round(float(np.clip(confidence * (0.5 + 0.5 * sure), 0.05, 1.0)), 3)
@@ -79,9 +84,12 @@ def coarse_shape(points: FloatArray, extents: FloatArray, middle: FloatArray) ->
 
 
 def true_colour(rgb: FloatArray) -> FloatArray:
-    """(3,) the median of the brighter points: light falls off with slope, it never brightens."""
-    brightness = rgb.sum(axis=1)
-    return np.asarray(np.median(rgb[brightness >= np.percentile(brightness, 60.0)], axis=0))
+    """(3,) of the hue that most points (N, 3) have, the brightest: light falls off with slope, it never brightens."""
+    hues = appearance(rgb)[:, :2]
+    common = np.linalg.norm(hues - np.median(hues, axis=0), axis=1) < ONE_HUE
+    own = rgb[common] if common.sum() >= 10 else rgb
+    brightness = own.sum(axis=1)
+    return np.asarray(np.median(own[brightness >= np.percentile(brightness, 85.0)], axis=0))
 
 
 def numbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:

@@ -72,64 +72,22 @@ class Sim3:
         return result
 
 
-def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Sim3:
-    """The similarity that takes points ``source`` (N, 3) nearest to ``target`` (N, 3) in the weighted squares.
-
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991; a mirror
-    is never returned. ``weights`` (N,) >= 0, all equal by default.
-    Raises :class:`GeometryError` for wrong shapes, numbers that are not finite, and points that do not fix a
-    similarity: fewer than three, all in one place or on one line.
-    """
-    a, b = (np.asarray(x, dtype=np.float64) for x in (source, target))
-    if a.ndim != 2 or a.shape[1:] != (3,) or a.shape != b.shape:
-        raise GeometryError(f"umeyama: source and target must both be (N, 3), got {a.shape} and {b.shape}.")
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
-    if w.shape != (len(a),) or not (w >= 0).all() or not np.isfinite(w).all():
-        raise GeometryError(f"umeyama: weights must be {len(a)} finite numbers >= 0.")
-    if not (np.isfinite(a).all() and np.isfinite(b).all()):
-        raise GeometryError("umeyama: source and target must be finite.")
-    if (w > 0).sum() < 3:
-        raise GeometryError(
-            f"umeyama: {int((w > 0).sum())} weighted points do not fix a similarity; give 3 or more."
-        )
-    w = w / w.sum()
-    mean_a, mean_b = w @ a, w @ b
-    a, b = a - mean_a, b - mean_b
-    for what, centred in (("source", a), ("target", b)):
-        spread = np.linalg.svd(np.sqrt(w)[:, None] * centred, compute_uv=False)
-        if not spread[1] > _FLAT * max(spread[0], 1e-300):
-            raise GeometryError(f"umeyama: the {what} points lie on one line or in one place.")
-    rotation = _procrustes((w[:, None] * b).T @ a)
-    scale = float(np.sum(w[:, None] * b * (a @ rotation.T)) / np.sum(w[:, None] * a * a))
-    if not scale > 0:
-        raise GeometryError("umeyama: no proper rotation brings the points together (is one set mirrored?).")
-    return Sim3(scale, rotation, mean_b - scale * rotation @ mean_a)
-
-
 @dataclass(frozen=True)
 class CameraAlignment:
     """How a prior's cameras fit the calibrated ones.
 
     ``status``: ``ok``, or ``scale_undetermined`` when all centres coincide (one view, or a turning camera): the
     rotation is right, the scale is 1 for want of better and depth must be scaled by other means.
-    ``centre_residual``: root mean square distance of the aligned centres, calibrated units; ``baseline``: the
-    calibrated centres' root mean square distance from their mean; ``rotation_residual``: root mean square angle
-    between aligned and calibrated axes, radians.
     """
 
     sim3: Sim3
     status: Literal["ok", "scale_undetermined"]
-    centre_residual: float
-    baseline: float
-    rotation_residual: float
 
 
-def align_cameras(
-    estimated: ArrayLike, calibrated: ArrayLike, weights: ArrayLike | None = None
-) -> CameraAlignment:
+def align_cameras(estimated: ArrayLike, calibrated: ArrayLike) -> CameraAlignment:
     """The similarity from a prior's camera frame to the calibrated one, by centres and axis points.
 
-    ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4), ``weights`` (S,). Each camera stands for
+    ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4). Each camera stands for
     its centre and three points on its axes, one root mean square spread of the centres away, so that two or
     collinear centres fix the rotation too; the axes say nothing about scale, which comes from the centres alone.
     Raises :class:`GeometryError` for different numbers of cameras, or poses that are not rigid.
@@ -141,37 +99,24 @@ def align_cameras(
         )
     a = np.stack([check_rigid(pose, f"Estimated camera {i}") for i, pose in enumerate(a)])
     b = np.stack([check_rigid(pose, f"Calibrated camera {i}") for i, pose in enumerate(b)])
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
-    if w.shape != (len(a),) or not (w >= 0).all() or not 0 < w.sum() < np.inf:
-        raise GeometryError(f"Weights of cameras must be {len(a)} finite numbers >= 0, not all 0.")
-    w = w / w.sum()
-    mean_a, mean_b = w @ a[:, :3, 3], w @ b[:, :3, 3]
+    mean_a, mean_b = a[:, :3, 3].mean(axis=0), b[:, :3, 3].mean(axis=0)
     centres_a, centres_b = a[:, :3, 3] - mean_a, b[:, :3, 3] - mean_b
-    spread_a, spread_b = (float(np.sqrt(w @ (c * c).sum(axis=1))) for c in (centres_a, centres_b))
+    spread_a, spread_b = (float(np.sqrt((c * c).sum(axis=1).mean())) for c in (centres_a, centres_b))
     # Far from the origin, equal centres differ by rounding.
     floor_a, floor_b = (_FLAT * max(float(np.abs(m).max()), 1e-6) for m in (mean_a, mean_b))
     known = spread_a > floor_a and spread_b > floor_b
     # Axis points at one spread's distance, in units of the spread: centres and axes then weigh alike.
-    cross = np.einsum("s,sij,skj->ik", w, b[:, :3, :3], a[:, :3, :3])
+    cross = np.einsum("sij,skj->ik", b[:, :3, :3], a[:, :3, :3]) / len(a)
     if known:
-        cross = cross + (w[:, None] * centres_b).T @ centres_a / (spread_a * spread_b)
+        cross = cross + centres_b.T @ centres_a / (len(a) * spread_a * spread_b)
     rotation = _procrustes(cross)
     scale = 1.0
     if known:
-        scale = float(np.sum(w[:, None] * centres_b * (centres_a @ rotation.T)) / spread_a**2)
+        scale = float(np.sum(centres_b * (centres_a @ rotation.T)) / (len(a) * spread_a**2))
         known = scale > 0
         scale = scale if known else 1.0
     sim3 = Sim3(scale, rotation, mean_b - scale * rotation @ mean_a)
-    gap = sim3.apply(a[:, :3, 3]) - b[:, :3, 3]
-    turn = np.einsum("sij,sij->s", rotation @ a[:, :3, :3], b[:, :3, :3])
-    angle = np.arccos(np.clip((turn - 1) / 2, -1, 1))
-    return CameraAlignment(
-        sim3,
-        "ok" if known else "scale_undetermined",
-        centre_residual=float(np.sqrt(w @ (gap * gap).sum(axis=1))),
-        baseline=spread_b,
-        rotation_residual=float(np.sqrt(w @ angle**2)),
-    )
+    return CameraAlignment(sim3, "ok" if known else "scale_undetermined")
 
 
 def _procrustes(cross: FloatArray) -> FloatArray:

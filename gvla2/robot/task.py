@@ -209,7 +209,8 @@ class TaskInstance:
 
     ``goal`` says in words what the referee looks for, for the run's page. ``image_size`` is the least side in pixels
     of cameras that show what matters, 0 when any does. ``solution`` shows that the episode can be solved by this
-    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it.
+    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear``
+    are rounds (x, y, radius) on the table that the task needs free, world metres, beside where its bodies lie.
     """
 
     layout: Layout
@@ -218,6 +219,7 @@ class TaskInstance:
     goal: str = ""
     image_size: int = 0
     solution: Solution | None = field(default=None, repr=False)
+    keep_clear: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -34,12 +34,13 @@ def assemble(
 ) -> list[Thing]:
     """Solids of the labelled pixels (N,), -1 for none; what carries each is set.
 
-    ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point between the fingertips: what is there may hang in the air.
+    ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point
+    between the fingertips: what is there may hang in the air.
     """
     clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
     clusters = [c for c in clusters if len(c) >= min_points]
     things = [shape_thing(frames, pixels, members, gap) for members in clusters]
-    things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
+    things = _join_fragments(frames, pixels, things, gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from gvla2.geometry.transform import rigid
+from gvla2.plugins import load_plugins
+from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.scan import read_scan
-from gvla2.robot.task import Body, Layout, Primitive
+from gvla2.robot.task import Body, Layout, Primitive, TaskSite
 from gvla2_plugins.sapien import SapienConfig
 from gvla2_plugins.sapien.convex import decompose, piece_file, pieces
 from gvla2_plugins.sapien.panda import panda_cell
@@ -91,3 +94,43 @@ def test_truth_knows_a_mesh(bowl_file):
     assert (thing.label, thing.shape) == ("bowl", "other")
     np.testing.assert_allclose(thing.extents, (0.14, 0.14, 0.05), atol=0.002)
     assert 0.11 < thing.opening < 0.14
+
+
+@pytest.mark.parametrize(("arrangement", "count"), [("stack", 3), ("leaning", 2), ("touching", 2)])
+def test_clutter_stays_as_it_was_arranged(arrangement, count):
+    registry = load_plugins()
+    options = {"name": "pick_and_lift", "distractors": count, "arrangement": arrangement}
+    task = registry.build({"task": options}, "task")
+    site = TaskSite((0.25, 0.0), (0.65, 0.91), TABLE, lambda point: True)
+    layout = task.sample(np.random.default_rng(1), site).layout
+    world = World(SapienConfig(), panda_cell(), layout)
+    for body in layout.bodies:
+        now = world.body_pose(body.name)
+        assert np.linalg.norm(now[:3, 3] - body.world_from_body[:3, 3]) < 0.02, body.name
+    touching = {
+        "stack": ("distractor_1", {"distractor_0", "distractor_2"}),
+        "leaning": ("distractor_1", {"distractor_0", "table"}),
+        "touching": ("distractor_1", {"table"}),
+    }
+    name, others = touching[arrangement]
+    assert world.touching(name) >= others
+
+
+def test_people_are_shown_finer_pictures_of_the_same_moment(bowl_file):
+    registry = load_plugins()
+    options = {"name": "tabletop_objects", "objects": {"root": str(bowl_file.parent.parent)}}
+    parts = registry.build_all({"robot": {"name": "sapien_panda"}, "task": options}, ("robot", "task"))
+    robot = parts["robot"]
+    robot.reset(parts["task"], 0)
+    seen = apply_noise(robot.observe(), DepthNoise(offset_m=0.002), np.random.default_rng(0))
+    fine = seen.pictured()
+    assert [v.image.shape for v in seen.views] == [(256, 256, 3)] * 4
+    assert [v.image.shape for v in fine] == [(640, 640, 3)] * 4
+    for view, shown in zip(seen.views, fine, strict=True):
+        assert shown.name == view.name
+        np.testing.assert_array_equal(shown.camera.world_from_camera, view.camera.world_from_camera)
+        reduced = np.asarray(Image.fromarray(shown.image).resize((256, 256), Image.Resampling.BOX)).astype(
+            int
+        )
+        assert np.abs(reduced - view.image).mean() < 6
+    robot.close()

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
 from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.injection_patterns import sanitised
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.rendering import render
-from gvla2.memory.screening.disguises import sanitised
 
 MAX_THINGS = 64
 
@@ -84,7 +84,7 @@ def bounded(task: MemoryTask) -> MemoryTask:
 def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryItem:
     return MemoryItem(
         id=record.id,
-        type=record.record_type,
+        type=record.type,
         content=sanitised(record.content),
         confidence=record.confidence,
         score=score,
@@ -92,5 +92,5 @@ def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryIte
         # What was never verified binds nobody, even where the bank is told to show it.
         binding=record.type == "failure_avoidance" and record.state != "provisional",
         effect=record.effect_json() if record.effect else None,
-        trust=record.trusted,
+        trust=record.trust,
     )

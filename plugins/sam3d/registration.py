@@ -1,0 +1,189 @@
+"""Aligning a shape with the views' masks by a similarity: Gauss-Newton on silhouettes.
+
+The shape is drawn into each view; where its silhouette has its rim, a point of the surface is known (depth map), and
+the mask's signed distance at that pixel should be zero. One residual a rim pixel, seven unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.view_spec import parse_axis_word
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.carving import Carving, carve
+from gvla2.reconstruction.mask_distance import Silhouette, mask_iou, silhouettes
+from gvla2.reconstruction.sim3 import Sim3
+from gvla2.reconstruction.zbuffer import depth_map, mask_agreement
+from gvla2_plugins.sam3d.placement import place_mesh
+
+_ITERATIONS = 20
+_HUBER = 3.0  # pixels
+_DAMPING = 1e-3
+_PATIENCE = 4  # steps without a better IoU before giving up
+_RIM = 400  # rim pixels a view that are listened to
+_GOOD = 0.95  # IoU at which no further start is tried
+_TRIED_FURTHER = 4  # starts that are refined; the others fit too badly from the beginning
+
+
+@dataclass(frozen=True)
+class Registration:
+    """``sim3`` from the shape's frame to the views' world; mean ``iou`` with the masks there, and at the start."""
+
+    sim3: Sim3
+    iou: float
+    iou_before: float
+
+
+def register(mesh: Mesh, views: Views, start: Sim3) -> Registration:
+    """Improve a similarity until a mesh's silhouettes fit the masks; never to a worse IoU than at the start.
+
+    Converges from displacements of about a quarter of the object. Raises :class:`GeometryError` for an empty mesh
+    and when no view shows the object.
+    """
+    shown, _ = silhouettes(views)
+    if len(mesh.faces) == 0:
+        raise GeometryError("A mesh without faces has no silhouette to align.")
+    return _refine(mesh, shown, start)
+
+
+def register_unposed(mesh: Mesh, views: Views) -> Registration:
+    """The same for a shape whose frame is turned by quarter turns against the world's, at any scale and place.
+
+    Tries the shape as it is and in the 24 quarter turns, each fitted to the masks' carved hull.
+    """
+    shown, _ = silhouettes(views)
+    hull = carve(views, resolution=32)
+    starts = [Sim3.identity(), *(_fitted(mesh, hull, turn) for turn in _quarter_turns())]
+    return _best(mesh, shown, starts)
+
+
+def register_along_ray(mesh: Mesh, views: Views, pose: Sim3, eye: FloatArray) -> Registration:
+    """The same for a shape in a camera's frame of unknown scale: ``pose`` puts it into the world up to a scale
+    about the camera's centre ``eye`` (3,), which is searched over four decades.
+    """
+    shown, _ = silhouettes(views)
+    starts = []
+    for scale in np.geomspace(0.01, 100.0, 81):
+        about_eye = Sim3(float(scale), np.eye(3), (1 - scale) * eye)
+        starts.append(about_eye.compose(pose))
+    return _best(mesh, shown, starts)
+
+
+def _best(mesh: Mesh, shown: Sequence[Silhouette], starts: Sequence[Sim3]) -> Registration:
+    scores = [_score(mesh, shown, start) for start in starts]
+    order = np.argsort(-np.array(scores), kind="stable")[:_TRIED_FURTHER]
+    best: Registration | None = None
+    for i in order:
+        found = _refine(mesh, shown, starts[i])
+        best = found if best is None or found.iou > best.iou else best
+        if best.iou > _GOOD:
+            break
+    assert best is not None  # there is at least one start
+    return best
+
+
+def _score(mesh: Mesh, shown: Sequence[Silhouette], sim3: Sim3) -> float:
+    return mask_agreement(place_mesh(mesh, sim3), shown)
+
+
+def _quarter_turns() -> list[FloatArray]:
+    """The 24 rotations that take axes to axes."""
+    words = (
+        f"perm{p}_sign{a}{b}{c}"
+        for p in ("012", "021", "102", "120", "201", "210")
+        for a in "pn"
+        for b in "pn"
+        for c in "pn"
+    )
+    return [turn for turn in map(parse_axis_word, words) if np.linalg.det(turn) > 0]
+
+
+def _fitted(mesh: Mesh, hull: Carving, turn: FloatArray) -> Sim3:
+    """The turn, with scale and place such that the mesh's box has the hull's size and middle."""
+    box = mesh.bounds @ turn.T
+    low, high = box.min(axis=0), box.max(axis=0)
+    target = hull.mesh.bounds
+    sizes, wanted = np.maximum(high - low, 1e-9), target[1] - target[0]
+    scale = float(np.exp(np.mean(np.log(wanted) - np.log(sizes))))
+    return Sim3(scale, turn, target.mean(axis=0) - scale * 0.5 * (low + high))
+
+
+def _refine(mesh: Mesh, shown: Sequence[Silhouette], start: Sim3) -> Registration:
+    """Levenberg-Marquardt with Huber weights; the best similarity seen on the way is kept."""
+    best, before, best_iou, now, stale = start, 0.0, -1.0, start, 0
+    for iteration in range(_ITERATIONS + 1):
+        placed = place_mesh(mesh, now)
+        depths = [depth_map(placed, s.camera) for s in shown]
+        iou = float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, shown, strict=True)]))
+        before = iou if iteration == 0 else before
+        stale = 0 if iou > best_iou + 1e-5 else stale + 1
+        if iou > best_iou:
+            best, best_iou = now, iou
+        if stale >= _PATIENCE:
+            break
+        centre = placed.vertices.mean(axis=0)
+        size = float(np.linalg.norm(placed.vertices - centre, axis=1).max())
+        rows = [_residuals(d, s, centre, size) for d, s in zip(depths, shown, strict=True)]
+        residual = np.concatenate([r for r, _ in rows])
+        if len(residual) < 7:
+            break
+        jacobian = np.concatenate([j for _, j in rows])
+        weight = np.minimum(1.0, _HUBER / np.maximum(np.abs(residual), 1e-9))
+        normal = jacobian.T @ (weight[:, None] * jacobian)
+        normal += _DAMPING * np.diag(np.maximum(np.diag(normal), 1e-9 * np.trace(normal) + 1e-12))
+        step = -np.linalg.solve(normal, jacobian.T @ (weight * residual))
+        if float(np.abs(step).max()) < 1e-5:
+            break
+        now = _step(now, np.clip(step, -0.3, 0.3), centre, size)  # in units of the object's size
+    return Registration(best, best_iou, before)
+
+
+def _step(now: Sim3, step: FloatArray, centre: FloatArray, size: float) -> Sim3:
+    """Shift, turn and scale about the object's centre by the seven unknowns of a step."""
+    rotation = Rotation.from_rotvec(step[3:6]).as_matrix()
+    scale = float(np.exp(step[6]))
+    moved = Sim3(scale, rotation, centre + size * step[:3] - scale * rotation @ centre)
+    return moved.compose(now)
+
+
+def _residuals(
+    depth: NDArray[np.float32], s: Silhouette, centre: FloatArray, size: float
+) -> tuple[FloatArray, FloatArray]:
+    """Signed pixels (M,) from the rim of the drawn mesh to the mask's contour, and their derivatives (M, 7)."""
+    covered = np.isfinite(depth)
+    rim = covered & ~binary_erosion(covered, border_value=1)
+    pixels = np.argwhere(rim & np.isfinite(s.distance))
+    if len(pixels) == 0:
+        return np.zeros(0), np.zeros((0, 7))
+    pixels = pixels[:: max(1, len(pixels) // _RIM)]
+    z = depth[pixels[:, 0], pixels[:, 1]].astype(np.float64)
+    uv = pixels[:, ::-1].astype(np.float64) + 0.5
+    rays = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(s.camera.K).T
+    local = rays * z[:, None]
+    points = local @ s.camera.world_from_camera[:3, :3].T + s.camera.position
+    slope = _slopes(s, uv)
+    fx, fy, skew = s.camera.K[0, 0], s.camera.K[1, 1], s.camera.K[0, 1]
+    # d(u, v)/d(x, y, z) in the camera, contracted with the distance's slope.
+    du, dv = slope[:, 0] / z, slope[:, 1] / z
+    along_x, along_y = fx * du, skew * du + fy * dv
+    along_z = -(along_x * local[:, 0] + along_y * local[:, 1]) / z
+    world = np.stack([along_x, along_y, along_z], axis=1) @ s.camera.world_from_camera[:3, :3].T
+    arm = points - centre
+    jacobian = np.column_stack([size * world, np.cross(arm, world), np.einsum("ij,ij->i", world, arm)])
+    # The rim pixel's centre lies half a pixel inside the drawn silhouette.
+    return s.sample(uv) - 0.5, jacobian
+
+
+def _slopes(s: Silhouette, uv: FloatArray) -> FloatArray:
+    """(M, 2) derivative of the mask's signed distance at pixels (M, 2), central differences."""
+    slopes = [0.5 * (s.sample(uv + step) - s.sample(uv - step)) for step in np.eye(2)]
+    return np.clip(np.stack(slopes, axis=1), -1.5, 1.5)

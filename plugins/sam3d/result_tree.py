@@ -1,0 +1,180 @@
+"""Results of MV-SAM3D, SAM3D and their kin: reading them, and bringing them to the calibrated frame."""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.gaussians import Gaussians
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh_files import read_mesh
+from gvla2.geometry.ply import read_gaussians
+from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.view_spec import parse_rotation_word
+from gvla2.geometry.views import Views
+from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.sim3 import Sim3
+from gvla2.reconstruction.surfels import surfels
+from gvla2_plugins.sam3d.placement import place
+from gvla2_plugins.sam3d.registration import Registration, register, register_along_ray, register_unposed
+
+_POOR = 0.6
+"""Mean IoU with the masks below which an alignment is called poor."""
+_CAMERA_FROM_P3D = np.diag([-1.0, -1.0, 1.0])  # PyTorch3D's cameras look along z too, with x left and y up
+_MOST_FACES = 60_000  # a finer mesh is drawn coarser while it is aligned
+_CELLS = 120  # along the longest side of a mesh that is drawn coarser
+_MOST_GAUSSIANS = 8_000
+
+
+@dataclass(frozen=True)
+class ResultFiles:
+    """A result in its own canonical frame, Z-up.
+
+    ``pose`` takes it into the frame of the first camera (OpenCV), up to the scale of the depth that it was made
+    with; None where the result does not say. ``note`` tells what was missing.
+    """
+
+    gaussians: Gaussians | None
+    mesh: Mesh | None
+    pose: Sim3 | None
+    note: str = ""
+
+
+def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultFiles:
+    """Read ``<stem>.ply`` (Gaussians), ``<stem>.glb`` (mesh) and ``params.npz`` (pose) of a folder.
+
+    One of the first two suffices; a PLY without Gaussians' properties is passed over when there is a mesh. Raises
+    :class:`GeometryError`, naming the file, when both are absent or one is broken.
+    """
+    place_ = Path(folder)
+    ply, glb = place_ / f"{stem}.ply", place_ / f"{stem}.glb"
+    if not ply.is_file() and not glb.is_file():
+        present = ", ".join(sorted(p.name for p in place_.iterdir())[:8]) if place_.is_dir() else ""
+        raise GeometryError(
+            f"{place_} has neither {ply.name} nor {glb.name}. It holds: {present or 'nothing'}."
+        )
+    mesh = read_mesh(glb) if glb.is_file() else None
+    gaussians, note = None, ""
+    try:
+        gaussians = read_gaussians(ply) if ply.is_file() else None
+    except GeometryError as error:
+        if mesh is None or "is no 3DGS file" not in str(error):
+            raise
+        note = f"{ply.name} holds no Gaussians"
+    if mesh is None:
+        note = f"{glb.name} is missing"
+    elif gaussians is None and not note:
+        note = f"{ply.name} is missing"
+    return ResultFiles(gaussians, mesh, _read_pose(place_ / "params.npz"), note)
+
+
+def align_result(
+    result: ResultFiles, views: Views, axes: str = "auto", refine: bool = True, count: int = 15_000
+) -> Reconstruction:
+    """The result in the views' calibrated frame, refined on the masks by a similarity.
+
+    Starts from the result's own pose when it has one (its scale is searched), else from ``axes``: a transform word
+    such as ``perm012_signpnn`` from the result's frame to the world's, or ``auto``, which tries the 24 quarter
+    turns; with ``refine=False`` a word is applied as it is. A mirroring word is a
+    :class:`gvla2.errors.ConfigurationError`. A result without Gaussians gets ``count`` flat ones
+    on its mesh. The status tells how well the silhouettes fit when they fit poorly.
+    """
+    mesh = _silhouette_mesh(result)
+    start = None if axes == "auto" else Sim3(1.0, parse_rotation_word(axes), np.zeros(3))
+    if start is not None and not refine:
+        found = Registration(start, 1.0, 1.0)
+    elif start is not None:
+        found = register(mesh, views, start)
+    elif result.pose is not None:
+        camera = views[0].camera
+        world_from_camera = Sim3(1.0, camera.world_from_camera[:3, :3], camera.position)
+        found = register_along_ray(mesh, views, world_from_camera.compose(result.pose), camera.position)
+    else:
+        found = register_unposed(mesh, views)
+    gaussians = result.gaussians
+    if gaussians is None and result.mesh is not None:
+        gaussians = surfels(result.mesh, None, count)
+    told = [result.note + (", flat Gaussians lie on the mesh" if result.gaussians is None else "")]
+    if found.iou < _POOR:
+        told.append(f"the silhouettes fit poorly, mean IoU {found.iou:.2f}")
+    told = [text for text in told if text]
+    status = f"fallback: {'; '.join(told)}" if told else "ok"
+    return replace(place(Reconstruction(gaussians, result.mesh), found.sim3), status=status)
+
+
+def _silhouette_mesh(result: ResultFiles) -> Mesh:
+    """Triangles that cast the result's silhouettes: some of its mesh's, or one on each Gaussian."""
+    if result.mesh is not None:
+        return result.mesh if len(result.mesh.faces) <= _MOST_FACES else _clustered(result.mesh)
+    assert result.gaussians is not None
+    g = result.gaussians
+    solid = np.flatnonzero(g.opacities > 0.3)
+    if len(solid) == 0:
+        raise GeometryError("No Gaussian of the result is more than 30 % opaque: it has no silhouette.")
+    chosen = solid[:: max(1, len(solid) // _MOST_GAUSSIANS)]
+    # A tetrahedron a Gaussian, as wide as it and wide enough to close the gaps to its neighbours.
+    spread = np.sqrt(np.maximum(np.einsum("nii->n", g.covariances()[chosen]) / 3, 1e-12))
+    reach = np.maximum(1.5 * spread, _spacing(g.centres[chosen].astype(np.float64))).reshape(-1, 1, 1)
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
+    vertices = (g.centres[chosen].astype(np.float64)[:, None] + reach * corners).reshape(-1, 3)
+    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
+    return Mesh(vertices, (faces + 4 * np.arange(len(chosen))[:, None, None]).reshape(-1, 3))
+
+
+def _clustered(mesh: Mesh) -> Mesh:
+    """The mesh with all vertices of a small cell made one: the same silhouette to half a cell."""
+    low, high = mesh.bounds
+    cells = np.rint((mesh.vertices - low) * (_CELLS / max(float((high - low).max()), 1e-12))).astype(np.int64)
+    _, place_of = np.unique(cells, axis=0, return_inverse=True)
+    place_of = place_of.ravel()
+    count = np.bincount(place_of)
+    vertices = np.stack([np.bincount(place_of, mesh.vertices[:, axis]) / count for axis in range(3)], axis=1)
+    faces = place_of[mesh.faces]
+    a, b, c = faces.T
+    faces = np.unique(faces[(a != b) & (b != c) & (a != c)], axis=0)
+    return Mesh(vertices, faces) if len(faces) else mesh
+
+
+def _spacing(points: FloatArray) -> float:
+    if len(points) < 2:
+        return 0.0
+    gaps = np.asarray(cKDTree(points).query(points, k=2)[0])
+    return float(np.median(gaps[:, 1]))
+
+
+def _read_pose(path: Path) -> Sim3 | None:
+    """The pose of ``params.npz``: scale, rotation (wxyz) and translation in PyTorch3D's row convention."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
+            if not {"scale", "rotation", "translation"} <= set(arrays.files):
+                return None
+            scale, quaternion, translation = (
+                _flat(arrays[name], size)
+                for name, size in (("scale", 1), ("rotation", 4), ("translation", 3))
+            )
+        w, x, y, z = quaternion
+        # Rows are multiplied from the right there: p (s R) + t, so that R turns the other way round.
+        rotation = Rotation.from_quat([x, y, z, w]).as_matrix().T
+        return Sim3(float(scale[0]), _CAMERA_FROM_P3D @ rotation, _CAMERA_FROM_P3D @ translation)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise GeometryError(f"Cannot read the pose {path}: {error}") from error
+
+
+def _flat(array: Any, size: int) -> FloatArray:
+    values = np.asarray(array, dtype=np.float64).ravel()[: 3 if size == 1 else size]
+    if len(values) < size or not np.isfinite(values).all():
+        raise ValueError(f"expected {size} finite numbers, got {values.tolist()}")
+    if size == 1 and not np.allclose(values, values[0], rtol=1e-3):
+        raise ValueError(f"the scale differs between axes: {values.tolist()}")
+    return values

@@ -1,0 +1,195 @@
+"""A vision model behind real HTTP, which answers from rendered truth."""
+
+import json
+
+import numpy as np
+import pytest
+
+from gvla2.language import Endpoint
+from gvla2.perception.clicks import locate, overlay
+from gvla2.perception.frames import frames_of
+from gvla2.perception.fusing import iou
+from gvla2.perception.localizing import localized
+from gvla2.perception.options import VisionOptions, vision_model
+from gvla2.perception.prompting import Segments
+from gvla2.perception.things import thing_of
+from gvla2.planning.scene import Scene
+from gvla2.testing.language import LocalModel, refused, said
+
+
+def clicking(*answers):
+    """A model that gives these answers, one a call, the last for ever."""
+    left = list(answers)
+
+    def answer(request):
+        one = left.pop(0) if len(left) > 1 else left[0]
+        return said(one if isinstance(one, str) else json.dumps(one))
+
+    return LocalModel(answer)
+
+
+def at(mask, on=True, shift=0):
+    """The click on the pixel in the middle of a mask, in thousandths."""
+    pixels = np.argwhere(mask) + 0.5
+    row, column = pixels[np.argmin(np.linalg.norm(pixels - pixels.mean(axis=0) - shift, axis=1))]
+    return {"done": False, "x": 1000 * column / mask.shape[1], "y": 1000 * row / mask.shape[0], "on": on}
+
+
+DONE = {"done": True, "x": 0, "y": 0, "on": True}
+
+
+@pytest.fixture
+def seen(world, two):
+    """The first picture, encoded, and what stands in it."""
+    image = two.observation.views[0].image
+    return image, world.ByColour(120.0).encode(image), [two.truth[0] == 1, two.truth[0] == 2]
+
+
+def ask(model, seen, **options):
+    image, encoded, proposals = seen
+    return locate(
+        Endpoint(VisionOptions(base_url=model.url)), image, encoded, proposals, "lift the bottle", **options
+    )
+
+
+def test_it_settles_on_the_thing_that_is_clicked(seen):
+    target = seen[2][1]
+    with clicking(at(target), at(target, shift=6)) as model:
+        found = ask(model, seen)
+    assert found.stopped == "settled"
+    assert len(found.clicks) == 2
+    assert iou(found.mask, target) > 0.8
+    words = json.dumps(model.requests[0])
+    assert "lift the bottle" in words
+    assert "image_url" in words
+
+
+def test_done_ends_it_but_not_before_something_is_marked(seen):
+    target = seen[2][0]
+    with clicking(DONE, at(target), DONE) as model:
+        found = ask(model, seen)
+    assert found.stopped == "done"
+    assert found.mask[target].mean() > 0.3
+    assert "nothing is marked yet" in json.dumps(model.requests[1])
+
+
+def test_insane_clicks_are_refused_and_the_model_is_told(seen):
+    outside = {"done": False, "x": 1400, "y": 20, "on": True}
+    nowhere = {"done": False, "x": 10, "y": 10, "on": True}
+    with clicking(outside, nowhere, at(seen[2][1]), DONE) as model:
+        found = ask(model, seen)
+    assert [bool(c.refused) for c in found.clicks] == [True, True, False]
+    assert "outside the picture" in json.dumps(model.requests[1])
+    assert "nothing stands within" in json.dumps(model.requests[2])
+    assert found.mask is not None
+
+
+def test_the_budget_ends_it_and_the_last_good_mask_is_kept(seen):
+    outside = {"done": False, "x": -5, "y": 20, "on": True}
+    with clicking(at(seen[2][1]), outside) as model:
+        found = ask(model, seen)
+    assert (found.stopped, len(model.requests)) == ("budget", 5)
+    assert iou(found.mask, seen[2][1]) > 0.8
+
+
+def test_a_mask_that_is_no_thing_does_not_replace_a_good_one(seen):
+    image, encoded, proposals = seen
+
+    class Turns:
+        """Good once, then the whole picture."""
+
+        calls = 0
+
+        def segment(self, prompts):
+            self.calls += 1
+            if self.calls == 1:
+                return encoded.segment(prompts)
+            return Segments(np.full((1, 1, *image.shape[:2]), 5.0, np.float32), np.array([[0.9]]))
+
+    with clicking(at(proposals[1]), at(proposals[1], shift=5)) as model:
+        found = locate(
+            Endpoint(VisionOptions(base_url=model.url)), image, Turns(), proposals, "lift the bottle"
+        )
+    assert iou(found.mask, proposals[1]) > 0.8
+    assert found.clicks[1].refused
+
+
+def test_a_model_that_fails_leaves_what_was_good(seen):
+    calls = []
+
+    def answer(request):
+        calls.append(request)
+        return said(json.dumps(at(seen[2][1]))) if len(calls) == 1 else refused(400, "no")
+
+    with LocalModel(answer) as model:
+        found = ask(model, seen)
+    assert found.stopped == "no_answer"
+    assert found.mask is not None
+    with clicking("I see a bottle.") as model:
+        assert ask(model, seen).mask is None
+
+
+def test_a_click_beside_takes_away(seen, two):
+    wide = np.zeros_like(two.truth[0], dtype=bool)
+    brick, image = two.truth[0] == 1, seen[0]
+    wide |= brick
+    painted = brick & (image[..., 1] > 120)
+    with clicking(at(brick & ~painted), at(painted, on=False), DONE) as model:
+        found = ask(model, (image, seen[1], [wide]))
+    assert not found.mask[painted].any()
+    assert [c.on for c in found.clicks] == [True, False]
+
+
+def test_the_overlay_shows_outlines_the_mark_and_clicks(seen):
+    image, _, proposals = seen
+    plain = overlay(image, [], None, [], 640)
+    assert overlay(image, proposals, None, [], 640) != plain
+    assert overlay(image, [], proposals[0], [], 640) != plain
+
+
+def test_the_scene_says_which_thing_was_meant(world, two):
+    frames, table, _ = frames_of(two.observation.views, world.WORKSPACE)
+    things = [
+        thing_of(
+            np.concatenate([f.points[t == k] for f, t in zip(frames, two.truth, strict=True)]),
+            np.concatenate([f.view.image[t == k] for f, t in zip(frames, two.truth, strict=True)]) / 255.0,
+            world.TABLE, 1.0, f"o{k}",
+        )
+        for k in (1, 2)
+    ]  # fmt: skip
+    scene = Scene(tuple(things), world.TABLE, world.WORKSPACE)
+    model_of = world.ByColour(120.0)
+    pictures = [model_of.encode(f.view.image) for f in frames]
+    # Clicks are asked for in the picture that shows most.
+    shown = int(np.argmax([(t > 0).sum() for t in two.truth]))
+    with clicking(at(two.truth[shown] == 2), DONE) as model:
+        options = VisionOptions(base_url=model.url)
+        asked = localized(
+            scene, frames, pictures, table, "lift the bottle", vision_model(options, "a test"), options
+        )
+    assert any(note.startswith("o2 is what was asked for") for note in asked.notes)
+    assert asked.objects == scene.objects
+
+
+def test_a_part_that_geometry_did_not_tell_apart_is_added(world, two):
+    frames, table, _ = frames_of(two.observation.views, world.WORKSPACE)
+    points = np.concatenate([f.points[t == 1] for f, t in zip(frames, two.truth, strict=True)])
+    whole = thing_of(points, np.ones_like(points), world.TABLE, 1.0, "o1")
+    scene = Scene((whole,), world.TABLE, world.WORKSPACE)
+
+    class Painted:
+        def __init__(self, image, own):
+            self.mask = own & (image[..., 1] > 120)
+
+        def segment(self, prompts):
+            return Segments(np.where(self.mask, 5.0, -5.0).astype(np.float32)[None, None], np.array([[0.9]]))
+
+    pictures = [Painted(f.view.image, t == 1) for f, t in zip(frames, two.truth, strict=True)]
+    shown = int(np.argmax([(t == 1).sum() for t in two.truth]))
+    with clicking(at(pictures[shown].mask), DONE) as model:
+        options = VisionOptions(base_url=model.url)
+        asked = localized(
+            scene, frames, pictures, table, "press the end", vision_model(options, "a test"), options
+        )
+    assert asked.objects[1].parent == "o1"
+    assert asked.objects[1].extents[:2].prod() < 0.6 * whole.extents[:2].prod()

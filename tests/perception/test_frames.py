@@ -1,0 +1,60 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gvla2.errors import PerceptionError
+from gvla2.geometry.transform import rigid
+from gvla2.geometry.views import Views
+from gvla2.perception.frames import frames_of, raised
+from gvla2.planning.scene import Box
+
+
+def test_the_table_is_found_and_what_stands_on_it_is_above(world, two):
+    frames, table, notes = frames_of(two.observation.views, world.WORKSPACE)
+    assert table.height_at(0.2, 0.0) == pytest.approx(world.TABLE, abs=5e-4)
+    assert not notes
+    for frame, truth in zip(frames, two.truth, strict=True):
+        up = raised(frame, table, world.WORKSPACE)
+        assert (up & (truth > 0)).sum() > 0.9 * (truth > 0).sum()
+        assert not (up & (truth <= 0)).sum() > 3
+
+
+def test_a_camera_that_is_out_by_millimetres_is_set_right(world, two):
+    views = list(two.observation.views)
+    camera = views[1].camera
+    off = rigid(
+        [[1, 0, 0], [0, np.cos(0.005), -np.sin(0.005)], [0, np.sin(0.005), np.cos(0.005)]], (0, 0, 0.003)
+    )
+    views[1] = replace(views[1], camera=replace(camera, world_from_camera=off @ camera.world_from_camera))
+    frames, table, _ = frames_of(Views(tuple(views)), world.WORKSPACE)
+    bare = frames[1].height[(two.truth[1] == 0) & (np.abs(frames[1].points[..., 0] - 0.25) < 0.3)]
+    assert abs(np.median(bare)) < 5e-4
+    assert abs(frames[1].corrected) > 1e-3 > abs(frames[0].corrected)
+    assert table.height_at(0.2, 0.0) == pytest.approx(world.TABLE, abs=2e-3)
+
+
+def test_a_camera_without_depth_is_left_out_and_named(world, two):
+    views = list(two.observation.views)
+    views[0] = replace(views[0], depth=np.full_like(views[0].depth, np.nan))
+    views[2] = replace(views[2], image=np.zeros_like(views[2].image))
+    frames, _, notes = frames_of(Views(tuple(views)), world.WORKSPACE)
+    assert [f.view.name for f in frames] == ["camera_1", "camera_3"]
+    assert "camera_0" in notes[0]
+    assert "black" in notes[1]
+
+
+@pytest.mark.parametrize(
+    ("broken", "said"),
+    [("blind", "No view can be used"), ("away", "hundreds"), ("empty", "low must be below high")],
+)
+def test_what_cannot_be_perceived_is_said(world, two, broken, said):
+    views, workspace = two.observation.views, world.WORKSPACE
+    if broken == "blind":
+        views = Views(tuple(replace(v, depth=None) for v in views))
+    elif broken == "away":
+        workspace = Box(workspace.low + 5, workspace.high + 5)
+    else:
+        workspace = Box(workspace.high, workspace.low)
+    with pytest.raises(PerceptionError, match=said):
+        frames_of(views, workspace)

@@ -1,0 +1,112 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.geometry.transform import rigid
+from gvla2.geometry.views import Views
+from gvla2.perception.clusters import clusters
+from gvla2.perception.frames import frames_of, raised
+from gvla2.perception.gallery import Gallery
+from gvla2.perception.labels import labelled
+from gvla2.perception.scans import check_names, read_scans
+from gvla2.perception.things import thing_of
+from gvla2.planning.scene import Scene
+
+
+@pytest.fixture
+def folder(tmp_path, world):
+    world.brick().export(tmp_path / "painted_brick.glb")
+    world.brick(size=(0.16, 0.05, 0.05), rgb=(0.3, 0.6, 0.3)).export(tmp_path / "green_bar.glb")
+    world.bottle().export(tmp_path / "blue_bottle.glb")
+    world.bottle((0.8, 0.1, 0.1)).export(tmp_path / "ketchup.glb")
+    return tmp_path
+
+
+@pytest.fixture(autouse=True, scope="module")
+def own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+def scene_of(world, observation):
+    frames, table, _ = frames_of(observation.views, world.WORKSPACE)
+    found = clusters(frames, [raised(f, table, world.WORKSPACE) for f in frames])
+    things = []
+    for k in range(found.count):
+        rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)]) / 255.0
+        things.append(thing_of(found.points(frames, k), rgb, world.TABLE, 1.0, f"o{k}"))
+    return Scene(tuple(things), world.TABLE, world.WORKSPACE, "test")
+
+
+def test_known_things_get_their_names_poses_and_meshes(world, folder):
+    brick, bottle = world.brick(), world.bottle()
+    lying = rigid([[0, 0, -1], [0, 1, 0], [1, 0, 0]], (0.3, 0.1, world.TABLE + 0.035))
+    seen = world.Seen([(brick, world.standing(brick, 0.15, -0.12, 0.8)), (bottle, lying)], noise=0.0008)
+    scene = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)])
+    by_name = {o.label: o for o in scene.objects}
+    assert set(by_name) == {"painted brick", "blue bottle"}
+    for name, mesh, pose in (
+        ("painted brick", brick, world.standing(brick, 0.15, -0.12, 0.8)),
+        ("blue bottle", bottle, lying),
+    ):
+        thing = by_name[name]
+        assert (thing.named_by, thing.known.name) == ("gallery", name)
+        assert thing.sureness > 0.8
+        true = trimesh.transform_points(np.asarray(mesh.vertices), pose)
+        placed = thing.known.mesh().vertices
+        gaps = np.linalg.norm(placed[:, None] - true[None], axis=-1).min(axis=1)
+        assert np.median(gaps) < 0.004
+        assert gaps.max() < 0.012
+
+
+def test_the_painted_end_tells_which_way_round_it_lies(world, folder):
+    brick = world.brick()
+    for yaw in (0.3, 0.3 + np.pi):
+        seen = world.Seen([(brick, world.standing(brick, 0.25, 0.0, yaw))], noise=0.0008)
+        (thing,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
+        found = thing.known.world_from_scan[:2, 0]
+        assert found @ [np.cos(yaw), np.sin(yaw)] > 0.95
+
+
+@pytest.mark.parametrize("change", ["larger", "colour", "other"])
+def test_what_is_not_in_the_gallery_is_unknown(world, folder, change):
+    strange = {
+        "larger": world.brick(size=(0.17, 0.10, 0.056)),
+        "colour": world.bottle((0.9, 0.85, 0.2)),
+        "other": trimesh.creation.cone(0.05, 0.12),
+    }[change]
+    if change == "other":
+        strange.visual.vertex_colors = (90, 90, 200, 255)
+    seen = world.Seen([(strange, world.standing(strange, 0.25, 0.0))], noise=0.0008)
+    scene = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)])
+    assert scene.objects[0].named_by == ""
+    assert scene.objects[0].known is None
+    assert any("unknown to the gallery" in note for note in scene.notes)
+
+
+def test_same_shape_other_colour_is_told_apart(world, folder):
+    bottle = world.bottle((0.8, 0.1, 0.1))
+    seen = world.Seen([(bottle, world.standing(bottle, 0.25, 0.0))], noise=0.0008)
+    (thing,) = labelled(scene_of(world, seen.observation), seen.observation, [Gallery(folder)]).objects
+    assert thing.label == "ketchup"
+
+
+def test_a_camera_without_depth_and_a_thing_of_few_points_do_not_stop_it(world, folder, two):
+    views = list(two.observation.views)
+    views[0] = replace(views[0], depth=None)
+    views[1] = replace(views[1], depth=np.full_like(views[1].depth, np.nan))
+    blind = replace(two.observation, views=Views(tuple(views)))
+    scene = scene_of(world, blind)
+    speck = replace(scene.objects[0], id="speck", points=scene.objects[0].points[:5])
+    scene = labelled(replace(scene, objects=(*scene.objects, speck)), blind, [Gallery(folder)])
+    assert {o.label for o in scene.objects if o.named_by} == {"painted brick", "blue bottle"}
+    assert any(note.startswith("speck: unknown") and "5 points" in note for note in scene.notes)
+
+
+def test_two_scans_of_one_name_are_refused(folder):
+    scans = read_scans(folder)
+    with pytest.raises(Exception, match="Two scans"):
+        check_names([*scans, scans[0]])
