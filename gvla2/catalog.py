@@ -144,6 +144,8 @@ class Registry:
         what = f"The {kind} '{component.name}' of plugin '{plugin.name}'"
         try:
             made = component.build(config, **needs)
+            if own.name == "task" and made is not None:
+                made = _cluttered(made, config)
         except Gvla2Error:
             raise
         except Exception as error:
@@ -216,6 +218,13 @@ def _first_of_each_name(
         else:
             first[item.name] = item, plugin
     return first
+
+
+def _cluttered(task: Any, config: ComponentConfig) -> Any:
+    """The task among the distractors that its options ask for."""
+    from gvla2.robot.clutter import cluttered
+
+    return cluttered(task, config)
 
 
 def nothing_in(root: object, kind: str) -> bool:

@@ -275,7 +275,9 @@ def _observe(
         )
         record = replace(record, notes=(*record.notes, trouble)) if trouble else record
     noise = np.random.default_rng([request.seed, 2 * _looks(record)])
-    return replace(record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise))
+    return replace(
+        record, observation=apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed)
+    )
 
 
 def _looks(record: EpisodeRecord) -> int:
@@ -338,7 +340,7 @@ def _execute(
         record = replace(record, failure=Failure("execute", stopped.abort, message))
     try:
         noise = np.random.default_rng([request.seed, 2 * _looks(record) + 1])
-        after = apply_noise(parts.robot.observe(), request.depth_noise, noise)
+        after = apply_noise(parts.robot.observe(), request.depth_noise, noise, request.seed)
         scene = parts.perceiver.perceive(after, record.instruction, parts.robot.arm.workspace)
         return replace(record, after=after, after_scene=scene)
     except SimulationError as error:

@@ -24,6 +24,8 @@ from gvla2.fitness import structured
 from gvla2.kinds import KINDS, NONE, SLOTS
 
 PROVIDER = "gvla2"
+SWEEP_CALLBACK = "gvla2.commands.sweeps.SweepFolder"
+"""What Hydra tells of a sweep: the choice ``hydra/callbacks=gvla2``."""
 LONGEST_FOLDER_NAME = 80
 
 
@@ -65,6 +67,8 @@ def register(
             node = with_groups(schema, registry.groups)
             store.store(name=f"{name}_choices", node={"defaults": _choices(registry)}, provider=PROVIDER)
         store.store(name=f"{name}_schema", node=node, provider=PROVIDER)
+    callback = {"sweep": {"_target_": SWEEP_CALLBACK}}
+    store.store(group="hydra/callbacks", name="gvla2", node=callback, provider=PROVIDER)
     PresetSearchPath.paths = registry.search_paths
     Plugins.instance().register(PresetSearchPath)
     register_resolvers()

@@ -102,6 +102,8 @@ KINDS: Mapping[str, Kind] = _table(
      "verifiers: judge an episode from its evidence", "geometric"),
     ("agent", "agents", "gvla2.agents.contracts:Agent",
       "software agents that work at a shell in a sandbox", NONE),
+    ("tracker", "trackers", "gvla2.record.tracker:Tracker",
+     "trackers: services of experiments that are told of a run", "none"),
     ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
      "language models for components that say needs=(\"language\",)", "endpoint"),
 )

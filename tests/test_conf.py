@@ -161,7 +161,7 @@ def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]
         (["planner=skil"], "No planner named 'skil'. Did you mean 'skill'? Available: "),
         (
             ["depth_noise=l51"],
-            "No depth_noise named 'l51'. Did you mean 'l515'? Available: gaussian, l515, none.",
+            "No depth_noise named 'l51'. Did you mean 'l515'? Available: gaussian, l515, none, realistic.",
         ),
         (
             ["planner.lift_hight=1"],

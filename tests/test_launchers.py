@@ -17,9 +17,9 @@ import pytest
 import trimesh
 
 from gvla2.evaluation.protocol import protocol_cameras
+from gvla2.geometry.plain_views import write_plain
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.plain_views import write_plain
 
 CLUSTER = """
 import json, sys, ray

@@ -35,9 +35,16 @@ log = logging.getLogger(__name__)
 
 
 def job(config: BenchConfig, registry: Registry) -> float:
-    """Run the bench into Hydra's output folder; the share of cells that could be measured."""
+    """Run the bench into Hydra's output folder; the share of cells that could be measured.
+
+    Raises :class:`ConfigurationError` for an option that was asked for and does nothing in this suite.
+    """
+    from hydra.core.hydra_config import HydraConfig
+
+    from gvla2.commands.bench_options import check_options
     from gvla2.commands.hydra_job import output_folder
 
+    check_options(config.suite, HydraConfig.get().overrides.task)
     return run_bench(config, registry, output_folder())
 
 
@@ -49,7 +56,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     """
     from importlib import import_module
 
-    from gvla2.commands.reporting import FORMATS, publish
+    from gvla2.commands.reporting import publish
     from gvla2.evaluation.results import Results
     from gvla2.evaluation.tables import LAYOUTS
     from gvla2.record.files import make_folder
@@ -65,8 +72,7 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
         _write_result(folder, config, data, cells, results, run_id)
         used = {cell.run or run_id for cell in cells}
         runs = [run for run in results.runs(config.suite) if run.id in used]
-        formats = [name for name in FORMATS if name != "terminal" or not config.quiet]
-        publish([_of_run(cell, run_id) for cell in cells], runs, LAYOUTS[config.suite], folder, formats)
+        publish([_of_run(cell, run_id) for cell in cells], runs, LAYOUTS[config.suite], folder)
     failed = Counter(str(c.notes["status"]) for c in cells if c.notes.get("status") != "ok")
     for status, count in failed.items():
         log.warning("%d of %d cells %s", count, len(cells), status)

@@ -113,9 +113,7 @@ def _sequence(chosen: _Chosen, tasks: Sequence[AgentTask], arm: str, seed: int) 
         "agent": str(getattr(config.agent, "name", "")),
         "model": _model_of(config),
         "verifier": str(getattr(config.verifier, "name", "")),
-        "options": _arm(chosen, arm).variant
-        if config.arm_options.get(arm) or arm in config.own_arms
-        else "",
+        "options": _arm(chosen, arm).variant if config.arm_options.get(arm) or arm in config.own_arms else "",
         "tasks": Path(config.agents.tasks).name,
     }
     state = Path(config.agents.state or chosen.folder / "agents") / keys[-1][:16]

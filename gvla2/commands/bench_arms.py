@@ -21,13 +21,15 @@ class Arm:
     """One arm: its ``name``, what it is made of, and how that is configured.
 
     ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
-    ``replan`` further attempts are allowed in an episode, None for as many as the bench allows.
+    ``replan`` further attempts are allowed in an episode, None for as many as the bench allows. ``explored`` is how
+    many of the explored layouts of a row it learns from, None for all.
     """
 
     name: str
     source: str
     options: Mapping[str, Any] = field(default_factory=dict)
     replan: int | None = None
+    explored: int | None = None
 
     @property
     def memory(self) -> str:
@@ -40,7 +42,8 @@ class Arm:
         plain = self.source == self.name or MEMORY_OF.get(self.name) == self.source
         told = [] if plain else [self.source]
         told += [f"{name}={value}" for name, value in sorted(self.options.items())]
-        return ", ".join([*told, *([] if self.replan is None else [f"replan={self.replan}"])])
+        counts = (("replan", self.replan), ("explored", self.explored))
+        return ", ".join([*told, *(f"{name}={value}" for name, value in counts if value is not None)])
 
 
 def arms_of(config: BenchConfig) -> list[Arm]:
@@ -55,12 +58,11 @@ def arm_named(config: BenchConfig, name: str) -> Arm:
         raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
     told = {**(given or {}), **dict(config.arm_options.get(name) or {})}
     source = str(told.pop("memory", MEMORY_OF.get(name, name) if name != "shuffled" else name))
-    replan = told.pop("replan", None)
-    if replan is not None and (not isinstance(replan, int) or isinstance(replan, bool) or replan < 0):
-        raise ConfigurationError(
-            f"arms.{name}.replan is {replan!r}; it is a count of further attempts, 0 or more."
-        )
-    return Arm(name, source, told, replan)
+    counts = {count: told.pop(count, None) for count in ("replan", "explored")}
+    for count, value in counts.items():
+        if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+            raise ConfigurationError(f"arms.{name}.{count} is {value!r}; it is a count, 0 or more.")
+    return Arm(name, source, told, **counts)
 
 
 def check_arms(config: BenchConfig, registry: Registry) -> None:
@@ -85,7 +87,7 @@ def check_arms(config: BenchConfig, registry: Registry) -> None:
                 hint = f" Did you mean '{close[0]}'?" if close else ""
                 raise ConfigurationError(
                     f"arms.{arm.name}.{option}: '{arm.source}' has no such option.{hint} "
-                    f"It has: {', '.join(sorted(known)) or 'none'}, and replan."
+                    f"It has: {', '.join(sorted(known)) or 'none'}; and replan, explored."
                 )
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.commands.run_config import DepthNoiseConfig
+from gvla2.commands.run_config import DepthNoiseConfig, ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
@@ -29,14 +29,6 @@ class DataConfig:
     def __post_init__(self) -> None:
         if not 32 <= self.size <= 4096 or not 1 <= self.samples <= 16:
             raise ConfigurationError("data.size lies in [32, 4096] and data.samples in [1, 16].")
-
-
-@dataclass
-class ResultsConfig:
-    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
-
-    url: str = "sqlite:///outputs/results.sqlite"
-    fresh: bool = False
 
 
 @dataclass

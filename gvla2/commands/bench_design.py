@@ -233,7 +233,8 @@ def _episodes(
             other = teaching is not config and planner_label(teaching) != planner_label(config)
             teacher = planner_label(teaching) if past and other else ""
             told = {"teacher": teacher, **({"variant": arm.variant} if arm.variant else {})}
-            past = (past, arm.replan) if arm.replan is not None else past
+            changed = [count for count in (arm.replan, arm.explored) if count is not None]
+            past = (past, arm.replan, arm.explored) if changed else past
             for place, layout in _places(config):
                 here: dict[str, str | int] = {"task": task, "arm": arm.name, **place}
                 keys = {p: cell_key(SUITE, here, p, around[task], past) for p in PROFILES}

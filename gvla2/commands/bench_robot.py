@@ -22,6 +22,7 @@ from gvla2.commands.bench_episodes import (
     run_there,
     run_unit,
 )
+from gvla2.commands.bench_films import worth_filming
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_subjects import kind_of
 from gvla2.commands.bench_workers import in_processes, workers_for
@@ -86,7 +87,7 @@ class _PlannerBench:
         _require_measured(design.exploring, known)
         experiences = _experiences(design.exploring, known)
         lacking = _lacking(design.plan, known)
-        banks = self._banks(sorted({one.arm for one in lacking}), experiences)
+        banks = self._banks(lacking, experiences)
         self._carry_out(
             lacking, _units(design.config, lacking, experiences, banks, design.tasks), SUITE, known
         )
@@ -109,41 +110,51 @@ class _PlannerBench:
             known.update({cell.key: cell for cell in cells})
             self.progress.done(len(outcomes), f"{unit.config.planner.name}, {unit.task}, {unit.arm}")
 
-    def _banks(self, arms: Sequence[str], experiences: Mapping[str, Sequence[Experience]]) -> dict[str, str]:
-        """Teach each memory that keeps a file, once; the files by arm."""
+    def _banks(
+        self, planned: Iterable[Planned], experiences: Mapping[str, Sequence[Experience]]
+    ) -> dict[tuple[str, str], str]:
+        """Teach each memory that keeps a file, once; the files by row and arm.
+
+        What is asked about another row must not know the row's own lessons: such an arm has a bank for each row.
+        """
         from gvla2.evaluation.robot.experience import teach
         from gvla2.record.files import make_folder
 
-        banks = {}
-        for arm in arms:
+        banks: dict[tuple[str, str], str] = {}
+        taught: dict[str, str] = {}
+        for task, arm in dict.fromkeys((one.task, one.arm) for one in planned):
             made = arm_named(self.design.config, arm)
             if not has_bank(self.registry, made):
                 continue
-            path = make_folder(self.folder / "banks" / self.design.place).absolute() / f"{arm}.db"
-            root = chosen_memory(self.design.config, self.registry, made, str(path))
-            with closing(self.registry.build(root, "memory")) as memory:
-                teach(memory, (one for learnt in experiences.values() for one in learnt))
-            banks[arm] = str(path)
+            own = made.source == "shuffled"
+            name = f"{arm}-{list(self.design.tasks).index(task)}" if own else arm
+            if name not in taught:
+                path = make_folder(self.folder / "banks" / self.design.place).absolute() / f"{name}.db"
+                root = chosen_memory(self.design.config, self.registry, made, str(path))
+                lessons = first(experiences, made.explored)
+                with closing(self.registry.build(root, "memory")) as memory:
+                    for other, learnt in lessons.items():
+                        if not own or other != task:
+                            teach(memory, learnt)
+                taught[name] = str(path)
+            banks[task, arm] = taught[name]
         return banks
 
     def _filmed(
-        self, cells: Sequence[Cell], experiences: Mapping[str, Sequence[Experience]], banks: Mapping[str, str]
+        self,
+        cells: Sequence[Cell],
+        experiences: Mapping[str, Sequence[Experience]],
+        banks: Mapping[tuple[str, str], str],
     ) -> list[Cell]:
-        """The cells, some failed ones with the folder of their film: the episode run once more, which is the same."""
+        """The cells, some with the folder of their film: the episode run once more, which is the same."""
         design = self.design
         by_key = {cell.key: cell for cell in cells}
-        taken: dict[tuple[str, str], int] = defaultdict(int)
-        chosen = []
-        for one in design.plan:
-            cell = by_key[one.keys["eased"]]
-            old = str(cell.notes.get("film", ""))
-            failed = cell.measures["success"] is not None and not cell.measures["success"]
-            if not failed or taken[one.task, one.arm] >= design.config.videos:
-                continue
-            taken[one.task, one.arm] += 1
-            if not old or not Path(old).is_dir():
-                chosen.append(one)
-        banks = {**banks, **self._banks(sorted({one.arm for one in chosen} - set(banks)), experiences)}
+        chosen = [
+            one
+            for one in worth_filming(design.plan, by_key, design.config.videos)
+            if not Path(str(by_key[one.keys["eased"]].notes.get("film", "")) or "/nowhere").is_dir()
+        ]
+        banks = {**banks, **self._banks((o for o in chosen if (o.task, o.arm) not in banks), experiences)}
         for one in chosen:
             place = (self.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()
             (unit,) = _units(design.config, [one], experiences, banks, design.tasks, str(place))
@@ -167,7 +178,7 @@ def _units(
     config: BenchConfig,
     planned: Sequence[Planned],
     experiences: Mapping[str, Sequence[Experience]] | None = None,
-    banks: Mapping[str, str] | None = None,
+    banks: Mapping[tuple[str, str], str] | None = None,
     tasks: Sequence[str] = (),
     film: str = "",
 ) -> list[EpisodeUnit]:
@@ -177,7 +188,8 @@ def _units(
         grouped[one.task, one.arm].append(one.layout)
     units = []
     for (task, arm), layouts in grouped.items():
-        learnt, asked = experiences or {}, None
+        asked = None
+        learnt = first(experiences or {}, None if arm == EXPLORED else arm_named(config, arm).explored)
         source = "off" if arm == EXPLORED else arm_named(config, arm).source
         if source == "shuffled":
             others = sorted(others_of(task, tasks), key=lambda other: kind_of(other) != kind_of(task))
@@ -185,9 +197,22 @@ def _units(
         own = learnt.get(task, ()) if source == "best_theta" else [e for one in learnt.values() for e in one]
         for start in range(0, len(layouts), TOGETHER):
             some = tuple(layouts[start : start + TOGETHER])
-            bank = (banks or {}).get(arm, "")
+            bank = (banks or {}).get((task, arm), "")
             units.append(EpisodeUnit(config, task, arm, some, bank, tuple(own), asked, film))
     return units
+
+
+def first(
+    experiences: Mapping[str, Sequence[Experience]], layouts: int | None
+) -> Mapping[str, Sequence[Experience]]:
+    """What the first so many explored layouts of each row brought; all of it for None."""
+    if layouts is None:
+        return experiences
+    found = {}
+    for task, learnt in experiences.items():
+        seeds = list(dict.fromkeys(one.seed for one in learnt))[:layouts]
+        found[task] = [one for one in learnt if one.seed in seeds]
+    return found
 
 
 def _measure(

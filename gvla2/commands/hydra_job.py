@@ -96,6 +96,14 @@ def launch(
     of an error is added to ``errors``, too.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
+    if {"-m", "--multirun"} & set(argv) and {"-c", "--cfg", "-i", "--info"} & {
+        w.partition("=")[0] for w in argv
+    }:
+        print(
+            "gvla2: --cfg and --info show one job: leave -m away, and give each option one value.",
+            file=sys.stderr,
+        )
+        return 2
     if advice := dashed_option(argv):
         print(f"gvla2: {printable(advice)}", file=sys.stderr)
         return 2

@@ -9,14 +9,14 @@ from gvla2.commands.reconstruct_config import NO_TARGETS, ReconstructConfig
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.evaluation.gso_truth import true_mesh
 from gvla2.evaluation.protocol import TARGETS
+from gvla2.geometry.gso_views import find_model_folder
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.mesh_files import read_mesh
+from gvla2.geometry.plain_views import find_cameras
+from gvla2.geometry.view_archive import ARCHIVE
+from gvla2.geometry.view_folders import read_views
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.gso_views import find_model_folder
-from gvla2.reconstruction.plain_views import find_cameras
 from gvla2.reconstruction.support import mask_support
-from gvla2.reconstruction.view_archive import ARCHIVE
-from gvla2.reconstruction.view_folders import read_views
 
 LEAST_TRUTH_SUPPORT = 0.3
 """Mean mask support below which a true mesh is taken to lie in another frame; masks may be occluded in part."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gvla2.commands.bench_config import ResultsConfig
+from gvla2.commands.run_config import ResultsConfig
 from gvla2.errors import ConfigurationError
 
 FORMATS = ("terminal", "markdown", "latex", "html")

@@ -30,6 +30,7 @@ def publish(
     """Make the tables of these cells in every format asked for; returns the files written into ``folder``."""
     from gvla2.evaluation.noise_curve import noise_curve
     from gvla2.evaluation.report_page import render_report
+    from gvla2.evaluation.robot.learning_curve import learning_curve
     from gvla2.evaluation.table_formats import to_latex, to_markdown
     from gvla2.evaluation.tables import Table, tables_of
     from gvla2.record.files import write_text
@@ -42,7 +43,7 @@ def publish(
         written.append(write_text(folder / "report.md", to_markdown(tables)))
     if "latex" in formats:
         written.append(write_text(folder / "report.tex", to_latex(tables)))
-    curve = noise_curve([table for table in tables if isinstance(table, Table)])
+    curve = noise_curve([table for table in tables if isinstance(table, Table)]) or learning_curve(cells)
     if curve and formats:
         written.append(write_text(folder / "curve.svg", curve))
     if "html" in formats:

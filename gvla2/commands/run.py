@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import sys
 import traceback
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from gvla2.commands.run_config import RunConfig
     from gvla2.episode import Parts
+    from gvla2.memory.contracts import Memory
     from gvla2.plugins import Registry
     from gvla2.record.contents import EpisodeRecord, Stage
     from gvla2.record.progress import Progress
@@ -65,41 +67,88 @@ class _Listener:
 def job(config: RunConfig, registry: Registry) -> float:
     """Run the configured episodes into Hydra's output folder; the share that succeeded, for sweepers.
 
+    A job of a sweep has a bank of its own unless one is named, and is not run again in a folder where it is done.
     Raises :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an
     episode that was carried out and failed is a result.
     """
+    from gvla2.commands import sweeps
     from gvla2.commands.hydra_job import output_folder
 
-    return run_episodes(config, registry, output_folder())
+    folder = output_folder()
+    records: list[EpisodeRecord] = []
+    if not sweeps.in_sweep():
+        return run_episodes(config, registry, folder)
+    config, label = sweeps.with_fresh_bank(config, folder), sweeps.job_label()
+    digest = sweeps.digest_of(config)
+    share = None if config.results.fresh else sweeps.done_before(folder, digest)
+    if share is not None:
+        print(f"{label} is done: {folder / 'index.html'}", file=sys.stderr)
+        return share
+    sweeps.clear(folder)
+    try:
+        share = run_episodes(config, registry, folder, label, records)
+    except Exception as error:
+        sweeps.write_job(folder, config, digest, records, f"failed: {error}")
+        raise
+    sweeps.write_job(folder, config, digest, records, "ok")
+    return share
 
 
-def run_episodes(config: RunConfig, registry: Registry, folder: Path) -> float:
+def run_episodes(
+    config: RunConfig,
+    registry: Registry,
+    folder: Path,
+    label: str = "",
+    records: list[EpisodeRecord] | None = None,
+) -> float:
     """As :func:`job`, into ``folder``: the episode itself for one; for several ``episode_NNN``, an overview, the
     aggregate ``result.json`` (brought up to date after each) and the composed configuration.
+
+    ``label`` begins each line on the terminal; ``records`` gets what was run, also before an error.
     """
+    from gvla2.commands.tracking import Tracking
     from gvla2.episode import ABANDONED
     from gvla2.record.files import write_text
     from gvla2.record.overview import write_summary
+    from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder, write_index
 
     composed = OmegaConf.to_yaml(OmegaConf.structured(config))
     if config.episodes > 1:
         write_text(folder / "config.yaml", composed)
-    records: list[EpisodeRecord] = []
+    records = [] if records is None else records
     with ExitStack() as stack:
         parts = _build(config, registry, stack)
+        progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
+        progress.say(bank_line(config, parts.memory))
+        tracking = stack.enter_context(Tracking(registry.build(config, "tracker"), config, folder))
         blame = partial(crashed_component, parts, registry)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             recorder = RunRecorder(target, composed, command="run")
-            record = _run_one(parts, config, config.seed + number, recorder, blame)
+            record = _run_one(parts, config, config.seed + number, _Listener(recorder, progress), blame)
             records.append(record)
+            tracking.episode(number, record, target)
             if config.episodes > 1:
                 write_summary(folder, records)
                 write_index(folder, records)
             if record.failure is not None and record.failure.kind in ABANDONED:
                 raise Gvla2Error(f"{record.failure.message} (stage: {record.failure.stage}; see {target})")
     return sum(bool(r.judgement and r.judgement.eased) for r in records) / len(records)
+
+
+def bank_line(config: RunConfig, memory: Memory) -> str:
+    """Which bank the run uses and how many lessons that holds, in a sentence."""
+    options: Any = getattr(config, "memory")  # noqa: B009  # a field that the bridge to Hydra adds
+    stats = getattr(memory, "stats", None)
+    if not callable(stats):
+        return f"memory {options.name} keeps no bank"
+    try:
+        held = sum(stats()["types"].values())
+    except Gvla2Error as error:
+        return f"memory {options.name}, bank '{options.bank}': {error}"
+    url = getattr(memory, "url", options.url)
+    return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
 
 
 def _build(config: RunConfig, registry: Registry, stack: ExitStack) -> Parts:
@@ -152,37 +201,35 @@ def _run_one(
     parts: Parts,
     config: RunConfig,
     seed: int,
-    recorder: RunRecorder,
+    listener: _Listener,
     blame: Callable[[BaseException], str],
 ) -> EpisodeRecord:
     from gvla2.episode import EpisodeRequest, run_episode
-    from gvla2.record.progress import Progress
     from gvla2.robot.depth_noise import DepthNoise
 
     request = EpisodeRequest(
         seed=seed,
         instruction=config.instruction,
         depth_noise=DepthNoise(**asdict(config.depth_noise)),
-        source="/".join(recorder.folder.parts[-_TELLING:]),
+        source="/".join(listener.recorder.folder.parts[-_TELLING:]),
         replan=config.replan,
         planner_timeout=config.planner_timeout,
         max_parts=config.max_parts,
         agreement=config.agreement,
     )
-    with Progress(quiet=config.quiet) as progress:
-        listener = _Listener(recorder, progress)
-        try:
-            record = run_episode(parts, request, listener)
-        except Exception as error:
-            if not isinstance(error, Gvla2Error) and (who := blame(error)):
-                error.add_note(f"{who}.")
-                listener.name_culprit(who)
-            raise
-        finally:
-            # Also after an interrupt or a crash: the folder is complete up to there.
-            if listener.latest is not None:
-                _finish(recorder, listener.latest)
-        progress.finish(record, recorder.folder)
+    try:
+        record = run_episode(parts, request, listener)
+    except Exception as error:
+        if not isinstance(error, Gvla2Error) and (who := blame(error)):
+            error.add_note(f"{who}.")
+            listener.name_culprit(who)
+        raise
+    finally:
+        listener.progress.close()
+        # Also after an interrupt or a crash: the folder is complete up to there.
+        if listener.latest is not None:
+            _finish(listener.recorder, listener.latest)
+    listener.progress.finish(record, listener.recorder.folder)
     return record
 
 
@@ -198,5 +245,6 @@ def _finish(recorder: RunRecorder, record: EpisodeRecord) -> None:
 def main(argv: list[str]) -> int:
     """Entry of ``gvla2 run [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
+    from gvla2.commands.sweeps import conclude
 
-    return launch("run", job, argv)
+    return conclude(launch("run", job, argv), argv)

@@ -8,30 +8,63 @@ from dataclasses import dataclass, field
 from gvla2.errors import ConfigurationError
 from gvla2.hydra_bridge import EveryKind
 
-DEPTH_NOISE_KINDS = ("none", "gaussian", "l515")
+DEPTH_NOISE_KINDS = ("none", "gaussian", "l515", "realistic")
 
 
 @dataclass
 class DepthNoiseConfig:
-    """Noise on simulated depth: standard deviation ``sigma_m + sigma_rel * z`` in metres for depth z.
+    """What is wrong with simulated cameras: see :class:`gvla2.robot.depth_noise.DepthNoise`, whose fields these are.
 
-    ``dropout`` is the share of pixels without a measurement.
+    ``sigma_m + sigma_rel * z`` metres is the deviation at depth z; ``dropout`` the share of pixels without a
+    measurement, which lies in [0, 1), as do ``flying``, ``grazing`` and ``dark``.
     """
 
     kind: str = "none"
     sigma_m: float = 0.0
     sigma_rel: float = 0.0
     dropout: float = 0.0
+    flying: float = 0.0
+    grazing: float = 0.0
+    dark: float = 0.0
+    bias_rel: float = 0.0
+    quantum_m: float = 0.0
+    colour: float = 0.0
+    exposure: float = 0.0
+    offset_m: float = 0.0
+    turn_deg: float = 0.0
 
     def __post_init__(self) -> None:
         if self.kind not in DEPTH_NOISE_KINDS:
             raise ConfigurationError(
                 f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(DEPTH_NOISE_KINDS)}."
             )
-        if not (0 <= self.sigma_m < math.inf and 0 <= self.sigma_rel < math.inf and 0 <= self.dropout < 1):
-            raise ConfigurationError(
-                "depth_noise: sigmas must be finite and not negative, and dropout lies in [0, 1)."
-            )
+        for name in ("dropout", "flying", "grazing", "dark"):
+            share = getattr(self, name)
+            if not (0 <= share <= 1 and (name != "dropout" or share < 1)):
+                raise ConfigurationError(
+                    f"depth_noise.{name}={share} is a share of pixels; it lies in [0, 1)."
+                )
+        for name in (
+            "sigma_m",
+            "sigma_rel",
+            "bias_rel",
+            "quantum_m",
+            "colour",
+            "exposure",
+            "offset_m",
+            "turn_deg",
+        ):
+            size = getattr(self, name)
+            if not 0 <= size < math.inf:
+                raise ConfigurationError(f"depth_noise.{name}={size} must be finite and not negative.")
+
+
+@dataclass
+class ResultsConfig:
+    """The results database: an SQLAlchemy address. ``fresh`` measures anew what is there already."""
+
+    url: str = "sqlite:///outputs/results.sqlite"
+    fresh: bool = False
 
 
 @dataclass
@@ -44,7 +77,8 @@ class RunConfig(EveryKind):
     ``planner_timeout`` seconds ends its episode; 0 waits for ever. Where the planner fails or declines for want of
     means, ``fallback`` plans, another planner or none; with ``agreement`` both are asked every time, and where they do
     not mean the same the one that is sure decides. A program that takes several plans is carried out in up to
-    ``max_parts``.
+    ``max_parts``. A sweep puts its jobs into the database ``results``; jobs that are done in its folder are kept,
+    unless ``results.fresh``.
     """
 
     instruction: str | None = None
@@ -56,6 +90,7 @@ class RunConfig(EveryKind):
     max_parts: int = 6
     agreement: bool = False
     depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+    results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:
         if self.episodes < 1:

@@ -94,7 +94,7 @@ class Dataset:
         if self.kind != "gso30":
             return object_views(item.source, item.name, size=self.size, samples=self.samples)
         from gvla2.evaluation.gso_truth import true_mesh
-        from gvla2.reconstruction.view_folders import read_views
+        from gvla2.geometry.view_folders import read_views
 
         inputs = read_views(item.folder, _spec(INPUTS), self.size)
         targets = read_views(item.folder, _spec(TARGETS), self.size)

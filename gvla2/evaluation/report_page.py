@@ -14,6 +14,7 @@ from markupsafe import Markup
 from gvla2.evaluation.perception.table import PerceptionTable
 from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.robot.tables import Film, RobotTable
+from gvla2.evaluation.runs import Job, RunTable
 from gvla2.evaluation.sheets import explanations
 from gvla2.evaluation.table_formats import EXPLANATION, AnyTable, sheet_of
 from gvla2.evaluation.tables import Table
@@ -51,7 +52,8 @@ def _table(table: AnyTable, cells: Sequence[Cell]) -> dict[str, Any]:
         "rows": sheet.rows,
         "footnote": sheet.footnote,
         "pictures": _pictures(table, cells) if isinstance(table, Table) else [],
-        "films": [_film(film) for film in table.films] if isinstance(table, RobotTable) else [],
+        "films": _films(table),
+        "shown": "Jobs" if isinstance(table, RunTable) else "Failures to look at",
         "overlays": _overlays(table) if isinstance(table, PerceptionTable) else [],
     }
 
@@ -61,7 +63,13 @@ def _overlays(table: PerceptionTable) -> list[dict[str, str]]:
     return [one for one in found if one["source"]][:MOST_PICTURES]
 
 
-def _film(film: Film) -> dict[str, str]:
+def _films(table: AnyTable) -> list[dict[str, str]]:
+    if isinstance(table, RobotTable):
+        return [_film(film) for film in table.films]
+    return [_film(job) for job in table.jobs] if isinstance(table, RunTable) else []
+
+
+def _film(film: Film | Job) -> dict[str, str]:
     """Films are linked to, not put into the page: they would make it hundreds of megabytes."""
     folder = Path(film.folder)
     moving = folder / "episode.gif"

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 from gvla2.evaluation.figures import FigureTable
 from gvla2.evaluation.perception.table import PerceptionTable, sheet_of_perception
 from gvla2.evaluation.robot.tables import RobotTable
+from gvla2.evaluation.runs import RunTable
 from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow, Tone, explanations, sheet_of_figures
 from gvla2.evaluation.tables import NOTABLE, Entry, Measure, Table, TableRow
 
 NOT_MEASURED = "not measured"
+FEWEST = 5
+"""Objects from which an interval is told: a bootstrap of fewer knows hardly more values than there are objects."""
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, where there are several; change of the mean against the first "
-    "row in per cent [95 % interval, bootstrap over objects]; worst: the change of the object that fared worst. "
+    "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
+    "that fared worst. "
     "Every row but the first and B has the prior that the title names."
 )
 
@@ -26,7 +30,8 @@ def lines_of(entry: Entry, measure: Measure) -> list[str]:
     lines = [f"{entry.mean:.{measure.digits}f}{spread}"]
     if entry.change is not None:
         change = entry.change
-        lines.append(f"{change.percent:+.2f} % [{change.low:+.2f}, {change.high:+.2f}]")
+        interval = f" [{change.low:+.2f}, {change.high:+.2f}]" if change.count >= FEWEST else ""
+        lines.append(f"{change.percent:+.2f} %{interval}")
     if entry.worst is not None:
         lines.append(f"worst {entry.worst + 0.0:+.2f} % ({entry.worst_object})")
     return lines
@@ -56,12 +61,12 @@ def footnote(table: Table) -> str:
     return told
 
 
-AnyTable = Table | FigureTable | RobotTable | PerceptionTable
+AnyTable = Table | FigureTable | RobotTable | PerceptionTable | RunTable
 
 
 def sheet_of(table: AnyTable) -> Sheet:
     """Any table as cells of text."""
-    if isinstance(table, RobotTable):
+    if isinstance(table, RobotTable | RunTable):
         return table.sheet
     if isinstance(table, PerceptionTable):
         return sheet_of_perception(table)
@@ -83,8 +88,9 @@ def sheet_of(table: AnyTable) -> Sheet:
 def _cell(entry: Entry, measure: Measure) -> SheetCell:
     tone: Tone = ""
     # Only a change whose interval leaves out zero has a colour.
-    if entry.change is not None and entry.change.low * entry.change.high > 0:
-        gained = (entry.change.percent < 0) == (measure.better == "lower")
+    changed = entry.change
+    if changed is not None and changed.count >= FEWEST and changed.low * changed.high > 0:
+        gained = (changed.percent < 0) == (measure.better == "lower")
         tone = "better" if gained else "worse"
     return SheetCell(tuple(lines_of(entry, measure)), entry.mean is None, tone)
 

@@ -15,6 +15,7 @@ from gvla2.evaluation.perception.table import (
 )
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.robot.tables import ROBOT, RobotLayout, RobotTable, make_robot_tables
+from gvla2.evaluation.runs import RUNS, RunLayout, RunTable, make_run_tables
 from gvla2.evaluation.statistics import Change, mean_and_deviation, paired_change
 
 
@@ -146,17 +147,25 @@ AGENTS = Layout(
     groups=("agent", "model", "verifier", "tasks", "options"),
     pair="task",
 )
-AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout
+AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout | RunLayout
 LAYOUTS: Mapping[str, AnyLayout] = {
-    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES)
+    made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES, RUNS)
 }
 """The suites that can be reported."""
 
 
 def tables_of(
     cells: Iterable[Cell], layout: AnyLayout
-) -> Sequence[Table] | Sequence[FigureTable] | Sequence[RobotTable] | Sequence[PerceptionTable]:
+) -> (
+    Sequence[Table]
+    | Sequence[FigureTable]
+    | Sequence[RobotTable]
+    | Sequence[PerceptionTable]
+    | Sequence[RunTable]
+):
     """The tables of these cells, as their suite has them."""
+    if isinstance(layout, RunLayout):
+        return make_run_tables(cells, layout)
     if isinstance(layout, RobotLayout):
         return make_robot_tables(cells, layout)
     if isinstance(layout, PerceptionLayout):

@@ -98,7 +98,7 @@ def _fell_short(record: EpisodeRecord, skill: Skill | None, theme: SceneObject |
     if stopped and not (skill.held_back and stopped in ("slipped", "tracking")):
         return None
     reached = tuple(
-        Reached(r.index, r.stage, r.gripper_width, r.status == "guarded") for r in report.waypoints
+        Reached(r.index, r.stage, r.gripper_width, r.status == "guarded", r.error) for r in report.waypoints
     )
     later = correspond(before, after).of
     return skill.diagnose(Outcome(plan, before, theme, later, reached, stopped == "slipped", after))

@@ -207,50 +207,23 @@ class ChoosingEmbedder(Embedder, Protocol):
 class Candidates(Protocol):
     """The N records that a retriever ranks, as parallel columns; row i is the same record in each of them.
 
+    ``ids``: each once; ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative;
+    ``usage``: credited uses; ``conflicts``: how many records contradict each; ``outcomes``: places in ``OUTCOMES``, how
+    each was verified; ``types``: places in ``TYPES``; ``programs``: which carry a program as their effect.
+
     Columns are read-only and hold until the index behind them changes: use them within one call of ``rank``, keep
     none. What costs time to look up for every record (texts, signatures) comes by row, on demand.
     :func:`gvla2.testing.candidates` builds small ones for the tests of a retriever.
     """
 
-    @property
-    def ids(self) -> Sequence[str]:
-        """N ids, each once."""
-        ...
-
-    @property
-    def confidence(self) -> NDArray[np.float64]:
-        """(N,) kappa in [0, 1]."""
-        ...
-
-    @property
-    def ages(self) -> NDArray[np.float64]:
-        """(N,) days since the last update; never negative."""
-        ...
-
-    @property
-    def usage(self) -> NDArray[np.int64]:
-        """(N,) credited uses."""
-        ...
-
-    @property
-    def conflicts(self) -> NDArray[np.int64]:
-        """(N,) how many records contradict each."""
-        ...
-
-    @property
-    def outcomes(self) -> NDArray[np.int8]:
-        """(N,) places in ``OUTCOMES``: how each record was verified."""
-        ...
-
-    @property
-    def types(self) -> NDArray[np.int8]:
-        """(N,) places in ``TYPES``."""
-        ...
-
-    @property
-    def programs(self) -> NDArray[np.bool_]:
-        """(N,) which carry a program as their effect."""
-        ...
+    ids: Sequence[str]
+    confidence: NDArray[np.float64]  # (N,)
+    ages: NDArray[np.float64]  # (N,)
+    usage: NDArray[np.int64]  # (N,)
+    conflicts: NDArray[np.int64]  # (N,)
+    outcomes: NDArray[np.int8]  # (N,)
+    types: NDArray[np.int8]  # (N,)
+    programs: NDArray[np.bool_]  # (N,)
 
     def of_skill(self, skill: str) -> NDArray[np.bool_]:
         """(N,) the records of this skill or of none; all of them for ""."""

@@ -8,9 +8,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
-from json.scanner import make_scanner
 from operator import attrgetter
-from typing import Any, cast
+from typing import Any
 
 from gvla2.memory.contracts import LifecycleState, Outcome, RecordType, Trust
 from gvla2.memory.meaning.plain_text import unified
@@ -38,9 +37,9 @@ class Record:
     bank: str
     query: str
     content: str
-    type: str
-    state: str
-    outcome: str
+    type: RecordType
+    state: LifecycleState
+    outcome: Outcome
     confidence: float
     quality: float
     dedup_key: str
@@ -56,30 +55,10 @@ class Record:
     effect: str = ""
     provenance: str = "{}"
     note: str = ""
-    trust: str = "own"
+    trust: Trust = "own"
     # The store's own; the last two columns of the table, too.
     version: int = 0
     rev: int = 0
-
-    @property
-    def record_type(self) -> RecordType:
-        """The type, as the contract spells it."""
-        return cast(RecordType, self.type)
-
-    @property
-    def lifecycle(self) -> LifecycleState:
-        """The state, as the contract spells it."""
-        return cast(LifecycleState, self.state)
-
-    @property
-    def verified_as(self) -> Outcome:
-        """The outcome, as the contract spells it."""
-        return cast(Outcome, self.outcome)
-
-    @property
-    def trusted(self) -> Trust:
-        """The trust, as the contract spells it."""
-        return cast(Trust, self.trust)
 
     @property
     def text(self) -> str:
@@ -118,7 +97,7 @@ _SIGNATURE, _EFFECT = COLUMNS.index("signature"), COLUMNS.index("effect")
 _SHORT = 1000
 """Characters of what is remembered to be sound JSON."""
 _VALUES = attrgetter(*COLUMNS)
-TYPES = tuple({"str": str, "float": float, "int": int}[str(field.type)] for field in fields(Record))
+TYPES = tuple({"float": float, "int": int}.get(str(field.type), str) for field in fields(Record))
 _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
 
 
@@ -127,21 +106,10 @@ def _no_constant(name: str) -> float:
 
 
 _DECODER = json.JSONDecoder(parse_constant=_no_constant)
-_SCAN = make_scanner(cast(Any, _DECODER))
-# The encoder makes this anew for each text, which takes longer than most texts. Without it, where it is not built in.
-_make = getattr(json.encoder, "c_make_encoder", None)
-_QUICK = _make and _make(
-    None, _CODEC.default, json.encoder.encode_basestring, None, ":", ",", True, False, False
-)
 
 
 def dump(data: Any) -> str:
     """JSON with sorted keys: the same data give the same text. Raises ``ValueError`` for NaN and infinity."""
-    if _QUICK:
-        try:
-            return "".join(_QUICK(data, 0))
-        except RecursionError:
-            pass  # the encoder says what is wrong: the quick one does not look for data within themselves
     return _CODEC.encode(data)
 
 
@@ -152,12 +120,7 @@ def load(text: str) -> Any:
 
 def load_object(text: str) -> dict[str, Any]:
     """A JSON object; raises ``ValueError`` for anything else."""
-    try:
-        data, end = _SCAN(text, 0)
-    except (StopIteration, TypeError):
-        data, end = None, -1
-    if end != len(text):  # spaces around it, or what is wrong with it
-        data = _DECODER.decode(text)
+    data = _DECODER.decode(text)
     if not isinstance(data, dict):
         raise ValueError("not a JSON object")
     return data

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import PerceptionError
-from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.planning.scene import Box
 
@@ -56,6 +56,14 @@ class Table:
     offset: float
     noise: float
 
+    def frame(self, workspace: Box) -> FloatArray:
+        """(4, 4) table_from_world: its top at z = 0, z its normal, origin under the workspace's centre, x along x."""
+        x = np.cross([0.0, 1.0, 0.0], self.normal)
+        x = x / np.linalg.norm(x)
+        middle = 0.5 * (workspace.low + workspace.high)
+        axes = np.stack([x, np.cross(self.normal, x), self.normal], axis=1)
+        return invert_rigid(rigid(axes, [*middle[:2], self.height_at(float(middle[0]), float(middle[1]))]))
+
     def height_at(self, x: float, y: float) -> float:
         """World z of the plane there."""
         return float((self.offset - self.normal[0] * x - self.normal[1] * y) / self.normal[2])
@@ -81,7 +89,7 @@ def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table
         raise PerceptionError(
             f"No view can be used: {' '.join(notes)} One camera at least must deliver depth."
         )
-    table = _table([_near(f, workspace) for f in frames], workspace)
+    table = find_table([f.points[f.known] for f in frames], workspace)
     return [_set_right(f, table, workspace) for f in frames], table, notes
 
 
@@ -115,16 +123,17 @@ def _why_not(view: View, points: FloatArray) -> str:
     return "its image is black" if view.image.max() <= DARK else ""
 
 
-def _near(frame: Frame, workspace: Box) -> FloatArray:
-    """(N, 3) points over and a little under the workspace."""
-    points = frame.points[frame.known]
+def _near(points: FloatArray, workspace: Box) -> FloatArray:
+    """Those of points (N, 3) that lie over and a little under the workspace."""
     low = workspace.low - [0.0, 0.0, BELOW]
     return np.asarray(points[((points >= low) & (points <= workspace.high)).all(axis=1)])
 
 
-def _table(clouds: Sequence[FloatArray], workspace: Box) -> Table:
-    """RANSAC over triples, then least squares over the plane's own points."""
-    points = np.concatenate(clouds)
+def find_table(clouds: Sequence[FloatArray], workspace: Box) -> Table:
+    """The widest nearly level plane under the workspace in points (N, 3) of some views: RANSAC over triples, then
+    least squares over the plane's own points. Raises :class:`PerceptionError` where there is none.
+    """
+    points = _near(np.concatenate(clouds), workspace)
     if len(points) < LEAST_POINTS:
         raise PerceptionError(
             f"Only {len(points)} of the measured points lie in the workspace {workspace.low} to {workspace.high}; "
@@ -167,7 +176,7 @@ def _settled(points: FloatArray, normal: FloatArray, offset: float, band: float)
 def _set_right(frame: Frame, table: Table, workspace: Box) -> Frame:
     """The frame with its own table laid onto the common one: two turns and one shift, what a plane can tell."""
     points, off = frame.points, 0.0
-    near = _near(frame, workspace)
+    near = _near(points[frame.known], workspace)
     near = near[np.abs(near @ table.normal - table.offset) < MOST_CORRECTION]
     if len(near) >= LEAST_POINTS:
         normal, offset = _settled(near, table.normal, float(np.median(near @ table.normal)), 0.008)

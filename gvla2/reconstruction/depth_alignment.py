@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,10 +146,10 @@ class _Problem:
 
     def solved(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The likeliest theta near the given one, and its covariance (S P, S P)."""
-        radius = {"initial_trust_radius": 10.0, "max_trust_radius": 1000.0}
-        answer = minimize(
+        bounds: dict[str, Any] = {"initial_trust_radius": 10.0, "max_trust_radius": 1000.0, "maxiter": STEPS}
+        answer = minimize(  # type: ignore[call-overload]  # jac=True: the cost brings its slope
             self._cost, (theta / self._spread).ravel(), method="dogleg", jac=True, hess=self._curvature,
-            options={"maxiter": STEPS, **radius},
+            options=bounds,
         )  # fmt: skip
         scale = self._spread.ravel()
         covariance = np.linalg.inv(self._curvature(answer.x)) * np.outer(scale, scale)

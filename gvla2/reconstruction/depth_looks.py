@@ -109,7 +109,11 @@ def look_at(
         basis.at(pixels + 0.5, at),
         np.log(front[rows, columns]),
         np.log(back[rows, columns]),
-        (below, basis.at(under[:, ::-1] + 0.5, below), np.log(caps[under[:, 0], under[:, 1]])),
+        (
+            below,
+            basis.at((under[:, ::-1] + 0.5).astype(float), below),
+            np.log(caps[under[:, 0], under[:, 1]]),
+        ),
     )
 
 

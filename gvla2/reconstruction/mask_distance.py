@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
@@ -45,18 +45,11 @@ class Silhouette:
 
     def sample(self, uv: FloatArray) -> FloatArray:
         """(N,) distances in pixels at pixels (N, 2), bilinear; the nearest value outside the image, NaN at NaN."""
-        height, width = self.distance.shape
-        known = np.isfinite(uv).all(axis=1)
-        x = np.clip(np.where(known, uv[:, 0], 0.0) - 0.5, 0.0, width - 1.0)
-        y = np.clip(np.where(known, uv[:, 1], 0.0) - 0.5, 0.0, height - 1.0)
-        column = np.minimum(x.astype(np.intp), max(width - 2, 0))
-        row = np.minimum(y.astype(np.intp), max(height - 2, 0))
-        right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
-        a, b = x - column, y - row
-        d = np.minimum(self.distance, np.float32(1e6))
-        top = (1 - a) * d[row, column] + a * d[row, right]
-        bottom = (1 - a) * d[below, column] + a * d[below, right]
-        return np.where(known, (1 - b) * top + b * bottom, np.nan)
+        known = np.asarray(np.isfinite(uv).all(axis=1))
+        where = np.where(known[:, None], uv - 0.5, 0.0)[:, ::-1].T
+        # Where nothing is known the distance is infinite, and infinity times a weight of 0 is none.
+        near = map_coordinates(np.minimum(self.distance, np.float32(1e6)), where, order=1, mode="nearest")
+        return np.where(known, near, np.nan)
 
 
 def silhouettes(views: Views) -> tuple[tuple[Silhouette, ...], tuple[str, ...]]:

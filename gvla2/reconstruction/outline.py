@@ -1,4 +1,4 @@
-"""Silhouettes of point sets and meshes, drawn into images.
+"""Silhouettes of point sets, drawn into images.
 
 A point set has no outline of its own: its discs of some radius r are drawn and the radius is taken back, which
 closes the gaps between the points and leaves the outline where the outermost points are (a morphological
@@ -92,15 +92,6 @@ def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
     density = max(float(per_cell), 1.0) / _CELL**2
     expected = max(np.log(density * _CELL**2 * taken.sum()), 1.0)
     return float(np.clip(np.sqrt(expected / (np.pi * density)), _LEAST_RADIUS, _MOST_RADIUS))
-
-
-def mesh_mask(vertices: FloatArray, faces: NDArray[np.int64], camera: Camera) -> NDArray[np.bool_]:
-    """(H, W) pixels whose centre some triangle covers; triangles that reach behind the camera are left out."""
-    covered = np.zeros((camera.height, camera.width), dtype=np.bool_)
-    uv = np.empty((len(vertices), 2), dtype=np.float32)
-    _project(vertices, projection(camera), np.zeros(0), 1.0, uv, np.zeros(0, dtype=np.float32))
-    _fill(uv.astype(np.float64), np.ascontiguousarray(faces, dtype=np.int64), covered)
-    return covered
 
 
 @compiled
@@ -224,32 +215,3 @@ def _close(distance: Field, radius: float, inside: Field) -> None:
                 for m in range(max(j - window, 0), min(j + window + 1, width)):
                     apart = np.sqrt(np.float32((k - i) * (k - i) + (m - j) * (m - j)))
                     inside[k, m] = min(inside[k, m], apart - beyond - np.float32(radius))
-
-
-@compiled
-def _fill(uv: FloatArray, faces: NDArray[np.int64], covered: NDArray[np.bool_]) -> None:
-    height, width = covered.shape
-    for f in range(len(faces)):
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, bx, by, cx, cy = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1], uv[c, 0], uv[c, 1]
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        if not (abs(area) > 0 and np.isfinite(area)):  # NaN: behind the camera
-            continue
-        if area < 0:
-            bx, by, cx, cy = cx, cy, bx, by
-        low_u, high_u = min(ax, bx, cx), max(ax, bx, cx)
-        low_v, high_v = min(ay, by, cy), max(ay, by, cy)
-        if high_u < 0 or high_v < 0 or low_u > width or low_v > height:
-            continue
-        for i in range(max(int(np.ceil(low_v - 0.5)), 0), min(int(np.floor(high_v - 0.5)), height - 1) + 1):
-            y = i + 0.5
-            for j in range(
-                max(int(np.ceil(low_u - 0.5)), 0), min(int(np.floor(high_u - 0.5)), width - 1) + 1
-            ):
-                x = j + 0.5
-                if (
-                    (bx - ax) * (y - ay) >= (by - ay) * (x - ax)
-                    and (cx - bx) * (y - by) >= (cy - by) * (x - bx)
-                    and (ax - cx) * (y - cy) >= (ay - cy) * (x - cx)
-                ):
-                    covered[i, j] = True

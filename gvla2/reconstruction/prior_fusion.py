@@ -5,10 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-import numpy as np
-
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import GeometryEstimate, GeometryPrior, Reconstruction, StageReport
@@ -21,24 +20,31 @@ from gvla2.reconstruction.zbuffer import depth_map
 STAGE = "prior"
 
 
-ROUNDS = 2
-"""Times that depth is corrected and fused: once by what the views say, once by what the masks say to that."""
+THIN = 0.75
+"""Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
+MENDED = 0.5
+"""Share of these points that may be left by a correction that heeds them."""
 
 
 def agreed(estimate: GeometryEstimate, seen: ViewSet, g0: Mesh | None) -> tuple[DepthEvidence, Posterior]:
     """What a prior's depth and the views agree on.
 
     Depth that is wrong where no other depth looks still cuts away what other views' masks show. Those points go back
-    into the correction of depth, as what it must not look through.
+    into the correction of depth, as what it must not look through; what comes of that is kept where it leaves few of
+    them. Depth that errs cuts along the outlines; walls thinner than a voxel are cut everywhere, however right it is.
     """
-    needed = np.zeros((0, 3))
-    for _ in range(ROUNDS):
+
+    def fused(needed: FloatArray | None) -> tuple[DepthEvidence, Posterior]:
         evidence = gather(estimate, seen.views, seen.hull_surface, needed)
-        posterior = fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
-        needed = np.concatenate([needed, posterior.needed])
-        if not len(posterior.needed):
-            break
-    return evidence, posterior
+        return evidence, fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
+
+    first = fused(None)
+    needed = first[1].needed
+    rim = sum(int(((s.distance > 0) & (s.distance <= 1)).sum()) for s in seen.silhouettes)
+    if not 0 < len(needed) < THIN * rim:
+        return first
+    second = fused(needed)
+    return second if len(second[1].needed) < MENDED * len(needed) else first
 
 
 def fuse_prior(

@@ -12,8 +12,9 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import run_together
-from gvla2.reconstruction.outline import mesh_mask, outline
+from gvla2.reconstruction.outline import outline
 from gvla2.reconstruction.support import as_points, mask_of, mask_support
+from gvla2.reconstruction.zbuffer import depth_of
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def silhouettes(
             if triangles is None:
                 masks[number] = outline(array, view.camera, sizes).mask
             else:
-                masks[number] = mesh_mask(array, triangles, view.camera)
+                masks[number] = np.isfinite(depth_of(array, triangles, view.camera))
 
         return job
 

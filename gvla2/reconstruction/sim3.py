@@ -72,40 +72,6 @@ class Sim3:
         return result
 
 
-def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Sim3:
-    """The similarity that takes points ``source`` (N, 3) nearest to ``target`` (N, 3) in the weighted squares.
-
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 1991; a mirror
-    is never returned. ``weights`` (N,) >= 0, all equal by default.
-    Raises :class:`GeometryError` for wrong shapes, numbers that are not finite, and points that do not fix a
-    similarity: fewer than three, all in one place or on one line.
-    """
-    a, b = (np.asarray(x, dtype=np.float64) for x in (source, target))
-    if a.ndim != 2 or a.shape[1:] != (3,) or a.shape != b.shape:
-        raise GeometryError(f"umeyama: source and target must both be (N, 3), got {a.shape} and {b.shape}.")
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
-    if w.shape != (len(a),) or not (w >= 0).all() or not np.isfinite(w).all():
-        raise GeometryError(f"umeyama: weights must be {len(a)} finite numbers >= 0.")
-    if not (np.isfinite(a).all() and np.isfinite(b).all()):
-        raise GeometryError("umeyama: source and target must be finite.")
-    if (w > 0).sum() < 3:
-        raise GeometryError(
-            f"umeyama: {int((w > 0).sum())} weighted points do not fix a similarity; give 3 or more."
-        )
-    w = w / w.sum()
-    mean_a, mean_b = w @ a, w @ b
-    a, b = a - mean_a, b - mean_b
-    for what, centred in (("source", a), ("target", b)):
-        spread = np.linalg.svd(np.sqrt(w)[:, None] * centred, compute_uv=False)
-        if not spread[1] > _FLAT * max(spread[0], 1e-300):
-            raise GeometryError(f"umeyama: the {what} points lie on one line or in one place.")
-    rotation = _procrustes((w[:, None] * b).T @ a)
-    scale = float(np.sum(w[:, None] * b * (a @ rotation.T)) / np.sum(w[:, None] * a * a))
-    if not scale > 0:
-        raise GeometryError("umeyama: no proper rotation brings the points together (is one set mirrored?).")
-    return Sim3(scale, rotation, mean_b - scale * rotation @ mean_a)
-
-
 @dataclass(frozen=True)
 class CameraAlignment:
     """How a prior's cameras fit the calibrated ones.

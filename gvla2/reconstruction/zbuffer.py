@@ -20,12 +20,19 @@ def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3, farthest: bool = F
     ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than ``near``
     (metres) to the camera's plane are left out.
     """
+    return depth_of(mesh.vertices, mesh.faces, camera, near, farthest)
+
+
+def depth_of(
+    vertices: FloatArray, faces: NDArray[np.int64], camera: Camera, near: float = 1e-3, farthest: bool = False
+) -> NDArray[np.float32]:
+    """The same of bare triangles (F, 3); those with a vertex (V, 3) that is not finite are left out."""
     depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
-    local = transform_points(camera.camera_from_world, mesh.vertices)
+    local = transform_points(camera.camera_from_world, vertices)
     image = local @ camera.K.T
     with np.errstate(divide="ignore", invalid="ignore"):
         uv = image[:, :2] / image[:, 2:3]
-    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), mesh.faces, depth, near, farthest)
+    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), faces, depth, near, farthest)
     return depth
 
 
@@ -47,11 +54,11 @@ def _rasterise(
     height, width = depth.shape
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if z[a] < near or z[b] < near or z[c] < near:
+        if not (z[a] >= near and z[b] >= near and z[c] >= near):
             continue
         ax, ay, bx, by, cx, cy = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1], uv[c, 0], uv[c, 1]
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        if area == 0.0:
+        if not abs(area) > 0.0:
             continue
         # Pixel i's centre lies at i + 0.5.
         left = max(int(np.ceil(max(min(ax, bx, cx), 0.0) - 0.5)), 0)

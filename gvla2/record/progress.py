@@ -23,13 +23,15 @@ class Progress:
     """Tells a person what a run is doing, as a context manager.
 
     On a terminal each stage shows a spinner, then a tick, its seconds and what it found; elsewhere (a file, a pipe)
-    plain lines, one a finished stage. ``quiet`` says nothing at all, and so does a terminal that is gone. Texts
-    from outside (instructions, labels) are printed as they are, without terminal control characters or markup.
+    plain lines, one a finished stage. ``quiet`` says only how an episode ended, a terminal that is gone nothing. Each
+    line begins with ``label``, for jobs of a sweep that talk at the same time. Texts from outside (instructions,
+    labels) are printed as they are, without terminal control characters or markup.
     """
 
-    def __init__(self, quiet: bool = False, console: Console | None = None) -> None:
+    def __init__(self, quiet: bool = False, console: Console | None = None, label: str = "") -> None:
         self._console = console or Console(stderr=True, highlight=False)
-        self._quiet = quiet
+        self._quiet, self._gone = quiet, False
+        self._label = f"{self._printable(label, 100)} " if label else ""
         self._live = self._console.is_terminal and not self._console.is_dumb_terminal
         self._status: Status | None = None
         self._began = time.monotonic()
@@ -77,21 +79,23 @@ class Progress:
     def finish(self, record: EpisodeRecord, folder: Path) -> None:
         """The episode is over: its outcome on one line, and where to look."""
         self._stop()
-        if self._quiet:
-            return
         tone = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow"}[headline(record)[1]]
-        self.say(summary_line(record), tone if self._live else "")
-        self.say(f"-> {folder / 'index.html'}")
+        self._print(Text(self._printable(summary_line(record), 400), style=tone if self._live else ""))
+        self._print(Text(self._printable(f"-> {folder / 'index.html'}", 400)))
 
     def close(self) -> None:
         """Take the spinner away; safe to call twice."""
         self._stop()
 
     def _print(self, line: Text) -> None:
+        if self._gone:
+            return
         try:
-            self._console.print(line, soft_wrap=True)
+            self._console.print(
+                Text.assemble((self._label, "dim" if self._live else ""), line), soft_wrap=True
+            )
         except (OSError, SystemExit):  # the reader left; rich would leave with it, and stop the robot
-            self._quiet = True
+            self._gone = self._quiet = True
 
     def _printable(self, text: str, limit: int = 160) -> str:
         encoding = self._console.encoding

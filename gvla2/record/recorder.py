@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.geometry.view_archive import write_views
 from gvla2.geometry.views import Observation
 from gvla2.loop.refine import masked_views, objects_of_interest
 from gvla2.planning.scene import Scene
-from gvla2.reconstruction.view_archive import write_views
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png

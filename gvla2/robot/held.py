@@ -44,6 +44,9 @@ class CarriedScene:
                 thing,
                 world_from_object=moved @ thing.world_from_object,
                 points=transform_points(moved, thing.points),
+                known=None
+                if thing.known is None
+                else replace(thing.known, world_from_scan=moved @ thing.known.world_from_scan),
             )
             for thing in (self.attached.object, *self._parts)
         )

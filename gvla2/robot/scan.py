@@ -32,12 +32,14 @@ class Scan:
     """One solid of a body that is a mesh, as :class:`gvla2.robot.task.Primitive` is one that is a simple shape.
 
     ``textured`` in metres, its bounding box centred at the origin of the solid's own frame; ``body_from_shape``
-    (4, 4). ``offset`` (3,) is where that centre lay in the file's frame, metres. ``notes`` are sentences about what
-    was brought into order.
+    (4, 4). ``offset`` (3,) is where that centre lay in the frame of the file ``path``, metres, of which a unit has
+    ``scale`` metres. ``notes`` are sentences about what was brought into order.
     """
 
     textured: TexturedMesh
     offset: FloatArray
+    path: str
+    scale: float
     notes: tuple[str, ...] = ()
     body_from_shape: FloatArray = field(default_factory=lambda: np.eye(4))
     collides: bool = True
@@ -134,7 +136,7 @@ def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
         notes.append(f"it was thinned from {count} to {len(textured.mesh.faces)} faces")
     if not textured.images and np.ptp(textured.rgb.reshape(-1, 3), axis=0).max() == 0:
         notes.append("it has no texture")
-    return Scan(textured, offset, tuple(notes))
+    return Scan(textured, offset, str(source), factor, tuple(notes))
 
 
 def signed_volume(mesh: Mesh) -> float:

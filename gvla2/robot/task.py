@@ -114,7 +114,8 @@ class Catch:
 class Glow:
     """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
 
-    It stays lit, unless the joint has travelled beyond ``until`` as well. Both in the joint's unit, radians or metres.
+    It stays lit, unless the joint has travelled beyond ``until`` as well; with that given, each stroke of the joint
+    from rest counts by itself, in its ``peak`` too. Both in the joint's unit, radians or metres.
     """
 
     body: str
@@ -208,7 +209,8 @@ class TaskInstance:
 
     ``goal`` says in words what the referee looks for, for the run's page. ``image_size`` is the least side in pixels
     of cameras that show what matters, 0 when any does. ``solution`` shows that the episode can be solved by this
-    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it.
+    arm's physics; see :mod:`gvla2.robot.demonstration`. No perceiver, planner or memory ever sees it. ``keep_clear``
+    are rounds (x, y, radius) on the table that the task needs free, world metres, beside where its bodies lie.
     """
 
     layout: Layout
@@ -217,6 +219,7 @@ class TaskInstance:
     goal: str = ""
     image_size: int = 0
     solution: Solution | None = field(default=None, repr=False)
+    keep_clear: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -104,3 +104,13 @@ def extent(solids: tuple[Solid, ...]) -> tuple[FloatArray, FloatArray]:
         half = np.abs(solid.body_from_shape[:3, :3]) @ (0.5 * np.asarray(solid.size))
         corners += [solid.body_from_shape[:3, 3] - half, solid.body_from_shape[:3, 3] + half]
     return np.min(corners, axis=0), np.max(corners, axis=0)
+
+
+def body_points(body: Body, world_from_body: FloatArray) -> FloatArray:
+    """(N, 3) world points whose convex hull holds the body at its pose (4, 4); round solids by their boxes."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    points = []
+    for solid in body.solids:
+        local = solid.hull if isinstance(solid, Scan) else 0.5 * signs * np.asarray(solid.size)
+        points.append(transform_points(world_from_body @ solid.body_from_shape, local))
+    return np.concatenate(points)

@@ -113,8 +113,8 @@ def doubts(
     ]
     why, wanted = misread(calls, instruction, scene)
     if why:
-        about = frozenset(names[o.id] for o in scene.objects if root_of(o, scene).id in wanted)
-        found.append(Named(why, about, True))
+        moved = frozenset(names[o.id] for o in scene.objects if root_of(o, scene).id in wanted)
+        found.append(Named(why, moved, True))
     return found
 
 

@@ -44,6 +44,7 @@ MANY = re.compile(
     r"\b(?:all|both|each|every|everything|them|others|rest|things|items|objects|pieces|toys|ones)\b"
 )
 IT = re.compile(r"\b(?:it|its)\b")
+WITHOUT = re.compile(r"\bwithout \w+ing\b[^,.;]*?(?=[,.;]|\band\b|$)")
 MOST = 6
 """Calls of a program that a small model may write, however much is wished for."""
 
@@ -112,13 +113,13 @@ def misread(calls: Sequence[SkillCall], wish: str, scene: Scene) -> tuple[str, f
 
 def asked(wish: str) -> str:
     """The wish in small letters without how it is not to be done: "without toppling the tower"."""
-    return re.sub(r"\bwithout \w+ing\b[^,.;]*?(?=[,.;]|\band\b|$)", " ", wish.casefold())
+    return WITHOUT.sub(" ", wish.casefold())
 
 
 def undoable(wish: str) -> str:
     """The verb of a clause that no skill does, "" where there is none."""
     for clause in re.split(r"[,;.:!?]|\b(?:and|then)\b", wish.casefold()):
-        words = [w for w in re.findall(r"[a-z]+", clause) if w not in OPENERS]
+        words: list[str] = [w for w in re.findall(r"[a-z]+", clause) if w not in OPENERS]
         if words and words[0] in UNDOABLE:
             return words[0]
     return ""

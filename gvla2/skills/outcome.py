@@ -24,12 +24,15 @@ class Signal:
 
 @dataclass(frozen=True)
 class Reached:
-    """One executed waypoint: its ``stage``, the fingers' gap in metres at its end, and whether a guard ended it."""
+    """One executed waypoint: its ``stage``, the fingers' gap in metres at its end, whether a guard
+    ended it, and by how much the tool missed its target, metres.
+    """
 
     index: int
     stage: str
     gripper_width: float
     guarded: bool = False
+    error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,9 @@ class Outcome:
         began = any(r.index < len(waypoints) and waypoints[r.index].carries for r in self.reached)
         return closed and began
 
-    def stopped(self, stage: str) -> bool:
-        """Whether a guard ended a motion of this stage: the hand met a stop."""
-        return any(r.guarded for r in self.reached if r.stage == stage)
+    def stopped(self, stage: str, short: float) -> bool:
+        """Whether the hand met a stop in a motion of this stage: a guard ended it, or it ended ``short`` metres off."""
+        return any(r.guarded or r.error > short for r in self.reached if r.stage == stage)
 
     def changed(self, name: str, by: float, op: str = ">=") -> Effect | None:
         """The bound that asks for ``by`` more (or less) of a parameter than was used; None where it was not used."""

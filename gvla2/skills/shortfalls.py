@@ -24,6 +24,8 @@ FORCED = 0.002
 """Fingers whose gap changes by so much while they turn went round what they held, metres."""
 PRESS_MARGIN = 0.003
 """Metres to press a button deeper by, or less deep."""
+PRESS_SHORT, GAVE_WAY = 0.0003, 0.002
+"""A press that ends so far short of its target met a stop, and so did a lifted handle, in fingers that give way; m."""
 CATCH_MARGIN = 0.008
 """Metres to lift a handle further by before it is pulled, or less far."""
 HOOK_MARGIN = 0.005
@@ -87,7 +89,7 @@ def of_pull(outcome: Outcome) -> Signal | None:
     if missing <= PULL_TOLERANCE:
         return None
     if came < HELD_FAST and outcome.held_back():
-        if outcome.stopped("unlatch"):
+        if outcome.stopped("unlatch", GAVE_WAY):
             less = outcome.changed("unlatch_lift", -CATCH_MARGIN, "<=")
             return Signal("overshoot", "the handle was lifted to its stop, where its catch holds again", less)
         more = outcome.changed("unlatch_lift", CATCH_MARGIN)
@@ -136,7 +138,7 @@ def of_press(outcome: Outcome) -> Signal | None:
     """A lamp that stayed dark, though its button went down without a stop, or because it was pressed to its stop."""
     if outcome.after is None or shines(outcome.theme, outcome.before, outcome.after) is not False:
         return None
-    if outcome.stopped("press"):
+    if outcome.stopped("press", PRESS_SHORT):
         less = outcome.changed("press_depth", -PRESS_MARGIN, "<=")
         return Signal("overshoot", "the button was pressed to its stop and the lamp is dark", less)
     deeper = outcome.changed("press_depth", PRESS_MARGIN)

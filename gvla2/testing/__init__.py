@@ -23,6 +23,7 @@ from gvla2.testing.reconstruction import (
 )
 from gvla2.testing.robot import check_robot, check_task
 from gvla2.testing.skill import check_skill
+from gvla2.testing.tracker import check_tracker
 
 __all__ = [
     "CHECKS",
@@ -45,5 +46,6 @@ __all__ = [
     "check_robot",
     "check_skill",
     "check_task",
+    "check_tracker",
     "check_verifier",
 ]

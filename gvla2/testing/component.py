@@ -29,6 +29,7 @@ from gvla2.testing.reconstruction import (
     check_renderer,
 )
 from gvla2.testing.robot import check_robot, check_task
+from gvla2.testing.tracker import check_tracker
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
     "robot": check_robot,
@@ -48,6 +49,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "planner": check_planner,
     "verifier": check_verifier,
     "agent": check_agent,
+    "tracker": check_tracker,
     "language": check_language,
 }
 """The check of each kind, called with its defaults."""

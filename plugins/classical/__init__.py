@@ -16,18 +16,15 @@ if TYPE_CHECKING:
 class ClassicalConfig(NamingOptions, ComponentConfig):
     """Options of the ``classical`` perceiver. Lengths in metres.
 
-    ``plane_tolerance``: how far a point of the table top may lie off its plane while the plane is searched.
-    ``max_tilt``: the steepest table that is accepted, radians. ``min_height``: what rises less is table (or
+    ``min_height``: what rises less is table (or
     paint on it); more where the depth is noisy. ``min_points``: fewer points, over all views, are a speck.
     ``min_region``: the smallest painted patch, square metres. ``robot_margin``: pixels around the robot that are
     not believed. ``jump``: neighbouring pixels further apart than this lie on different surfaces.
     ``colour_step``: neighbouring pixels whose looks differ by more (see ``gvla2.planning.colours``) are of
     different things. ``gap``: free space of this height under a thing means that it does not stand on the table.
-    ``seed``: of the search for the table plane. Names of known objects: see :class:`NamingOptions`.
+    Names of known objects: see :class:`~gvla2.perception.options.NamingOptions`.
     """
 
-    plane_tolerance: float = 0.006
-    max_tilt: float = 0.26
     min_height: float = 0.004
     min_points: int = 24
     min_region: float = 4e-4
@@ -35,7 +32,6 @@ class ClassicalConfig(NamingOptions, ComponentConfig):
     jump: float = 0.014
     colour_step: float = 22.0
     gap: float = 0.03
-    seed: int = 0
 
 
 def _build(config: ClassicalConfig) -> Perceiver:

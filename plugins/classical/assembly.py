@@ -34,12 +34,13 @@ def assemble(
 ) -> list[Thing]:
     """Solids of the labelled pixels (N,), -1 for none; what carries each is set.
 
-    ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point between the fingertips: what is there may hang in the air.
+    ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point
+    between the fingertips: what is there may hang in the air.
     """
     clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
     clusters = [c for c in clusters if len(c) >= min_points]
     things = [shape_thing(frames, pixels, members, gap) for members in clusters]
-    things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
+    things = _join_fragments(frames, pixels, things, gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
@@ -51,28 +52,6 @@ def assemble(
             whole = opened(frames, shape_thing(frames, pixels, members, gap))
             parts.append(replace(whole, group=len(things) + int(k), textured=True))
     return rest_on_each_other(parts, hand)
-
-
-def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
-    """The things without scraps: small pieces that lie on, and look like, a solid that is already found."""
-    ordered = sorted(things, key=lambda t: -len(t.members))
-    kept: list[Thing] = []
-    for thing in ordered:
-        look = np.median(pixels.look[thing.members], axis=0)
-        for k, other in enumerate(kept):
-            if len(thing.members) > 0.35 * len(other.members) or other.agreement < GOOD:
-                continue
-            height = thing.points[:, 2]
-            on_it = other.covers(thing.points[:, :2], TOUCH) & (
-                np.abs(height - other.centre[2]) < 0.5 * other.extents[2] + TOUCH
-            )
-            if on_it.mean() > 0.8 and alike(look, np.median(pixels.look[other.members], axis=0)):
-                members = np.sort(np.concatenate([other.members, thing.members]))
-                kept[k] = replace(other, members=members, points=pixels.points[members])
-                break
-        else:
-            kept.append(thing)
-    return kept
 
 
 def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing], gap: float) -> list[Thing]:
@@ -110,7 +89,7 @@ def _take_apart(
     cuts = split_by_height(thing.points, max(12, min_points // 2))
     if len(cuts) < 2:
         return [thing]
-    parts = _absorb(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
+    parts = with_their_walls(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
     weight = np.array([len(p.members) for p in parts], dtype=np.float64)
     better = float(weight @ [p.agreement for p in parts]) / weight.sum()
     return parts if better > thing.agreement + 0.05 else [thing]

@@ -10,14 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from gvla2_plugins.classical.clusters import components, join_across_views
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 
-MOST = 9000  # points that are searched for neighbours across views
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
 NEAR, HIDDEN = (
     0.02,
@@ -38,31 +36,8 @@ def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float
     pairs = pixels.neighbours()
     near = np.linalg.norm(pixels.points[pairs[:, 0]] - pixels.points[pairs[:, 1]], axis=1) < jump
     pieces = components(len(pixels), pairs[near])
-    labels = _joined(pixels, pieces, reach)
+    labels = join_across_views(pixels, pieces, reach, looks=False)
     return _with_fragments(frames, pixels, labels, least)
-
-
-def _joined(pixels: Pixels, pieces: IntArray, reach: float) -> IntArray:
-    """(N,) pieces of several views made one where enough of their points lie on one another."""
-    sizes = np.bincount(pieces)
-    keep = np.nonzero(sizes[pieces] >= 3)[0]
-    if len(keep) == 0:
-        return np.full(len(pixels), -1, dtype=np.int64)
-    sample = keep[:: max(1, -(-len(keep) // MOST))]
-    sampled = np.bincount(pieces[sample], minlength=len(sizes))
-    pairs = cKDTree(pixels.points[sample]).query_pairs(reach, output_type="ndarray")
-    a, b = sample[pairs[:, 0]], sample[pairs[:, 1]]
-    across = (pieces[a] != pieces[b]) & (pixels.view[a] != pixels.view[b])
-    a, b = a[across], b[across]
-    count = len(sizes)
-    # A vote is a point of one piece with some neighbour in the other, counted once.
-    votes = np.unique(np.concatenate([a * count + pieces[b], b * count + pieces[a]]))
-    keys, counts = np.unique(pieces[votes // count] * count + votes % count, return_counts=True)
-    keys = np.stack([keys // count, keys % count], axis=1)
-    small = np.minimum(sampled[keys[:, 0]], sampled[keys[:, 1]])
-    labels = components(count, keys[counts >= np.maximum(2, 0.08 * small)])[pieces]
-    labels[sizes[pieces] < 3] = -1
-    return labels
 
 
 def _with_fragments(frames: Sequence[Frame], pixels: Pixels, labels: IntArray, least: int) -> IntArray:
@@ -112,9 +87,3 @@ def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDA
     count = int(labels.max(initial=-1)) + 1
     all_pairs = np.bincount(labels[one], minlength=count)
     return np.asarray(np.bincount(labels[one], differ, minlength=count) > TEXTURED * np.maximum(1, all_pairs))
-
-
-def components(count: int, pairs: IntArray) -> IntArray:
-    """(count,) the connected component of each node, given edges (E, 2)."""
-    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -44,25 +44,6 @@ def join_boxes(draft: Draft) -> None:
         draft.change(k, replace(lid, noun="lid", on=main, part_of=main))
 
 
-def join_insides(draft: Draft) -> None:
-    """The shaded inside of a hollow thing, taken for a thing of another colour, is the same thing."""
-    for k in draft.left():
-        hollow = draft.things[k]
-        if draft.now(k) != k or not hollow.hollow or hollow.kind not in ("box", "cylinder"):
-            continue
-        for j in draft.left():
-            other = draft.things[j]
-            if j == k or other.turn is not None or (other.on >= 0 and draft.carrier(j) != hollow.on):
-                continue
-            near = np.linalg.norm((other.centre - hollow.centre)[:2]) < 0.1 * min(hollow.extents[:2])
-            share = np.sort(other.extents[:2]) / np.sort(hollow.extents[:2])
-            if near and (share > 0.85).all() and (share < 1.15).all() and 0.7 < other.top / hollow.top < 1.2:
-                members = np.sort(np.concatenate([hollow.members, other.members]))
-                draft.take_in(k, [j])
-                hollow = replace(draft.things[k], members=members)
-                draft.change(k, hollow)
-
-
 def name_open_lids(draft: Draft) -> None:
     """A leaning plate whose lower edge is along the upper edge of an open box is that box's lid."""
     for k in draft.left():

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, convolve
+from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -26,14 +26,8 @@ SAME_FACE = 2.5  # neighbouring pixels of one flat face differ by less, in look
 FACE_PIXELS = 12  # fewer do not tell a face's normal
 PARALLEL = 0.9  # cosine of the angle between normals that count as one orientation
 STEP = 4.0  # difference of look between two parallel faces in one image that is paint, not light
+LEAST = 3  # pixels of a piece; fewer are specks
 MOST = 9000  # points that are searched for neighbours across views
-
-
-def without_specks(mask: NDArray[np.bool_], least: int = 3) -> NDArray[np.bool_]:
-    """The mask (H, W) less pixels that have fewer than ``least`` of eight neighbours in it."""
-    kernel = np.ones((3, 3), dtype=np.int8)
-    kernel[1, 1] = 0
-    return np.asarray(mask & (convolve(mask.astype(np.int8), kernel, mode="constant") >= least))
 
 
 def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray:
@@ -42,9 +36,9 @@ def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray
     near = np.linalg.norm(pixels.points[pairs[:, 0]] - pixels.points[pairs[:, 1]], axis=1) < jump
     change = np.linalg.norm(pixels.look[pairs[:, 0]] - pixels.look[pairs[:, 1]], axis=1)
     pairs, change = pairs[near & (change < colour_step)], change[near & (change < colour_step)]
-    faces = _components(len(pixels), pairs[change < SAME_FACE])
+    faces = components(len(pixels), pairs[change < SAME_FACE])
     painted = _painted_borders(pixels, faces, pairs)
-    return _components(len(pixels), pairs[~painted])
+    return components(len(pixels), pairs[~painted])
 
 
 def _painted_borders(pixels: Pixels, faces: IntArray, pairs: IntArray) -> NDArray[np.bool_]:
@@ -77,15 +71,16 @@ def _painted_borders(pixels: Pixels, faces: IntArray, pairs: IntArray) -> NDArra
     return painted
 
 
-def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, least: int = 3) -> IntArray:
-    """(N,) thing of each pixel, -1 for specks: pieces of like look whose points lie within ``reach`` metres."""
+def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: bool = True) -> IntArray:
+    """(N,) thing of each pixel, -1 for specks: pieces of several views whose points lie within ``reach`` metres of
+    one another, and that look alike, unless ``looks`` are to have no say.
+    """
     sizes = np.bincount(pieces)
-    keep = np.nonzero(sizes[pieces] >= least)[0]
+    keep = np.nonzero(sizes[pieces] >= LEAST)[0]
     if len(keep) == 0:
         return np.full(len(pixels), -1, dtype=np.int64)
     sample = keep[:: max(1, -(-len(keep) // MOST))]
     sampled = np.bincount(pieces[sample], minlength=len(sizes))
-    looks = piece_looks(pixels, pieces)
     pairs = cKDTree(pixels.points[sample]).query_pairs(reach, output_type="ndarray")
     a, b = sample[pairs[:, 0]], sample[pairs[:, 1]]
     across = (pieces[a] != pieces[b]) & (pixels.view[a] != pixels.view[b])
@@ -96,10 +91,13 @@ def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, least: int
     keys, counts = np.unique(pieces[votes // count] * count + votes % count, return_counts=True)
     keys = np.stack([keys // count, keys % count], axis=1)
     small = np.minimum(sampled[keys[:, 0]], sampled[keys[:, 1]])
-    like = alike(looks[keys[:, 0]], looks[keys[:, 1]])
-    joined = keys[like & (counts >= np.maximum(2, 0.12 * small))]
-    things = _components(len(sizes), joined)[pieces]
-    things[sizes[pieces] < least] = -1
+    like = np.ones(len(keys), dtype=bool)
+    if looks:
+        own = piece_looks(pixels, pieces)
+        like = alike(own[keys[:, 0]], own[keys[:, 1]])
+    joined = keys[like & (counts >= np.maximum(2, (0.12 if looks else 0.08) * small))]
+    things = components(len(sizes), joined)[pieces]
+    things[sizes[pieces] < LEAST] = -1
     return things
 
 
@@ -158,6 +156,7 @@ def _close(one: FloatArray, other: FloatArray, step: float) -> NDArray[np.bool_]
     return np.asarray(np.einsum("ijk,ijk->ij", difference, difference) < step**2)
 
 
-def _components(count: int, pairs: IntArray) -> IntArray:
+def components(count: int, pairs: IntArray) -> IntArray:
+    """(count,) the connected component of each node, given edges (E, 2)."""
     graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

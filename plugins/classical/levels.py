@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
+from gvla2_plugins.classical.clusters import components
 from gvla2_plugins.classical.pixels import IntArray
 from gvla2_plugins.classical.solids import narrow_yaw
 
@@ -36,7 +35,7 @@ def split_by_height(points: FloatArray, least: int) -> list[IntArray]:
         best = max(under, key=lambda k: (_overlap(boxes[upper], boxes[k]), patches[k][0]), default=None)
         if best is not None and _overlap(boxes[upper], boxes[best]) > LIKE:
             links.append((upper, best))
-    part_of = _components(len(patches), np.array(links, dtype=np.int64).reshape(-1, 2))
+    part_of = components(len(patches), np.array(links, dtype=np.int64).reshape(-1, 2))
     parts = [
         np.concatenate([patches[k][1] for k in np.nonzero(part_of == part)[0]]) for part in np.unique(part_of)
     ]
@@ -59,7 +58,7 @@ def _patches(xy: FloatArray, slices: IntArray) -> list[tuple[int, IntArray]]:
     for level in np.unique(slices):
         inside = np.nonzero(slices == level)[0]
         pairs = cKDTree(xy[inside]).query_pairs(REACH, output_type="ndarray")
-        labels = _components(len(inside), pairs)
+        labels = components(len(inside), pairs)
         patches += [(int(level), inside[labels == k]) for k in np.unique(labels) if (labels == k).sum() >= 3]
     return patches
 
@@ -70,8 +69,3 @@ def _overlap(a: FloatArray, b: FloatArray) -> float:
         return 0.0
     shared = float(sides.prod())
     return shared / max(1e-12, float((a[2:] - a[:2]).prod() + (b[2:] - b[:2]).prod()) - shared)
-
-
-def _components(count: int, pairs: IntArray) -> IntArray:
-    graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -11,20 +11,21 @@ from numpy.typing import NDArray
 from gvla2.errors import PerceptionError
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
 from gvla2.geometry.views import Observation
+from gvla2.perception.clusters import without_specks
+from gvla2.perception.frames import find_table
 from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers
+from gvla2.perception.registration import agreed
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.bodies import bodies_of, textured
-from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views, without_specks
+from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
 from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape_of, true_colour
 from gvla2_plugins.classical.pixels import Pixels, choose
-from gvla2_plugins.classical.plane import Table, find_table
 from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
-from gvla2_plugins.classical.registration import agreed
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
 from gvla2_plugins.classical.wholes import WHOLES
@@ -47,8 +48,6 @@ class ClassicalPerceiver:
         wrong = [
             name
             for name in (
-                "plane_tolerance",
-                "max_tilt",
                 "min_height",
                 "jump",
                 "colour_step",
@@ -75,31 +74,33 @@ class ClassicalPerceiver:
         low, high = np.asarray(workspace.low, dtype=np.float64), np.asarray(workspace.high, dtype=np.float64)
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
-        frames, notes = usable_frames(observation.views, config.robot_margin)
-        table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
-        if (better := agreed(frames, table, workspace)) is not frames:
-            frames = better
+        views = agreed(observation.views, workspace)
+        frames, notes = usable_frames(views, config.robot_margin)
+        if views is not observation.views:
             notes.append("The cameras' poses disagreed and were corrected.")
-            table = find_table(frames, workspace, config.plane_tolerance, config.max_tilt, config.seed)
-        frames = [frame.moved(table.table_from_world) for frame in frames]
-        hand = transform_points(table.table_from_world, observation.world_from_tcp[:3, 3])
-        pixels, things, painted, patches = self._find(frames, table, workspace, hand)
+        table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
+        table_from_world = table.frame(workspace)
+        frames = [frame.moved(table_from_world) for frame in frames]
+        hand = transform_points(table_from_world, observation.world_from_tcp[:3, 3])
+        pixels, things, painted, patches = self._find(frames, table.noise, workspace, hand)
         objects = _name_things(pixels, things) + _name_patches(painted, patches)
-        world = [_into_world(o, table) for o in objects]
+        world = [_into_world(o, invert_rigid(table_from_world)) for o in objects]
         world, lost = _inside(world, workspace)
         ordered, new_id = _numbered(world)
         notes += lost + _carried_notes(things, new_id)
-        scene = Scene(ordered, table.height, workspace, "classical", tuple(notes))
+        middle = 0.5 * (low + high)
+        height = table.height_at(float(middle[0]), float(middle[1]))
+        scene = Scene(ordered, height, workspace, "classical", tuple(notes))
         return labelled(scene, observation, self._labellers)
 
     def _find(
-        self, frames: Sequence[Frame], table: Table, workspace: Box, hand: FloatArray
+        self, frames: Sequence[Frame], noise: float, workspace: Box, hand: FloatArray
     ) -> tuple[Pixels, list[Thing], Pixels, list[Patch]]:
         config = self._config
-        rise = max(config.min_height, 3.3 * table.noise)
+        rise = max(config.min_height, 3.3 * noise)
         raised, flat = [], []
-        world_from_table = invert_rigid(table.table_from_world)
         for frame in frames:
+            world_from_table = invert_rigid(frame.frame_from_world)
             world = transform_points(world_from_table, frame.points)
             with np.errstate(invalid="ignore"):
                 beside = (world[..., :2] > workspace.low[:2] - BORDER) & (
@@ -115,7 +116,7 @@ class ClassicalPerceiver:
         things: list[Thing] = []
         if len(pixels):
             pieces = pieces_in_views(pixels, config.jump, config.colour_step)
-            reach = 0.004 + 1.5 * table.noise
+            reach = 0.004 + 1.5 * noise
             labels = join_across_views(pixels, pieces, reach=reach)
             bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
             grain = max(map(_grain, frames, flat))
@@ -193,8 +194,7 @@ def _name_patches(pixels: Pixels, patches: Sequence[Patch]) -> list[SceneObject]
     return objects
 
 
-def _into_world(thing: SceneObject, table: Table) -> SceneObject:
-    world_from_table = invert_rigid(table.table_from_world)
+def _into_world(thing: SceneObject, world_from_table: FloatArray) -> SceneObject:
     return replace(
         thing,
         world_from_object=world_from_table @ thing.world_from_object,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views, without_specks
+from gvla2.perception.clusters import without_specks
+from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views
 from gvla2_plugins.classical.frames import Frame
 from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
 from gvla2_plugins.classical.solids import circle_distance, evenly, fit_solid, narrow_yaw, rectangle_distance

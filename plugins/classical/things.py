@@ -25,8 +25,8 @@ class Thing:
     space was seen under it; ``guessed``: how deep it is was not seen; ``lowest`` height of its seen points;
     ``group`` tells which things were one before a split by height; ``on`` is the index of the thing that carries
     it, -1 for the table; ``part_of`` that of the thing that it is known to be a part of, and ``noun`` what it is known
-    to be, "" where only its shape tells; ``textured``: paint tells nothing of its parts; ``opening`` its inner width, 0 where it is closed; ``turn`` (3, 3) the axes
-    of a thing that leans, in place of ``yaw``.
+    to be, "" where only its shape tells; ``textured``: paint tells nothing of its parts; ``opening`` its inner width,
+    0 where it is closed; ``turn`` (3, 3) the axes of a thing that leans, in place of ``yaw``.
     """
 
     kind: Kind

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from gvla2_plugins.classical.cases import join_boxes, join_drawers, join_insides, name_open_lids, name_towers
+from gvla2_plugins.classical.cases import join_boxes, join_drawers, name_open_lids, name_towers
 from gvla2_plugins.classical.composites import Rule
 from gvla2_plugins.classical.upright import join_bottles, join_stems, name_knives
 
 WHOLES: tuple[Rule, ...] = (
-    Rule("a hollow thing and its inside", join_insides),
     Rule("a box and its open lid", name_open_lids),
     Rule("a box and its lid", join_boxes),
     Rule("a cabinet, its drawer and the handle", join_drawers),

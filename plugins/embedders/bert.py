@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
 Array = NDArray[np.float32]
 
@@ -45,7 +44,7 @@ class Encoder:
             f"{name}.attention.output", self._linear(f"{name}.attention.output.dense", seen) + state
         )
         inner = self._linear(f"{name}.intermediate.dense", state)
-        inner *= np.float32(0.5) * (1 + erf(inner / np.float32(2**0.5)))  # GELU
+        inner *= np.float32(0.5) * (1 + _erf(inner / np.float32(2**0.5)))  # GELU
         return self._normed(f"{name}.output", self._linear(f"{name}.output.dense", inner) + state)
 
     def _split(self, state: Array) -> Array:
@@ -65,3 +64,12 @@ class Encoder:
             centred / spread * self._weights[f"{name}.LayerNorm.weight"]
             + self._weights[f"{name}.LayerNorm.bias"]
         )
+
+
+def _erf(x: Array) -> Array:
+    """The error function to 1.5e-7 (Abramowitz and Stegun 7.1.26): scipy's takes a third of a second to import."""
+    t = 1 / (1 + np.float32(0.3275911) * np.abs(x))
+    series = np.zeros_like(t)
+    for factor in (1.061405429, -1.453152027, 1.421413741, -0.284496736, 0.254829592):
+        series = (series + np.float32(factor)) * t
+    return np.asarray(np.copysign(1 - series * np.exp(-x * x), x), np.float32)

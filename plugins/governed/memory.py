@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import BankOptions, KnowledgeBank
@@ -64,6 +64,10 @@ class GovernedMemory:
             return self._bank().learn(episode, verdict)
         except Gvla2Error as error:
             return Learned(degraded=str(error))
+
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank, see :meth:`KnowledgeBank.stats`; raises Gvla2Error when it cannot be used."""
+        return self._bank().stats()
 
     def close(self) -> None:
         """Release the database; safe to call twice."""

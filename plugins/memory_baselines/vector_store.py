@@ -11,6 +11,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,10 @@ class VectorStore:
         self._refresh()
         return len(self._entries)
 
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank."""
+        return self._store.stats(self.bank)
+
     def nearest(self, text: str, k: int) -> list[Found]:
         """The ``k`` entries whose text is most similar, best first; ties in the order of their names."""
         self._refresh()
@@ -104,7 +109,7 @@ class VectorStore:
         key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
         told = replace(lesson, content=clean(lesson.content, LONGEST))
         fresh = new_record(self.bank, told, "active", "own", key, episode, verdict, tx.now)
-        known = tx.by_key(key)
+        known = tx.view.by_keys(self.bank, [key]).get(key)
         if known is not None:
             return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False
         home = dump({**fresh.provenance_json(), "entry": name, "place": place})

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import (
@@ -95,6 +95,10 @@ class WholeMethod:
             return Learned(degraded=str(error))
         return Learned(added=tuple(added), merged=tuple(grown))
 
+    def stats(self) -> dict[str, Any]:
+        """Numbers about the bank, see :meth:`Store.stats`; raises Gvla2Error when it cannot be used."""
+        return self._open().stats()
+
     def close(self) -> None:
         """Release the store; safe to call twice."""
         if self._store is not None:
@@ -121,7 +125,7 @@ def _item(record: Record, similarity: float) -> MemoryItem:
         effect = None
     return MemoryItem(
         id=record.id,
-        type=record.record_type,
+        type=record.type,
         content=record.content,
         confidence=min(max(record.confidence, 0.0), 1.0),
         score=similarity,

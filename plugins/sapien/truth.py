@@ -9,7 +9,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.planning.colours import nearest_colours
-from gvla2.planning.scene import Box, Scene, SceneObject, Shape
+from gvla2.planning.scene import Box, KnownShape, Scene, SceneObject, Shape
+from gvla2.robot.scan import Scan
 from gvla2.robot.task import Body, Layout
 from gvla2.robot.volumes import extent
 from gvla2_plugins.sapien.hollows import opening
@@ -55,7 +56,48 @@ def _without_what_stands_off(body: Body) -> Body:
     return replace(body, solids=tuple(solid for i, solid in enumerate(body.solids) if i not in aside))
 
 
+def _scanned(body: Body, scan: Scan, pose: FloatArray, parent: str) -> SceneObject:
+    """A body that is one mesh, in the slimmest upright box about it, known by its file."""
+    hull = transform_points(pose @ scan.body_from_shape, scan.hull)
+    world_from_box, extents = upright_box(hull)
+    points, _ = scan.textured.mesh.sample(POINTS, np.random.default_rng(0))
+    known = KnownShape(
+        body.name, scan.path, pose @ scan.body_from_shape @ rigid(translation=-scan.offset), scan.scale
+    )
+    low, high = extent(body.solids)
+    turned = abs(float(pose[2, 2])) < 0.9
+    return SceneObject(
+        body.name,
+        body.label,
+        body.shape if body.shape in get_args(Shape) else "other",  # type: ignore[arg-type]
+        nearest_colours(np.array(scan.rgb), 1)[0][0],
+        world_from_box,
+        extents,
+        transform_points(pose @ scan.body_from_shape, points),
+        np.array(scan.rgb),
+        parent,
+        opening=0.0 if turned or pose[2, 2] < 0 else opening(body.solids, low, high),
+        known=known,
+    )
+
+
+def upright_box(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The pose (4, 4) and sides (3,) of the box about points (N, 3), z up, of the least area seen from above."""
+    turns = np.deg2rad(np.arange(0.0, 90.0, 2.0))
+    ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)  # (T, 2)
+    across = np.stack([-ways[:, 1], ways[:, 0]], axis=1)
+    x, y = points[:, :2] @ ways.T, points[:, :2] @ across.T  # (N, T)
+    best = int(np.argmin(np.ptp(x, axis=0) * np.ptp(y, axis=0)))
+    low = np.array([x[:, best].min(), y[:, best].min(), points[:, 2].min()])
+    high = np.array([x[:, best].max(), y[:, best].max(), points[:, 2].max()])
+    turn = np.eye(3)
+    turn[:2, 0], turn[:2, 1] = ways[best], across[best]
+    return rigid(turn, turn @ (0.5 * (low + high))), high - low
+
+
 def _object(body: Body, pose: FloatArray, parent: str) -> SceneObject:
+    if len(body.solids) == 1 and isinstance(body.solids[0], Scan):
+        return _scanned(body, body.solids[0], pose, parent)
     low, high = extent(body.solids)
     rgb = np.array(_main_colour(body))
     colour = nearest_colours(rgb, 1)[0][0]
@@ -90,8 +132,6 @@ def _shape(body: Body, size: FloatArray) -> Shape:
     if len(body.solids) > 1:
         return "other"
     kind, flat = body.solids[0].kind, size[2] < THIN * min(size[:2])
-    if kind == "mesh":
-        return "other"
     if kind == "cylinder":
         return "disc" if flat else "cylinder"
     if kind == "sphere":

@@ -32,6 +32,8 @@ FINGER_STIFFNESS, FINGER_DAMPING = 4000.0, 100.0
 FLOOR_DEPTH = 0.75
 """From the table's top down to the floor, metres: what leaves the table must not fall for ever, and ever faster."""
 
+LET_GO = 1e-3
+"""A button is pressed anew when it has come back to less, metres or radians."""
 TOUCH = 1e-4
 """Impulse of a step, newton seconds, from which a contact is one and not just nearness."""
 
@@ -82,6 +84,7 @@ class World:
         }
         by_name = {joint.name: joint for joint in layout.joints}
         self._catches = [Caught(c, by_name[c.joint], self._bodies.joints) for c in layout.catches]
+        self._strokes = {glow.joint: False for glow in layout.glows if np.isfinite(glow.until)}
         self._clamp = Clamp(self._scene, self._links[cell.hand_link].entity)
         self._movers = [
             component
@@ -114,12 +117,22 @@ class World:
         self._system.step()
         self.time += 1.0 / self.rate
         for name, (articulation, index) in self._bodies.joints.items():
-            self.peaks[name] = max(self.peaks[name], float(articulation.qpos[index]))
+            at = float(articulation.qpos[index])
+            self.peaks[name] = max(self.peaks[name] if self._goes_on(name, at) else at, at)
         for catch in self._catches:
             catch.watch()
         for name, thread in self._threads.items():
             thread.watch()
             self.peaks[name] = thread.peak
+
+    def _goes_on(self, name: str, at: float) -> bool:
+        """Whether a joint is still in the stroke whose largest travel counts: where a lamp goes out again when it has
+        been pressed too far, each press counts by itself.
+        """
+        if name not in self._strokes:
+            return True
+        before, self._strokes[name] = self._strokes[name], at > LET_GO
+        return before or not self._strokes[name]
 
     def sane(self) -> bool:
         """Whether all positions and speeds are finite and physically possible."""

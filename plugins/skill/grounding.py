@@ -160,6 +160,8 @@ def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
     if isinstance(owner, Abstention):
         return coloured
     whole = [(owner.object, 1.0)]
+    if phrase.noun == "object" and phrase.colour and not _parts_of(whole, coloured):
+        return _coloured(phrase.colour, whole)  # "the bottle's green body" is the bottle
     return _parts_of(whole, coloured) or _parts_of(whole, fits) or coloured
 
 

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2 import Component, hookimpl
 from gvla2.errors import ConfigurationError
+from gvla2.robot.task_options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task
 
 
 @dataclass
-class ScaledConfig(ComponentConfig):
+class ScaledConfig(TaskConfig):
     """Options of every task here. ``scale`` multiplies the sizes of the things on the table, 0.8 to 1.2.
 
     What the hand must span and the arm must reach stays within them, whatever the scale.

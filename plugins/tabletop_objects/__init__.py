@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2 import Component, hookimpl
+from gvla2.robot.task_options import TaskConfig
 
 if TYPE_CHECKING:
     from gvla2.robot.task import Task
@@ -32,7 +33,7 @@ class ObjectsConfig:
 
 
 @dataclass
-class TabletopObjectsConfig(ComponentConfig):
+class TabletopObjectsConfig(TaskConfig):
     """Options of ``tabletop_objects``. ``ask`` is what is asked for: lift, put_in, left_of, sort, or any of them that
     the objects allow.
     """

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2.robot.scan import Scan
+from gvla2.geometry.transform import FloatArray
 from gvla2.robot.task import Body, Profile, WorldState
+from gvla2.robot.volumes import body_points
 
 LIFTED, LIFTED_WELL = 0.03, 0.08
 """Metres between a lifted thing's lowest point and the table: eased and strict."""
@@ -161,13 +161,4 @@ def _inside(themes: Sequence[Body], goal: Body) -> dict[Profile, Callable[[World
 
 def _corners(body: Body, world: WorldState) -> FloatArray:
     """(N, 3) world points whose hull is the body now."""
-    pose = world.pose(body.name)
-    points = []
-    for solid in body.solids:
-        if isinstance(solid, Scan):
-            local = solid.hull
-        else:
-            signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-            local = 0.5 * signs * np.asarray(solid.size)
-        points.append(transform_points(pose @ solid.body_from_shape, local))
-    return np.concatenate(points)
+    return body_points(body, world.pose(body.name))

@@ -93,7 +93,13 @@ class TabletopObjects:
             sentence, (asked, aside) = instruction, understood(instruction, labels, asked)
         succeeded, goal = referee(asked, bodies, site.table_height)
         told = [f"; {body.label}: {note}" for body in turned for note in _scan(body).notes]
-        return TaskInstance(Layout(tuple(bodies)), sentence, succeeded, f"{goal}{aside}{''.join(told)}")
+        return TaskInstance(
+            Layout(tuple(bodies)),
+            sentence,
+            succeeded,
+            f"{goal}{aside}{''.join(told)}",
+            keep_clear=_beside(asked, bodies),
+        )
 
     def _turned(self, name: str, rng: np.random.Generator) -> Body:
         """The thing at the origin, turned as it will lie."""
@@ -181,6 +187,16 @@ class TabletopObjects:
 
         roots = sample_until(draw, f"{len(things)} objects", tries=20000)
         return [_set_down(body, root, site) for body, root in zip(things, roots, strict=True)]
+
+
+def _beside(asked: Asked, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
+    """The round on the table where something is to be put left of another."""
+    if asked.kind != "left_of":
+        return ()
+    near = {body.name: body for body in bodies}
+    theme, goal = near[asked.themes[0]], near[asked.goal]
+    x, y = goal.world_from_body[:2, 3].tolist()
+    return ((x, y + _radius(theme) + _radius(goal) + GAP, _radius(theme)),)
 
 
 def _put_in(bodies: list[Body]) -> list[Asked]:

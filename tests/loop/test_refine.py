@@ -5,6 +5,7 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along, rigid
+from gvla2.geometry.view_folders import read_views
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.loop.refine import (
     ABOVE_SUPPORT,
@@ -17,7 +18,6 @@ from gvla2.loop.refine import (
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.view_folders import read_views
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.recorder import RunRecorder
 from gvla2_plugins.axes.compensations import Contours

@@ -13,10 +13,10 @@ from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.transform import transform_points
+from gvla2.geometry.view_folders import read_views
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.view_folders import read_views
 from gvla2.testing import inputs
-from gvla2_plugins.external import gvla2_reconstructors
+from gvla2_plugins.sam3d import gvla2_reconstructors
 
 COMPONENTS = {c.name: c for c in gvla2_reconstructors()}
 

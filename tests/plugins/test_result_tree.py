@@ -13,10 +13,10 @@ from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.placement import place_gaussians, place_mesh
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
-from gvla2_plugins.result_tree import ResultTreeConfig, gvla2_reconstructors
+from gvla2_plugins.sam3d import ResultTreeConfig, gvla2_reconstructors
+from gvla2_plugins.sam3d.placement import place_gaussians, place_mesh
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def _write(root, shape, gaussians=True, mesh=True, name="toy"):
 
 
 def _build(root, **options):
-    (component,) = gvla2_reconstructors()
+    component = gvla2_reconstructors()[0]
     assert component.name == "result_tree"
     return component.build(ResultTreeConfig(root=str(root), object="toy", **options))
 

@@ -168,3 +168,12 @@ def test_cups_go_into_cups():
         thing("p", "pink cup", "cylinder", (0.3, 0.0), 0.05),
     )
     assert read("put the white cup inside the pink one", cups).calls[0].goal == "p"
+
+
+def test_the_body_of_a_thing_is_the_thing():
+    bottle = scene(
+        thing("b", "green bottle", "cylinder", (0.3, 0.0)),
+        thing("c", "yellow cap", "box", (0.3, 0.0), parent="b"),
+    )
+    assert read("lift the bottle's green body", bottle).calls[0].theme == "b"
+    assert isinstance(read("lift the bottle's red body", bottle), Abstention)

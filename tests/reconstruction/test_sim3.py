@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import rigid
-from gvla2.reconstruction.sim3 import Sim3, align_cameras, umeyama
+from gvla2.reconstruction.sim3 import Sim3, align_cameras
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -34,44 +34,6 @@ def test_compose_and_inverse_are_those_of_the_matrices(seed):
     np.testing.assert_allclose(a.inverse().apply(a.apply(points)), points, atol=1e-9)
     np.testing.assert_allclose(a.compose(b).matrix(), a.matrix() @ b.matrix(), atol=1e-9)
     assert Sim3.identity().apply(points) == pytest.approx(points)
-
-
-@given(seeds)
-@settings(max_examples=25, deadline=None)
-def test_umeyama_finds_the_similarity_and_ignores_points_without_weight(seed):
-    rng = np.random.default_rng(seed)
-    truth, source = random_sim3(rng), rng.normal(size=(12, 3))
-    target, weights = truth.apply(source), rng.uniform(0.1, 1, 12)
-    target[3], weights[3] = 100.0, 0.0
-    found = umeyama(source, target, weights)
-    np.testing.assert_allclose(found.matrix(), truth.matrix(), atol=1e-7)
-
-
-def test_umeyama_takes_a_plane_and_never_mirrors():
-    rng = np.random.default_rng(0)
-    flat = rng.normal(size=(10, 3)) * [1, 1, 0]
-    truth = random_sim3(rng)
-    np.testing.assert_allclose(umeyama(flat, truth.apply(flat)).matrix(), truth.matrix(), atol=1e-9)
-    solid = rng.normal(size=(10, 3)) * [3, 2, 1]
-    assert np.linalg.det(umeyama(solid, solid * [1, 1, -1]).rotation) == pytest.approx(1)
-
-
-@pytest.mark.parametrize(
-    ("source", "target", "weights", "words"),
-    [
-        (np.zeros((3, 2)), np.zeros((3, 2)), None, r"\(N, 3\)"),
-        (np.eye(3), np.eye(4)[:, :3], None, r"\(N, 3\)"),
-        (np.eye(3)[:2], np.eye(3)[:2], None, "3 or more"),
-        (np.eye(3), np.eye(3), [1, 1, 0], "3 or more"),
-        (np.outer(np.arange(5), [1, 2, 3]), np.outer(np.arange(5), [1, 2, 3]), None, "one line"),
-        (np.ones((4, 3)), np.eye(4)[:, :3], None, "one line or in one place"),
-        (np.full((3, 3), np.nan), np.eye(3), None, "finite"),
-        (np.eye(3), np.eye(3), [1, -1, 1], "weights"),
-    ],
-)
-def test_umeyama_says_why_it_cannot(source, target, weights, words):
-    with pytest.raises(GeometryError, match=words):
-        umeyama(source, target, weights)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan, np.inf])

@@ -46,8 +46,12 @@ def test_a_terminal_gets_colours_and_the_same_words(
     assert "red cube" in text
 
 
-def test_quiet_says_nothing(episode: Callable[..., EpisodeRecord]) -> None:
-    assert printed(episode(), quiet=True) == ""
+def test_quiet_says_only_how_it_ended(episode: Callable[..., EpisodeRecord]) -> None:
+    record = episode()
+    lines = printed(record, quiet=True).splitlines()
+    assert lines[0] == summary_line(record)
+    assert lines[1].startswith("-> ")
+    assert len(lines) == 2
 
 
 @pytest.mark.parametrize("error", [BrokenPipeError, OSError])

@@ -130,5 +130,5 @@ def admission(record: Record, number: int) -> Admission:
     score = 0.05 + 0.002 * (number % 97)
     criteria = {"completion": score if failed else 1 - score, "safety": 0.2 if failed else 0.9}
     task = MemoryTask(record.query, record.signature_json(), record.skill)
-    lesson = Lesson(record.record_type, record.content)
+    lesson = Lesson(record.type, record.content)
     return lesson, Verdict.from_criteria(criteria, verifier="bench"), task, ""

@@ -112,7 +112,7 @@ def _measure(wanted: Wanted, bench: Bench, truth: Segmented) -> Measured:
 
 def _look(bench: Bench, layout: int) -> Observation:
     """What the cameras see, as noisy as in an episode of that seed."""
-    return apply_noise(bench.robot.observe(), bench.noise, np.random.default_rng([layout, 0]))
+    return apply_noise(bench.robot.observe(), bench.noise, np.random.default_rng([layout, 0]), layout)
 
 
 def _perceive(bench: Bench, observation: Observation, instruction: str) -> tuple[Scene, str]:

@@ -60,7 +60,7 @@ class RobotLayout:
 
 @dataclass(frozen=True)
 class Film:
-    """A failed episode that can be looked at: what it is, and the folder of its run page."""
+    """An episode that can be looked at: what it is, and the folder of its run page."""
 
     caption: str
     folder: str
@@ -68,7 +68,7 @@ class Film:
 
 @dataclass(frozen=True)
 class RobotTable:
-    """One finished sheet, the runs behind it, and films of failures."""
+    """One finished sheet, the runs behind it, and films of pairs that differ and of failures."""
 
     layout: RobotLayout
     sheet: Sheet
@@ -310,6 +310,6 @@ def _film(cell: Cell) -> Film | None:
         return None
     f, notes = cell.factors, cell.notes
     who = f"{f.get('planner', '')}, {f['task']}, memory {arm_of(cell)}, layout {notes.get('layout')}"
-    said = f"{who}: {notes.get('failure')}"
+    said = f"{who}: {notes.get('failure') or 'succeeded'}"
     why = shorten(str(notes.get("message", "")), LONGEST_REASON, placeholder=" …")
     return Film(f"{said}. “{notes.get('instruction', '')}” {why}", folder)

@@ -94,4 +94,4 @@ def _settled(
 
 
 def _weight(record: Record) -> tuple[int, float]:
-    return LEVELS.index(record.trusted), evidence(record)
+    return LEVELS.index(record.trust), evidence(record)

@@ -120,7 +120,7 @@ class Governing:
                 about = [str(effect.get(name, "")) for name in ("parameter", "object", "region")]
                 groups[record.type, record.skill, *about].append(record)
         for group in groups.values():
-            ranked = sorted(group, key=lambda r: (-LEVELS.index(r.trusted), -evidence(r), -r.updated, r.id))
+            ranked = sorted(group, key=lambda r: (-LEVELS.index(r.trust), -evidence(r), -r.updated, r.id))
             for place, loser in enumerate(ranked):
                 for winner in ranked[:place]:
                     alive = self._ledger.latest(winner).state == "active" and prevails(winner, loser)

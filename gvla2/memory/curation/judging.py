@@ -111,7 +111,7 @@ def ruled(first: Record, second: Record, answer: Judgement) -> Ruling | None:
 
 def prevails(first: Record, second: Record) -> bool:
     """Whether the first of two contradicting records stays: the more trusted, then the one with more evidence."""
-    mine, theirs = LEVELS.index(first.trusted), LEVELS.index(second.trusted)
+    mine, theirs = LEVELS.index(first.trust), LEVELS.index(second.trust)
     return mine > theirs if mine != theirs else stronger(first, second)
 
 

@@ -91,7 +91,7 @@ class Learning:
             return
         trust = self._trust(known, candidate)
         fresh = replace(fresh, trust=trust)
-        if not believed(trust) and self._options.admission:
+        if not believed(trust):
             note = candidate.note or "no two independent sources have borne it out"
             self._unverified(
                 replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin
@@ -219,14 +219,14 @@ class Learning:
         told = [
             origin for text in self._ledger.origins(known.id) if (origin := Origin.read(text)) is not None
         ]
-        return mine is None or mine.own or (known.trusted != "own" and adds(told, mine))
+        return mine is None or mine.own or (known.trust != "own" and adds(told, mine))
 
     def _trust(self, known: Record | None, candidate: Candidate) -> Trust:
         """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""
         told = [*(self._ledger.origins(known.id) if known else ()), self._origin]
         origins = [origin for text in told if (origin := Origin.read(text)) is not None]
         if known is not None and known.state == "summary":
-            return known.trusted  # it tells other texts as well, whose origins are their own
+            return known.trust  # it tells other texts as well, whose origins are their own
         return trust_of(origins, screened=candidate.screened)
 
     def _store(

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import Evidence, Lesson, Verdict
+from gvla2.memory.contracts import Evidence, Lesson, LifecycleState, Verdict
 from gvla2.memory.curation.admission import QUARANTINED, admit
 from gvla2.memory.curation.evidence import pooled_quality
 from gvla2.memory.records import Record
@@ -77,10 +77,8 @@ def revise(
     """
     if verdict.outcome == "unavailable" or record.state not in ("provisional", "active"):
         return None
-    lesson = Lesson(record.record_type, record.content, record.effect_json())
-    decision = admit(
-        lesson, verdict, trust=record.trusted, query=episode.task.query, failures=options.failures
-    )
+    lesson = Lesson(record.type, record.content, record.effect_json())
+    decision = admit(lesson, verdict, trust=record.trust, query=episode.task.query, failures=options.failures)
     if record.state == "provisional":
         return _reconsidered(record, verdict, decision.state == "active", now)
     contradicted = verdict.outcome != "uncertain" and verdict.outcome != record.outcome
@@ -90,7 +88,7 @@ def revise(
         return Revision("CONFIRM", pooled, f"verified again: {verdict.outcome}")
     if record.count > 1 and confidence >= options.replay_confidence:
         return Revision("CONFIRM", pooled, f"one of {record.count} episodes was judged otherwise this time")
-    state = "archive" if decision.state is None else "provisional"
+    state: LifecycleState = "archive" if decision.state is None else "provisional"
     why = f"its episode was judged {verdict.outcome} this time, {record.outcome} before"
     return Revision("DEMOTE", replace(pooled, state=state, note=why), why)
 

@@ -169,16 +169,16 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
         query = phrasings(query, record.query) if query else record.query
         sources += [source for source in record.sources() if source not in sources]
     content = text or _rendered(most, count)
-    key = old.dedup_key if old else dedup_key(best.record_type, f"summary of {most[0].key}", best.skill, None)
+    key = old.dedup_key if old else dedup_key(best.type, f"summary of {most[0].key}", best.skill, None)
     provenance = {
         "made_by": {"governance": "summary"},
         "sources": sources[-MAX_SOURCES:],
         "told": [{"text": one.text, "count": one.count, "gaps": one.gaps} for one in most],
     }
-    trust: Trust = least(record.trusted for record in group)
+    trust: Trust = least(record.trust for record in group)
     return replace(
         best,
-        id=old.id if old else "summary-" + record_id(best.record_type, best.bank, key).partition("-")[2],
+        id=old.id if old else "summary-" + record_id(best.type, best.bank, key).partition("-")[2],
         state="summary",
         query=query,
         content=content,

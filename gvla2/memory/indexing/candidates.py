@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Any, overload
 
 import numpy as np
@@ -20,54 +19,22 @@ class RowCandidates:
     """:class:`gvla2.memory.contracts.Candidates` over rows in RAM; ``now`` is in seconds since the epoch."""
 
     def __init__(self, rows: Rows, states: Sequence[str], now: float) -> None:
-        self._rows, self._now = rows, now
+        self._rows = rows
         self._served = rows.in_states(states)  # (all rows,)
         # None where every row is served: then columns need no copying.
         self._order: NDArray[np.intp] | None = None if self._served.all() else np.flatnonzero(self._served)
         self._asked: tuple[str, NDArray[np.float64]] | None = None
-
-    @cached_property
-    def ids(self) -> Sequence[str]:
-        """N ids, each once."""
-        return _Ids(self)
+        self.ids: Sequence[str] = _Ids(self)
+        self.confidence: NDArray[np.float64] = self._column("confidence")
+        self.ages: NDArray[np.float64] = np.maximum(now - self._column("updated"), 0.0) / SECONDS_PER_DAY
+        self.usage: NDArray[np.int64] = self._column("usage")
+        self.conflicts: NDArray[np.int64] = self._column("conflicts")
+        self.outcomes: NDArray[np.int8] = self._column("outcome")
+        self.types: NDArray[np.int8] = self._column("type")
+        self.programs: NDArray[np.bool_] = self._column("program")
 
     def __len__(self) -> int:
         return len(self._served) if self._order is None else len(self._order)
-
-    @property
-    def confidence(self) -> NDArray[np.float64]:
-        """(N,) kappa in [0, 1]."""
-        return self._column("confidence")
-
-    @cached_property
-    def ages(self) -> NDArray[np.float64]:
-        """(N,) days since the last update; never negative."""
-        return np.maximum(self._now - self._column("updated"), 0.0) / SECONDS_PER_DAY
-
-    @property
-    def usage(self) -> NDArray[np.int64]:
-        """(N,) credited uses."""
-        return self._column("usage")
-
-    @property
-    def conflicts(self) -> NDArray[np.int64]:
-        """(N,) how many records contradict each."""
-        return self._column("conflicts")
-
-    @property
-    def outcomes(self) -> NDArray[np.int8]:
-        """(N,) places in ``OUTCOMES``."""
-        return self._column("outcome")
-
-    @property
-    def types(self) -> NDArray[np.int8]:
-        """(N,) places in ``TYPES``."""
-        return self._column("type")
-
-    @property
-    def programs(self) -> NDArray[np.bool_]:
-        """(N,) which carry a program as their effect."""
-        return self._column("program")
 
     def of_skill(self, skill: str) -> NDArray[np.bool_]:
         """(N,) the records of this skill or of none; all of them for ""."""

@@ -119,8 +119,8 @@ class Rows:
         self.records[row] = record
         self._vectors[row] = entry.vector
         columns["state"][row] = STATES.index(record.state)
-        columns["type"][row] = TYPES.index(record.record_type)
-        columns["outcome"][row] = OUTCOMES.index(record.verified_as)
+        columns["type"][row] = TYPES.index(record.type)
+        columns["outcome"][row] = OUTCOMES.index(record.outcome)
         columns["skill"][row] = self.skills.setdefault(record.skill, len(self.skills))
         columns["confidence"][row] = record.confidence
         columns["updated"][row] = record.updated

@@ -35,8 +35,6 @@ _EVERY = re.compile(r"\b(?:every|each|per)\s*$")
 _LEAVING = re.compile(r"\b(?:rather than|instead of|in place of|not|never|don't|do|avoid)\b")
 _COMMA = "xcommax"
 _PARTICLES = ("on", "off", "out", "alone")
-_NEAR = (4, 3)
-"""Words before and behind a figure that may say what it measures."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +43,8 @@ class Clause:
     by axis, ``named`` those that tell which thing is meant ("the left drawer").
 
     ``when`` are the words of what comes before or after it (sides as "axis+"), ``things`` those behind an article or a
-    preposition, ``roles`` the prepositions they stand behind, ``labels`` those near a figure, ``lacks`` what it does
-    without. ``forbidden``: the text says not to; ``open``: it need not be.
+    preposition, ``roles`` the prepositions they stand behind, ``lacks`` what it does without. ``forbidden``: the text
+    says not to; ``open``: it need not be.
     """
 
     words: Words
@@ -57,7 +55,6 @@ class Clause:
     when: Words
     things: Words = frozenset()
     roles: tuple[tuple[str, str], ...] = ()
-    labels: Words = frozenset()
     lacks: Words = frozenset()
     forbidden: bool = False
     open: bool = False
@@ -93,11 +90,8 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
     text = _LEAVING.sub(" ", step.replace(left, " ")) if left else step
     order, main, when = _ordered(text)
     figures: list[Quantity] = []
-    labels: set[str] = set()
     kept, last = [], 0
     for found in quantities(main):
-        near = [*WORD.findall(main[: found.start])[-_NEAR[0] :], *WORD.findall(main[found.end :])[: _NEAR[1]]]
-        labels |= content(" ".join(near))
         kept.append(main[last : found.start])
         every = found.quantity.dimension == "time" and _EVERY.search(kept[-1]) is not None
         figures.append(found.quantity._replace(dimension="period") if every else found.quantity)
@@ -125,7 +119,6 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
         when=when,
         things=frozenset(said.things),
         roles=tuple(said.roles),
-        labels=frozenset(labels & said.things),
         lacks=frozenset(said.lacks | content(left)),
         forbidden=forbidden,
         open=open_,

@@ -24,10 +24,10 @@ meant; one forbids what the other may do, or all that it does; what comes first,
 FEATURES = (
     *SIGNS, "like", "held", "contained", "replaced", "own_words", "own_things", "own_given", "same_task",
     "like_task", "contained_task", "named_task", "side_task", "number_task", "agree_number", "agree_side", "names",
-    "when", "two_signs", "number_named", "label_same", "label_apart", "steps", "shared", "one_figure",
+    "when", "two_signs", "number_named", "steps", "shared", "one_figure",
 )  # fmt: skip
 """The signs; how much of their words two clauses share; what each has of its own; whether their tasks are one; in what
-they agree, and which single things, cases and labels they name.
+they agree, and which single things and cases they name.
 """
 
 
@@ -125,15 +125,11 @@ def _signs(a: Clause, b: Clause) -> dict[str, float]:
 
 
 def _agreed(a: Clause, b: Clause) -> dict[str, float]:
-    """In what two clauses agree, and whether their figures stand by the same words."""
-    left, right = _unshared(a.labels, b.labels)
-    measured = bool(a.figures and b.figures)
+    """In what two clauses agree."""
     return {
         "agree_number": float(_figures(a, b)[1]),
         "axes": float(len(turned(a.sides + a.named, b.sides + b.named))),
         "agree_side": float(not set(a.sides).isdisjoint(b.sides)),
-        "label_same": float(measured and len(left) < len(a.labels)),
-        "label_apart": float(measured and bool(left and right)),
     }
 
 

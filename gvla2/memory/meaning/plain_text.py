@@ -6,7 +6,7 @@ import re
 import unicodedata
 from functools import lru_cache
 
-from gvla2.memory.meaning.names import marked, name_things
+from gvla2.memory.meaning.names import name_things
 
 _RAISED = re.compile(r"[⁺⁻]?[⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _LOWERED = re.compile(r"(?<=\d)[₀₁₂₃₄₅₆₇₈₉]+")
@@ -34,7 +34,7 @@ def plain_text(text: str) -> str:
     text = unified(text)
     if "10^" in text:
         text = _POWER_OF_TEN.sub(_exponent, text)
-    return name_things(marked(_AMPERES.sub(" amps", text)).casefold().replace("’", "'"))
+    return name_things(_AMPERES.sub(" amps", text).casefold().replace("’", "'"))
 
 
 def _exponent(found: re.Match[str]) -> str:

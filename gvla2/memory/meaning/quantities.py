@@ -8,9 +8,7 @@ from typing import NamedTuple
 
 from gvla2.memory.meaning.bounds import bound_before, bound_behind
 from gvla2.memory.meaning.number_words import spelled_numbers
-from gvla2.memory.meaning.units import UNITS, Unit, unit_at
-
-__all__ = ["UNITS", "Found", "Quantity", "quantities"]
+from gvla2.memory.meaning.units import Unit, unit_at
 
 _DIGITS = r"\d(?:\d{0,2}(?:[ \u00a0]\d{3})+(?![\d.,])|\d*(?:[.,]\d+)*)(?:e[-+]?\d+(?!\w))?"
 _NUMBER = rf"[-−+]?{_DIGITS}"
@@ -20,9 +18,6 @@ _THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?")
 _POINTED_THOUSANDS = re.compile(r"[-+]?\d{1,3}(\.\d{3})+,\d+|[-+]?\d{1,3}(\.\d{3}){2,}")
 _TO = re.compile(r"\s*(?P<word>\bto\b|–|—|-|~|and\b|±|\+/-)\s*")
 _AND_A_HALF = re.compile(r"\s+and a half\b")
-_BY = re.compile(rf"\s*(?:[x×]|\bby\b)\s*(?P<number>{_NUMBER})(?![^\W\d_]*\d)")
-_CLOCK = re.compile(r":(?P<minutes>[0-5]\d)(?::(?P<seconds>[0-5]\d))?(?!\d)(?:\s?(?P<half>[ap])\.?m\b)?")
-_HALF_DAY = re.compile(r"\s?(?P<half>[ap])\.?m\b\.?")
 _FRACTION = re.compile(r"/(?P<under>\d+)(?![\d/.])")
 _ATTACHED = re.compile(r"(?P<size>k)(?!\w)|(?P<share>x)(?!\w)|(?!x\d)[a-z]")
 SAME_SIDE = 0.6
@@ -141,8 +136,6 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Fo
     value, end, unit = atom.value, atom.end, None
     if atom.start < last:
         return [], index + 1, last
-    if not atom.spelled and (clock := _clock(text, value, end)) is not None:
-        return [Found(Quantity("clock", clock[0], clock[0]), atom.start, clock[1])], index + 1, clock[1]
     if not atom.spelled and (over := _FRACTION.match(text, end)) is not None and float(over["under"]) > 0:
         value, end = value / float(over["under"]), over.end()
     index += 1
@@ -159,16 +152,9 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Fo
         value, end = value + 0.5, half.end()
         while index < len(atoms) and atoms[index].start < end:
             index += 1
-    others = _products(text, end) if not atom.spelled else []
-    if others:
-        end = others[-1][1]
-        unit = unit or unit_at(text, end)
-        end = unit.end if unit and unit.end > end else end
-        while index < len(atoms) and atoms[index].start < end:
-            index += 1
     before = bound_before(text, last, atom.start)
     high, unit2, spread = value, unit, False
-    to = _TO.match(text, end) if index < len(atoms) and not others else None
+    to = _TO.match(text, end) if index < len(atoms) else None
     if to is not None and to.end() == atoms[index].start and (to["word"] != "and" or before.between):
         second = atoms[index]
         high, end, index = second.value, second.end, index + 1
@@ -177,47 +163,18 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[list[Fo
         unit, spread = unit or unit2, to["word"] in ("±", "+/-")
     sign, behind = bound_behind(text, end) if not before.sign else (before.sign, end)
     if not dimension:
-        dimension = unit.dimension if unit else ("ratio" if atom.share else "by" if others else "")
+        dimension = unit.dimension if unit else ("ratio" if atom.share else "")
     low, high = _scaled(value, unit), _scaled(high, unit2)
     if spread:
         low, high = low - high, low + high
     elif high == low and sign:
         low, high = (low, math.inf) if sign > 0 else (-math.inf, high)
-    figures = [(min(low, high), max(low, high))] + [(_scaled(other, unit),) * 2 for other, _ in others]
-    return (
-        [Found(Quantity(dimension, a, b, before.about), before.start, behind) for a, b in figures],
-        index,
-        behind,
-    )
+    read = Quantity(dimension, min(low, high), max(low, high), before.about)
+    return [Found(read, before.start, behind)], index, behind
 
 
 def _scaled(value: float, unit: Unit | None) -> float:
     return value if unit is None else value * unit.factor + unit.offset
-
-
-def _products(text: str, end: int) -> list[tuple[float, int]]:
-    """The further sizes of "30 x 40 x 2 cm", and where each of them ends."""
-    found: list[tuple[float, int]] = []
-    while (match := _BY.match(text, end)) is not None:
-        value = _number(match["number"])
-        if value is None:
-            break
-        end = match.end()
-        found.append((value, end))
-    return found
-
-
-def _clock(text: str, hours: float, end: int) -> tuple[float, int] | None:
-    """Seconds since midnight of "14:30" and "3 pm", and where the time ends; None for any other number."""
-    if not (0 <= hours < 25 and hours == int(hours)):
-        return None
-    match = _CLOCK.match(text, end) or _HALF_DAY.match(text, end)
-    if match is None:
-        return None
-    parts = match.groupdict(default="")
-    if parts["half"]:
-        hours = hours % 12 + (12 if parts["half"] == "p" else 0)
-    return hours * 3600 + int(parts.get("minutes") or 0) * 60 + int(parts.get("seconds") or 0), match.end()
 
 
 def _number(text: str) -> float | None:

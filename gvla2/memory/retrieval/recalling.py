@@ -84,7 +84,7 @@ def bounded(task: MemoryTask) -> MemoryTask:
 def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryItem:
     return MemoryItem(
         id=record.id,
-        type=record.record_type,
+        type=record.type,
         content=sanitised(record.content),
         confidence=record.confidence,
         score=score,
@@ -92,5 +92,5 @@ def _item(record: Record, score: float, terms: Mapping[str, float]) -> MemoryIte
         # What was never verified binds nobody, even where the bank is told to show it.
         binding=record.type == "failure_avoidance" and record.state != "provisional",
         effect=record.effect_json() if record.effect else None,
-        trust=record.trusted,
+        trust=record.trust,
     )

@@ -44,8 +44,6 @@ class Chain:
         self._began, self._half = self.seq, False
         self.written: set[str] = set()
         """Ids of the records that were put: they are sound, and of this rev."""
-        self.created: set[str] = set()
-        """Those of them that were not there before."""
         self._events: list[dict[str, object]] = []
 
     @property

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 from sqlalchemy import Row, delete, select
 
@@ -56,7 +56,6 @@ def forget_many(chain: Chain, ids: Collection[str], why: str, done: Forgotten) -
     for tombstone in tombstones:
         chain.event("forget", tombstone.id, why=why, change=dump(as_json(tombstone)))
     chain.written -= rows.keys()
-    chain.created -= rows.keys()
     _forget_episodes(chain, rows)
     chain.sql.execute(upsert(chain.sql, META, ("key",)), {"key": PENDING, "value": os.urandom(8).hex()})
     done.ids += rows
@@ -75,9 +74,9 @@ def _tombstone(chain: Chain, row: Row[Any]) -> Record:
         bank=chain.bank,
         query="",
         content="",
-        type="",
-        state=FORGOTTEN,
-        outcome="",
+        type=cast(Any, ""),
+        state=cast(Any, FORGOTTEN),
+        outcome=cast(Any, ""),
         confidence=0.0,
         quality=0.0,
         dedup_key=f"{FORGOTTEN}:{row.id}",

@@ -74,7 +74,6 @@ def put_many(chain: Chain, puts: Sequence[Put]) -> list[Record]:
             chain.sql.execute(upsert(chain.sql, VECTOR, ("bank", "id")), kept)
     chain.models = models
     chain.written.update(latest)
-    chain.created.update(latest.keys() - stored.keys())
     for put, record, change in steps:
         chain.event(
             put.action, record.id, why=put.why, scores=put.scores, change=dump(change), origin=put.origin

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, as_json, dump
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record
 from gvla2.memory.storage.events import Event, Link
 
 _FIELDS = set(COLUMNS)
@@ -20,20 +20,6 @@ class Rebuilt:
     links: tuple[Link, ...]
     episodes: Mapping[str, str]
     tombstones: tuple[Record, ...] = ()
-
-    def json(self) -> str:
-        """Canonical JSON of records and links."""
-        return rows_json(self.records, self.links)
-
-
-def rows_json(records: Iterable[Record], links: Iterable[Link]) -> str:
-    """Canonical JSON of records and links, as :meth:`Rebuilt.json` writes it."""
-    return dump(
-        {
-            "records": [as_json(record) for record in records],
-            "links": [[link.source, link.kind, link.target, link.at] for link in links],
-        }
-    )
 
 
 @dataclass

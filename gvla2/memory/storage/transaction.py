@@ -54,10 +54,6 @@ class Transaction:
         """The record, None where there is none, or a damaged or forgotten one."""
         return self._chain.view.get(self.bank, id)
 
-    def by_key(self, dedup_key: str) -> Record | None:
-        """The record that says the same, None where there is none."""
-        return self._chain.view.by_keys(self.bank, [dedup_key]).get(dedup_key)
-
     def records(
         self, states: Sequence[str] | None = None, ids: Collection[str] | None = None
     ) -> list[Record]:
@@ -68,16 +64,6 @@ class Transaction:
     def view(self) -> View:
         """Every other way to read, within this transaction."""
         return self._chain.view
-
-    @property
-    def models(self) -> Mapping[str, int]:
-        """The length of the vectors of each embedding model."""
-        return self._chain.models
-
-    @property
-    def created(self) -> Collection[str]:
-        """Ids of the records that were put and were not there before."""
-        return self._chain.created
 
     # Writing ------------------------------------------------------------------------------------------------------
 

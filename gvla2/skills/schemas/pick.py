@@ -8,10 +8,11 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.trajectory import Orientation
+from gvla2.planning.trajectory import Orientation, grasp_rotation
+from gvla2.skills.antipodal import antipodal, held_between, skin_of
 from gvla2.skills.holds import GRASP_PLAY, SNUG, Hold, holds, whole
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
-from gvla2.skills.wholes import CLEAR, rise, way_out
+from gvla2.skills.wholes import CLEAR, holders, inside, rise, way_out
 
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 """Further lean of each family of approaches, radians: none; enough for the wrist's limits; and enough to come from
@@ -30,7 +31,8 @@ FAMILIES = {"": ("top", "leaning", "side"), "top": ("top", "leaning"), "rim": ("
 class Grasp:
     """A way to take hold: fingers closing along ``closing`` (3,) over ``width`` metres, hand opened to ``opening``.
 
-    ``approach`` (3,) is the direction of the hand; ``centre`` (3,) where the tool centre point goes.
+    ``approach`` (3,) is the direction of the hand; ``centre`` (3,) where the tool centre point goes. ``back``: how far
+    along the approach the fingertips reach over the thing, metres; None for its height above the tool.
     """
 
     description: str
@@ -41,6 +43,7 @@ class Grasp:
     width: float
     opening: float
     preference: float
+    back: float | None = None
 
     @property
     def approaches(self) -> tuple[str, ...]:
@@ -89,7 +92,8 @@ def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None) -> Path
     """The stages that end with the object in the closed hand, not yet lifted; ``touching`` what it may touch then."""
     theta, theme = job.theta, job.own() if touching is None else touching
     # So far back along the approach that the fingertips' end is a standoff above the object's top.
-    depth = (job.theme.top - grasp.centre[2]) + job.hand.tip_beyond_tcp + theta["standoff"]
+    reach = job.theme.top - grasp.centre[2] + job.hand.tip_beyond_tcp if grasp.back is None else grasp.back
+    depth = reach + theta["standoff"]
     path = Path(theta["speed"], theta["contact_speed"], grasp.orientation)
     path.go("approach", grasp.centre - grasp.approach * depth, gripper=grasp.opening)
     path.line("grasp", grasp.centre, allowed=theme, slow=True)
@@ -118,6 +122,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
             grips.append((snug, ", hand opened just enough"))
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
+    if irregular(job):
+        found = [*felt(job, found), *by_surface(job)]
     if found:
         return found
     width = min(h.width for h in whole(job.theme, job.hand))
@@ -126,6 +132,56 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
         f"The {job.theme.label} is {width * 1000:.0f} mm wide at its narrowest, with {GRASP_PLAY * 1000:.0f} mm of "
         f"play the hand opens {job.hand.max_width * 1000:.0f} mm: it cannot be grasped from above.",
     )
+
+
+def irregular(job: Job) -> bool:
+    """Whether the box of the thing tells little of where it can be held, and its surface may be asked."""
+    theme = job.theme
+    stuck_in = any(inside(theme, holder) for holder in holders(theme, job.scene))
+    return theme.shape in ("other", "bar") and not stuck_in
+
+
+def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
+    """The box's grasps that, by the thing's surface, have something between the fingers and nothing in them."""
+    skin = skin_of(job.theme)
+    if skin is None:
+        return found
+    return [
+        grasp
+        for grasp in found
+        if held_between(
+            skin,
+            grasp_rotation(grasp.approach, grasp.closing),
+            grasp.centre,
+            grasp.opening * job.hand.max_width,
+            job.hand,
+        )
+    ]
+
+
+def by_surface(job: Job) -> list[Grasp]:
+    """Grasps of the thing's surface, either way round."""
+    hand, found = job.hand, []
+    for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward()):
+        where = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}[grasp.family]
+        at = ", ".join(f"{1000 * v:.0f}" for v in (grasp.centre - job.theme.centre)[:2])
+        closing = grasp.rotation[:, 1]
+        yaw = np.degrees(np.arctan2(closing[1], closing[0]))
+        for sign, flip in ((1.0, ""), (-1.0, " turned round")):
+            found.append(
+                Grasp(
+                    f"grasp {where}, {1000 * grasp.width:.0f} mm of its surface at ({at}) mm, yaw {yaw:.0f}°{flip}",
+                    grasp.family,
+                    sign * closing,
+                    grasp.rotation[:, 2],
+                    grasp.centre,
+                    grasp.width,
+                    min(1.0, grasp.opening / hand.max_width),
+                    grasp.worth,
+                    grasp.back,
+                )
+            )
+    return found
 
 
 def _grasp(job: Job, hold: Hold, family: str, opening: float, grip: str) -> Grasp:

@@ -198,3 +198,13 @@ def test_what_a_model_writes_about_our_own_acts_is_believed(url: str) -> None:
         learned = bank.learn(MemoryEpisode(task, (), transcript, seen, source="run-2"), GOOD)
         assert learned.provisional
         assert any("outside" in note for note in learned.notes)
+
+
+def test_without_admission_what_is_foreign_is_foreign_still(open_bank: Open) -> None:
+    bank = open_bank(admission=False)
+    orders = [Lesson("procedural_hint", parts(line)[1]) for line in ORDERS]
+    bank.admit(orders, GOOD, task="lift the cup", source="blog")
+    assert {(r.state, r.trust) for r in bank.records()} <= {
+        ("provisional", "foreign"),
+        ("provisional", "screened"),
+    }

@@ -47,10 +47,8 @@ def test_separators_of_names_stay() -> None:
         "PR-12",
         "host-1.2.3.4",
         "host-12.34",
-        "--fix",
     )
     assert len({plain_text(f"use {name} now") for name in names}) == len(names)
-    assert plain_text("use --no-fix now").split() == ["use", "nrno_fix0", "now"]
 
 
 @pytest.mark.parametrize(

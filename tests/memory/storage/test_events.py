@@ -10,8 +10,8 @@ import pytest
 
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record
-from gvla2.memory.storage.rebuilding import rows_json
 from gvla2.memory.storage.store import Store, StoredEpisode
+from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
 Make = Callable[..., Record]
@@ -50,7 +50,8 @@ def test_the_past_and_the_rows_from_events_alone(store: Store, record: Make) -> 
     assert [r.content for r in store.as_of("b", NOW)] == ["lift 15 cm", "what 2 says"]
     assert [r.content for r in store.as_of("b", NOW + 1)] == ["lift 20 cm", "what 2 says"]
     assert store.as_of("b", NOW - 1) == []
-    assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
+    stored, rebuilt = stored_and_rebuilt(store)
+    assert stored == rebuilt
     assert store.verify("b") == []
 
 

@@ -6,9 +6,9 @@ import pytest
 
 from gvla2.memory.records import Record, dump
 from gvla2.memory.storage.chain import ERASED
-from gvla2.memory.storage.rebuilding import rows_json
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.tables import EVENT
+from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
 Make = Callable[..., Record]
@@ -17,7 +17,8 @@ Make = Callable[..., Record]
 def check_sound(store: Store, *words: str) -> None:
     """The chain holds, the rows are what it says, and no event has these words."""
     assert store.verify("b") == []
-    assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
+    stored, rebuilt = stored_and_rebuilt(store)
+    assert stored == rebuilt
     said = [text for event in store.events("b") for text in (*event.payload, event.record, event.target)]
     assert not [text for text in said for word in words if word in text]
 

@@ -10,8 +10,8 @@ import pytest
 
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record
-from gvla2.memory.storage.rebuilding import rows_json
 from gvla2.memory.storage.store import Store, StoredEpisode, Transaction
+from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
 MEMORY_DISK = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
@@ -76,7 +76,8 @@ def test_any_order(seed: int, record: Callable[..., Record]) -> None:
                 for _ in range(draw.randint(1, 6)):
                     do(t, draw, record)
             assert store.verify("b") == []
-            assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
+            stored, rebuilt = stored_and_rebuilt(store)
+            assert stored == rebuilt
             living = {r.id for r in store.records("b")}
             gone = set(t.forgotten) - living
             assert not [

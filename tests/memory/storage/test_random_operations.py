@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record, as_json, dump
-from gvla2.memory.storage.rebuilding import rows_json
 from gvla2.memory.storage.store import Put, Store, StoredEpisode, Transaction
+from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
 # What is tested here does not depend on the disk, and forgetting waits for it often.
@@ -79,7 +79,8 @@ def test_rows_are_what_events_say_at_any_time(record: Callable[..., Record], his
             if store.rev("b") == rev:  # an empty transaction leaves no trace, of its time neither
                 past[at] = lines(store.records("b"))
             assert store.verify("b") == []
-        assert store.rebuild("b").json() == rows_json(store.records("b"), store.links("b"))
+        stored, rebuilt = stored_and_rebuilt(store)
+        assert stored == rebuilt
         for at, expected in past.items():
             assert lines(store.as_of("b", at)) == expected
         seen: dict[str, Record] = {}

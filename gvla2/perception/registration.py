@@ -12,13 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.views import View, Views
+from gvla2.perception.frames import find_table
 from gvla2.planning.scene import Box
-from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.plane import Table
 
 PRIOR = np.array([0.006] * 3 + [0.002] * 3 + [0.003])  # turn in radians, shift in metres, scale of depth
 AGREE = 0.001  # metres between the tables of cameras that are believed as they are
@@ -49,25 +50,49 @@ class _Sight:
         return _Sight(self.origin + step[3:6], move(self.table), move(self.things), self.normals @ turn.T)
 
 
-def agreed(frames: list[Frame], table: Table, workspace: Box) -> list[Frame]:
-    """Frames in the world's frame corrected; the very same list where the cameras' tables agree."""
-    there = [frame.moved(table.table_from_world) for frame in frames]
+def agreed(views: Views, workspace: Box) -> Views:
+    """The views with their cameras' poses and their depth corrected; the very same ones where their tables agree.
+
+    Raises :class:`~gvla2.errors.PerceptionError` where no level plane carries the workspace.
+    """
+    clouds = [_points(view) for view in views]
+    if sum(bool(np.isfinite(cloud).any()) for cloud in clouds) < 2:
+        return views
+    table = find_table([cloud[np.isfinite(cloud[..., 2])] for cloud in clouds], workspace)
+    table_from_world = table.frame(workspace)
     half = 0.5 * (workspace.high - workspace.low)[:2] + BESIDE
-    sights = [_sight(frame, half) for frame in there]
+    sights = [
+        _sight(
+            transform_points(table_from_world, view.camera.position),
+            transform_points(table_from_world, cloud),
+            half,
+        )
+        for view, cloud in zip(views, clouds, strict=True)
+    ]
     offsets = [abs(float(np.median(s.table[:, 2]))) if len(s.table) else 0.0 for s in sights]
     slopes = [_slope(s.table) * float(half.max()) for s in sights]
-    if len(frames) < 2 or max(*offsets, *slopes) < AGREE:
-        return frames
-    total, moved = np.zeros((len(frames), 7)), sights
+    if max(*offsets, *slopes) < AGREE:
+        return views
+    total, moved = np.zeros((len(sights), 7)), sights
     for reach in REACHES:
         total += _step(moved, total, reach)
         moved = [s.moved(e) for s, e in zip(sights, total, strict=True)]
-    back = invert_rigid(table.table_from_world)
-    return [_corrected(frame, error).moved(back) for frame, error in zip(there, total, strict=True)]
+    return Views(
+        tuple(_corrected(view, error, table_from_world) for view, error in zip(views, total, strict=True))
+    )
 
 
-def _sight(frame: Frame, half: FloatArray) -> _Sight:
-    points = frame.points
+def _points(view: View) -> FloatArray:
+    """(H, W, 3) world points of what is not the robot, NaN where there are none."""
+    if view.depth is None:
+        return np.full((*view.image.shape[:2], 3), np.nan)
+    depth = np.where(np.isfinite(view.depth) & (view.depth > 0), view.depth, np.nan).astype(np.float64)
+    if view.robot_mask is not None:
+        depth[view.robot_mask] = np.nan
+    return view.camera.backproject(depth)
+
+
+def _sight(origin: FloatArray, points: FloatArray, half: FloatArray) -> _Sight:
     with np.errstate(invalid="ignore"):
         inside = (np.abs(points[..., :2]) < half).all(axis=-1)
         table = points[inside & (np.abs(points[..., 2]) < BAND)]
@@ -80,7 +105,7 @@ def _sight(frame: Frame, half: FloatArray) -> _Sight:
     known = np.isfinite(normals).all(axis=1)
     things, normals = things[known], normals[known]
     few = slice(None, None, max(1, len(things) // MOST_THINGS))
-    return _Sight(frame.origin, table[:: max(1, len(table) // MOST_TABLE)], things[few], normals[few])
+    return _Sight(origin, table[:: max(1, len(table) // MOST_TABLE)], things[few], normals[few])
 
 
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -101,7 +126,7 @@ def _slope(points: FloatArray) -> float:
     return float(np.hypot(normal[0], normal[1]))
 
 
-def _normals(points: FloatArray, chosen: FloatArray) -> FloatArray:
+def _normals(points: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
     """(N, 3) unit normals at the chosen pixels, from neighbours two apart; NaN beside an edge."""
     across, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
     across[:, 2:-2] = points[:, 4:] - points[:, :-4]
@@ -142,8 +167,8 @@ def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArr
         for j, other in enumerate(sights):
             if i == j or len(one.things) < 20 or len(other.things) < 20:
                 continue
-            distance, k = cKDTree(other.things).query(one.things, distance_upper_bound=reach)
-            near = np.isfinite(distance)
+            distance, found = cKDTree(other.things).query(one.things, distance_upper_bound=reach)
+            near, k = np.isfinite(distance), np.asarray(found)
             p, q, n = one.things[near], other.things[k[near]], other.normals[k[near]]
             like = np.abs(np.einsum("ij,ij->i", n, one.normals[near])) > 0.8
             p, q, n = p[like], q[like], n[like]
@@ -165,8 +190,12 @@ def _change(sight: _Sight, points: FloatArray, normals: FloatArray) -> FloatArra
     return np.column_stack([np.cross(arm, normals), normals, np.einsum("ij,ij->i", arm, normals)])
 
 
-def _corrected(frame: Frame, error: FloatArray) -> Frame:
+def _corrected(view: View, error: FloatArray, table_from_world: FloatArray) -> View:
+    camera, there = view.camera, invert_rigid(table_from_world)
+    centre = transform_points(table_from_world, camera.position)
     turn = Rotation.from_rotvec(error[:3]).as_matrix()
-    motion = rigid(turn, frame.origin + error[3:6] - turn @ frame.origin)
-    scaled = replace(frame, depth=frame.depth * (1.0 + error[6]))
-    return scaled.moved(motion)
+    motion = there @ rigid(turn, centre + error[3:6] - turn @ centre) @ table_from_world
+    depth = None if view.depth is None else (view.depth * (1.0 + error[6])).astype(np.float32)
+    return replace(
+        view, camera=replace(camera, world_from_camera=motion @ camera.world_from_camera), depth=depth
+    )

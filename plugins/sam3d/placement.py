@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.harmonics import turned_harmonics
 from gvla2.reconstruction.sim3 import Sim3
+from gvla2_plugins.sam3d.harmonics import turned_harmonics
 
 
 def place(reconstruction: Reconstruction, sim3: Sim3) -> Reconstruction:

@@ -1,7 +1,7 @@
 import pytest
 
 from gvla2.errors import GeometryError
-from gvla2.reconstruction.released_layout import find_summaries, objects, read_summary, result_folder
+from gvla2_plugins.sam3d.released_layout import find_summaries, objects, read_summary, result_folder
 
 
 def test_a_summary_of_each_script_is_read(tmp_path):

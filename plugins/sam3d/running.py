@@ -10,16 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError, MissingDependencyError, OutputError
+from gvla2.geometry.view_spec import parse_rotation_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.result_tree import align_result, read_result
-from gvla2.reconstruction.view_spec import parse_rotation_word
-from gvla2_plugins.external.process import ExternalRunError, run_program
-from gvla2_plugins.external.programs import PROGRAMS
-from gvla2_plugins.external.scene import OBJECT, write_scene
+from gvla2_plugins.sam3d.process import ExternalRunError, run_program
+from gvla2_plugins.sam3d.programs import PROGRAMS
+from gvla2_plugins.sam3d.result_tree import align_result, read_result
+from gvla2_plugins.sam3d.scene import OBJECT, write_scene
 
 if TYPE_CHECKING:
-    from gvla2_plugins.external import ExternalConfig
+    from gvla2_plugins.sam3d import ExternalConfig
 
 
 class ExternalReconstructor:

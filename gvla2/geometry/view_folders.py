@@ -2,9 +2,9 @@
 
 Three kinds are read, told apart by what lies there:
 
-* ``cameras.json`` or ``cameras.npz``: our plain folder, see :mod:`gvla2.reconstruction.plain_views`;
+* ``cameras.json`` or ``cameras.npz``: our plain folder, see :mod:`gvla2.geometry.plain_views`;
 * ``views.npz``: what a robot run stores, and :func:`write_views` writes;
-* ``render_mvs_25/model/000.{png,npy}``: an object of a GSO-30 tree, see :mod:`gvla2.reconstruction.gso_views`.
+* ``render_mvs_25/model/000.{png,npy}``: an object of a GSO-30 tree, see :mod:`gvla2.geometry.gso_views`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from PIL import Image
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.gso_views import PROTOCOL_SIZE, PROTOCOL_VIEWS, find_model_folder, read_gso
+from gvla2.geometry.plain_views import find_cameras, read_plain
+from gvla2.geometry.view_archive import ARCHIVE, read_archive, write_views
+from gvla2.geometry.view_spec import parse_view_spec
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.gso_views import PROTOCOL_SIZE, PROTOCOL_VIEWS, find_model_folder, read_gso
-from gvla2.reconstruction.plain_views import find_cameras, read_plain
-from gvla2.reconstruction.view_archive import ARCHIVE, read_archive, write_views
-from gvla2.reconstruction.view_spec import parse_view_spec
 
 __all__ = ["read_views", "resized", "write_views"]
 

@@ -17,9 +17,9 @@ from PIL import Image
 
 from gvla2.errors import GeometryError, OutputError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.picture_files import read_picture
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.picture_files import read_picture
 from gvla2.writing import write_whole
 
 FOCAL = 35.0 / 32.0

@@ -9,9 +9,9 @@ import numpy as np
 from PIL import Image
 
 from gvla2.errors import GeometryError
+from gvla2.geometry.gso_views import write_gso
+from gvla2.geometry.plain_views import write_plain
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.gso_views import write_gso
-from gvla2.reconstruction.plain_views import write_plain
 from gvla2.writing import write_whole
 
 OBJECT = "object"

@@ -17,13 +17,13 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.view_spec import parse_axis_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import Carving, carve
 from gvla2.reconstruction.mask_distance import Silhouette, mask_iou, silhouettes
-from gvla2.reconstruction.placement import place_mesh
 from gvla2.reconstruction.sim3 import Sim3
-from gvla2.reconstruction.view_spec import parse_axis_word
 from gvla2.reconstruction.zbuffer import depth_map, mask_agreement
+from gvla2_plugins.sam3d.placement import place_mesh
 
 _ITERATIONS = 20
 _HUBER = 3.0  # pixels

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
+from gvla2.geometry.view_spec import parse_rotation_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.released_layout import result_folder
-from gvla2.reconstruction.result_tree import align_result, read_result
-from gvla2.reconstruction.view_spec import parse_rotation_word
+from gvla2_plugins.sam3d.released_layout import result_folder
+from gvla2_plugins.sam3d.result_tree import align_result, read_result
 
 if TYPE_CHECKING:
-    from gvla2_plugins.result_tree import ResultTreeConfig
+    from gvla2_plugins.sam3d import ResultTreeConfig
 
 
 class ResultTreeReconstructor:

@@ -1,4 +1,4 @@
-"""SAM3D and its kin, each run from the user's own checkout in a process of its own.
+"""SAM3D and its kin: results that lie there, or each run from the user's own checkout in a process of its own.
 
 gvla2 ships neither their code nor their weights: both come with licences of their own.
 """
@@ -13,6 +13,23 @@ from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
     from gvla2.reconstruction.contracts import Reconstructor
+
+
+@dataclass
+class ResultTreeConfig(ComponentConfig):
+    """Options of the ``result_tree`` reconstructor: which ``<root>/<object>/<views>views/result.{ply,glb}``."""
+
+    root: str = ""
+    object: str = ""
+    views: int = 5
+    """The number in the folder's name, ``5views``."""
+    axes: str = "auto"
+    """From the result's frame to the calibrated one: ``auto``, ``identity`` or a word such as ``perm012_signpnn``."""
+    refine: bool = True
+    """Refine position, turn and scale on the masks."""
+    gaussians: int = 15_000
+    """About how many lie on the mesh of a result that has no Gaussians."""
+
 
 _RUNNER = "{plugin}/sam3d_runner.py"
 
@@ -83,15 +100,22 @@ class FastSam3dConfig(ExternalConfig):
 
 
 def _build(program: str, config: ExternalConfig) -> Reconstructor:
-    from gvla2_plugins.external.reconstructor import ExternalReconstructor
+    from gvla2_plugins.sam3d.running import ExternalReconstructor
 
     return ExternalReconstructor(program, config)
 
 
+def _finished(config: ResultTreeConfig) -> Reconstructor:
+    """Reads a finished result and aligns it with the views' masks."""
+    from gvla2_plugins.sam3d.finished import ResultTreeReconstructor
+
+    return ResultTreeReconstructor(config)
+
+
 @hookimpl
 def gvla2_reconstructors() -> list[Component[Reconstructor]]:
-    """``reconstructor=mv_sam3d | sam3d | fast_sam3d``."""
-    return [
+    """``reconstructor=result_tree | mv_sam3d | sam3d | fast_sam3d``."""
+    run = [
         Component(name, config, partial(_build, name), summary=f"Runs your checkout of {what}.")
         for name, config, what in (
             ("mv_sam3d", MvSam3dConfig, "MV-SAM3D on all views"),
@@ -99,3 +123,4 @@ def gvla2_reconstructors() -> list[Component[Reconstructor]]:
             ("fast_sam3d", FastSam3dConfig, "Fast-SAM3D on the best view"),
         )
     ]
+    return [Component("result_tree", ResultTreeConfig, _finished), *run]

@@ -19,13 +19,13 @@ from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.ply import read_gaussians
 from gvla2.geometry.transform import FloatArray
+from gvla2.geometry.view_spec import parse_rotation_word
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.placement import place
-from gvla2.reconstruction.registration import Registration, register, register_along_ray, register_unposed
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.view_spec import parse_rotation_word
+from gvla2_plugins.sam3d.placement import place
+from gvla2_plugins.sam3d.registration import Registration, register, register_along_ray, register_unposed
 
 _POOR = 0.6
 """Mean IoU with the masks below which an alignment is called poor."""

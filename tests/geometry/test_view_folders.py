@@ -9,12 +9,12 @@ from PIL import Image
 
 from gvla2.errors import ConfigurationError, GeometryError, OutputError
 from gvla2.geometry.camera import Camera
+from gvla2.geometry.gso_views import gso_camera, opengl_extrinsic, write_gso
+from gvla2.geometry.plain_views import write_plain
+from gvla2.geometry.view_folders import read_views, resized, write_views
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
-from gvla2.reconstruction.gso_views import gso_camera, opengl_extrinsic, write_gso
 from gvla2.reconstruction.mask_distance import mask_iou, silhouettes
-from gvla2.reconstruction.plain_views import write_plain
-from gvla2.reconstruction.view_folders import read_views, resized, write_views
 from gvla2.reconstruction.zbuffer import depth_map
 
 

@@ -1,0 +1,206 @@
+"""A sweep of ``gvla2 run``: a bank for each job, jobs that are done already, and the table at the end.
+
+Each job leaves ``job.json`` in its folder. The process that launched the sweep makes the table from these, whichever
+launcher ran the jobs and however the sweep ended.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from hydra.core.hydra_config import HydraConfig
+from hydra.experimental.callback import Callback
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+
+from gvla2.errors import Gvla2Error
+
+if TYPE_CHECKING:
+    from gvla2.commands.run_config import RunConfig
+    from gvla2.evaluation.results import Cell
+    from gvla2.record.contents import EpisodeRecord
+
+JOB = "job.json"
+_BANK = "memory.db"
+_NOT_OF_THE_RESULT = ("quiet", "results", "tracker")
+
+
+class SweepFolder(Callback):
+    """Hydra's callback: remembers the folder of the sweep that this process launches."""
+
+    latest: ClassVar[Path | None] = None
+
+    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
+        """Called by Hydra before it launches a sweep."""
+        type(self).latest = Path(str(config.hydra.sweep.dir)).absolute()
+
+
+def in_sweep() -> bool:
+    """Whether Hydra runs this as a job of a sweep."""
+    return HydraConfig.initialized() and HydraConfig.get().mode == RunMode.MULTIRUN
+
+
+def job_label() -> str:
+    """What the terminal calls this job: its number and overrides; "" for a run of its own."""
+    if not in_sweep():
+        return ""
+    job = HydraConfig.get().job
+    return f"[{job.num}: {job.override_dirname}]"
+
+
+def with_fresh_bank(config: RunConfig, folder: Path) -> RunConfig:
+    """The configuration with a bank of its own in ``folder``, unless a database or a bank is named."""
+    memory: Any = getattr(config, "memory", None)
+    default = getattr(type(memory), "bank", None)
+    if getattr(memory, "url", None) != "" or getattr(memory, "bank", default) != default:
+        return config
+    changed: Any = replace(memory, url=f"sqlite:///{(folder / _BANK).absolute()}")
+    return replace(config, memory=changed)  # type: ignore[call-arg]  # a field that the bridge to Hydra adds
+
+
+def clear(folder: Path) -> None:
+    """Take away what an earlier try of a job, which did not end, has learnt in the job's own bank."""
+    for file in folder.glob(f"{_BANK}*"):
+        file.unlink()
+
+
+def digest_of(config: RunConfig) -> str:
+    """Tells configurations apart that may have different results."""
+    told = OmegaConf.to_container(OmegaConf.structured(config), enum_to_str=True)
+    assert isinstance(told, dict)
+    kept = {key: value for key, value in told.items() if key not in _NOT_OF_THE_RESULT}
+    return hashlib.sha256(json.dumps(kept, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def done_before(folder: Path, digest: str) -> float | None:
+    """The share of success of a job that ended well in this folder with this configuration; None for none."""
+    row = _read(folder / JOB)
+    if row.get("status") != "ok" or row.get("digest") != digest:
+        return None
+    return float(row["succeeded"]) / row["episodes"] if row.get("episodes") else None
+
+
+def write_job(
+    folder: Path, config: RunConfig, digest: str, records: Sequence[EpisodeRecord], status: str
+) -> None:
+    """Leave what the table of the sweep needs of this job."""
+    from gvla2.record.files import write_json
+
+    carried_out = [record for record in records if record.judgement is not None or record.failure is None]
+    judged = [record.judgement for record in records if record.judgement is not None]
+    tallies = [tally for record in records for tally in record.language.values()]
+    tokens = sum(t.get("prompt_tokens", 0) + t.get("completion_tokens", 0) for t in tallies)
+    overrides = (word.lstrip("+~").partition("=") for word in HydraConfig.get().overrides.task)
+    row = {
+        "job": HydraConfig.get().job.num,
+        "overrides": {name: value for name, _, value in overrides},
+        "status": status,
+        "digest": digest,
+        "results": config.results.url,
+        "episodes": len(records) if status == "ok" else len(carried_out),
+        "succeeded": sum(each.eased for each in judged),
+        "succeeded_strict": sum(each.strict for each in judged),
+        "seconds": round(sum(record.seconds for record in records), 3),
+        "tokens": tokens,
+    }
+    write_json(folder / JOB, row)
+
+
+def conclude(status: int, argv: Sequence[str]) -> int:
+    """After a sweep: its table on the terminal, as a page, as CSV and in the results database; the exit status.
+
+    A run that was no sweep is left alone. After a sweep that did not end well the way to go on is told.
+    """
+    folder, SweepFolder.latest = SweepFolder.latest, None
+    if folder is None:
+        return status
+    rows = [(file.parent, _read(file)) for file in folder.glob(f"*/{JOB}")]
+    rows = sorted(((place, row) for place, row in rows if row), key=lambda each: int(each[1]["job"]))
+    try:
+        if rows:
+            _publish(folder, rows)
+    except Gvla2Error as error:
+        print(f"gvla2: the table of the sweep could not be made: {error}", file=sys.stderr)
+        status = status or 1
+    if status:
+        words = [word for word in argv if not word.startswith("hydra.sweep.dir=")]
+        command = shlex.join(["gvla2", "run", *words, f"hydra.sweep.dir={folder}"])
+        print(f"gvla2: jobs that are done are kept. To go on: {command}", file=sys.stderr)
+    return status
+
+
+def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
+    from gvla2.commands.reporting import publish
+    from gvla2.evaluation.provenance import commit, versions
+    from gvla2.evaluation.results import Results, Run, cell_key, now
+    from gvla2.evaluation.runs import RUNS, SUITE
+    from gvla2.record.files import write_text
+
+    cells = [_cell(cell_key(SUITE, str(place)), place, row) for place, row in rows]
+    with Results.open(str(rows[0][1]["results"])) as results:
+        before = [run for run in results.runs(SUITE) if run.folder == str(folder)]
+        number = before[0].id if before else None
+        if number is None:
+            files = [place / "config.yaml" for place, _ in rows]
+            config = next((file.read_text(encoding="utf-8") for file in files if file.is_file()), "")
+            number = results.begin(
+                Run(suite=SUITE, started=now(), folder=str(folder), commit=commit(), config=config,
+                    versions=json.dumps(versions()))
+            )  # fmt: skip
+        results.add(number, SUITE, cells)
+        stored = results.cells(SUITE, runs=[number])
+        runs = results.runs(SUITE)
+    written = publish(stored, runs, RUNS, folder, ("terminal", "html"))
+    written.append(write_text(folder / "jobs.csv", _csv(rows)))
+    for file in written:
+        print(f"{file.suffix[1:]}: {file}")
+
+
+def _cell(key: str, place: Path, row: Mapping[str, Any]) -> Cell:
+    from gvla2.evaluation.results import Cell
+
+    measures = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens")
+    return Cell(
+        key,
+        {"job": row["job"], **row["overrides"]},
+        {name: float(row[name]) for name in measures},
+        {"status": row["status"], "folder": str(place)},
+    )
+
+
+def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
+    """One line a job: what varied, then what came of it."""
+    from gvla2.evaluation.runs import varied
+    from gvla2.evaluation.statistics import wilson_interval
+
+    names = varied([row["overrides"] for _, row in rows])
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    counts = ("episodes", "succeeded", "succeeded_strict")
+    table.writerow(["job", *names, *counts, "success", "low", "high", "seconds", "tokens", "status", "page"])
+    for place, row in rows:
+        interval: list[object] = ["", "", ""]
+        if row["episodes"]:
+            low, high = wilson_interval(row["succeeded"], row["episodes"])
+            interval = [round(row["succeeded"] / row["episodes"], 4), round(low, 4), round(high, 4)]
+        told = [row["overrides"].get(name, "") for name in names]
+        ended = [row["seconds"], row["tokens"], row["status"], place / "index.html"]
+        table.writerow([row["job"], *told, *(row[name] for name in counts), *interval, *ended])
+    return text.getvalue()
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

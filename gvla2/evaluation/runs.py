@@ -1,0 +1,127 @@
+"""The table of a sweep of ``gvla2 run``: success with its interval, seconds and tokens by what varied."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from statistics import median
+
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.sheets import Sheet, SheetCell, SheetRow
+from gvla2.evaluation.statistics import wilson_interval
+
+SUITE = "run"
+REPEATED = "seed"
+"""Jobs that differ in nothing but this are one row."""
+
+EXPLANATION = (
+    "Success in per cent of the episodes by the simulator's referee, with its 95 % Wilson interval; an episode that "
+    "nobody judged counts as not succeeded, one that could not be carried out is no episode. Seconds and tokens are "
+    "medians over jobs, a job's episodes taken together."
+)
+
+
+@dataclass(frozen=True)
+class RunLayout:
+    """The suite's name and title."""
+
+    suite: str
+    title: str
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job that can be looked at: what varied in it, and the folder of its page."""
+
+    caption: str
+    folder: str
+
+
+@dataclass(frozen=True)
+class RunTable:
+    """One finished sheet, the run of the results database behind it, and its jobs."""
+
+    sheet: Sheet
+    runs: tuple[int, ...]
+    jobs: tuple[Job, ...]
+
+    @property
+    def title(self) -> str:
+        """The sheet's."""
+        return self.sheet.title
+
+
+RUNS = RunLayout(SUITE, "Runs")
+
+
+def make_run_tables(cells: Iterable[Cell], layout: RunLayout = RUNS) -> list[RunTable]:
+    """One table a sweep; cells are jobs, with what was overridden as factors."""
+    by_run = sorted(cells, key=lambda cell: (cell.run, int(cell.factors["job"])))
+    return [_table(run, list(group), layout) for run, group in groupby(by_run, key=lambda cell: cell.run)]
+
+
+def varied(factors: Sequence[Mapping[str, str | int]]) -> list[str]:
+    """The names of what is not the same in all jobs, in the order in which they were given."""
+    names = dict.fromkeys(name for each in factors for name in each if name != "job")
+    return [name for name in names if len({str(each.get(name, "")) for each in factors}) > 1]
+
+
+def label_of(factors: Mapping[str, str | int], names: Sequence[str]) -> str:
+    """What a job or a row is called: its values of what varied."""
+    return ", ".join(f"{name}={factors.get(name, '')}" for name in names)
+
+
+def _table(run: int, cells: list[Cell], layout: RunLayout) -> RunTable:
+    names = varied([cell.factors for cell in cells])
+    rows: dict[str, list[Cell]] = {}
+    for cell in cells:
+        label = label_of(cell.factors, [name for name in names if name != REPEATED]) or "all jobs"
+        rows.setdefault(label, []).append(cell)
+    jobs = tuple(
+        Job(_caption(cell, names), str(cell.notes["folder"])) for cell in cells if cell.notes.get("folder")
+    )
+    failed = sum(cell.notes.get("status") != "ok" for cell in cells)
+    footnote = f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else "")
+    headings = ("success", "strict", "episodes", "seconds", "tokens", "jobs")
+    sheet = Sheet(
+        f"{layout.title}: {', '.join(names) or 'nothing'} varied",
+        headings,
+        tuple(SheetRow(label, _cells(members)) for label, members in rows.items()),
+        f"{footnote}; run {run} of the results database.",
+        EXPLANATION,
+    )
+    return RunTable(sheet, (run,), jobs)
+
+
+def _caption(cell: Cell, names: Sequence[str]) -> str:
+    told = label_of(cell.factors, names) or f"job {cell.factors['job']}"
+    if cell.notes.get("status") != "ok":
+        return f"{told}: {cell.notes.get('status')}"
+    return f"{told}: {cell.measures['succeeded']:.0f} of {cell.measures['episodes']:.0f}"
+
+
+def _cells(members: Sequence[Cell]) -> tuple[SheetCell, ...]:
+    well = [cell for cell in members if cell.notes.get("status") == "ok"]
+    failed = len(members) - len(well)
+    count = f"{len(members)}, {failed} failed" if failed else str(len(members))
+    if not well:
+        nothing = SheetCell(("not measured",), none=True)
+        return nothing, nothing, SheetCell(("0",)), nothing, nothing, SheetCell((count,))
+    episodes = int(sum(cell.measures["episodes"] or 0 for cell in well))
+    return (
+        _success(well, "succeeded", episodes),
+        _success(well, "succeeded_strict", episodes),
+        SheetCell((str(episodes),)),
+        SheetCell((f"{median(cell.measures['seconds'] or 0 for cell in well):.1f}",)),
+        SheetCell((f"{median(cell.measures['tokens'] or 0 for cell in well):,.0f}",)),
+        SheetCell((count,)),
+    )
+
+
+def _success(cells: Sequence[Cell], measure: str, episodes: int) -> SheetCell:
+    reached = int(sum(cell.measures[measure] or 0 for cell in cells))
+    if not episodes:
+        return SheetCell(("not measured",), none=True)
+    low, high = wilson_interval(reached, episodes)
+    return SheetCell((f"{100 * reached / episodes:.0f}", f"[{100 * low:.0f}, {100 * high:.0f}]"))

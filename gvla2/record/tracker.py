@@ -1,0 +1,45 @@
+"""What a tracker is told of a run: its configuration, each episode, and where the files are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+
+@dataclass(frozen=True)
+class TrackedRun:
+    """A run as it begins: a ``name`` for people, the ``folder`` of its files, and its composed ``config``, nested."""
+
+    name: str
+    folder: Path
+    config: Mapping[str, Any]
+
+    def flat(self) -> dict[str, Any]:
+        """The configuration with dotted names, as trackers compare runs by: "planner.lift_height"."""
+        return _flat(self.config)
+
+
+class Tracker(Protocol):
+    """Tells a service of experiments about a run. Its errors become warnings: a run never stops for them."""
+
+    def begin(self, run: TrackedRun) -> None:
+        """A run starts; called once, before any episode."""
+        ...
+
+    def episode(self, number: int, measures: Mapping[str, float], folder: Path) -> None:
+        """Episode ``number`` (from 0) has ended: its numbers by name, and the ``folder`` with its page and pictures."""
+        ...
+
+    def end(self, *, well: bool) -> None:
+        """The run is over; ``well`` is false after an error or an interrupt."""
+        ...
+
+
+def _flat(value: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, item in value.items():
+        name = f"{before}{key}"
+        found |= _flat(item, f"{name}.") if isinstance(item, Mapping) else {name: item}
+    return found

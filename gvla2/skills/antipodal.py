@@ -1,0 +1,277 @@
+"""Grasps of any shape: where a hand's two fingers find room beside something, and surfaces that face them.
+
+For each way the hand may come, the surface is cut into slabs as broad as a finger. In a slab, what stands in the
+fingers' way is a set of stretches along the closing direction; a stretch that is narrow enough, with wide enough gaps
+beside it, can be taken: a whole body, a rim, a handle, a tool flat on the table. It is worth the more the better
+both surfaces face the fingers (antipodal: Nguyen 1988) and the nearer it is to the thing's middle, where it does not
+turn in the hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.planning.arm import Hand
+from gvla2.planning.scene import SceneObject
+from gvla2.planning.trajectory import grasp_rotation
+from gvla2.skills.parameters import PALM_GAP, TABLE_GAP
+
+FEWEST, MOST = 60, 1500
+"""Surface points of which a shape is believed, and that are looked at."""
+
+NEIGHBOURS = 12
+"""Points of which a normal is told."""
+
+PLAY, ROOM, BESIDE = 0.003, 0.012, 0.003
+"""Metres a side: the least that an opened finger is off the thing, what it is off where there is room, and what it is
+off other parts of the thing."""
+
+PAD = 0.018
+"""Height of the fingers' pads, metres."""
+
+DEPTHS = (0.012, 0.022, 0.034, 0.045)
+"""How far the fingertips reach over what is nearest to the hand, metres."""
+
+STEP, STEPS = 0.012, 11
+"""Metres between slabs, and their number at most."""
+
+FACING = 0.7
+"""Least cosine between the surfaces and the closing direction: rubber holds steeper ones, but not for sure."""
+
+SHALLOWEST = 0.006
+"""Least reach of the fingertips over a thing, metres."""
+
+FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
+"""What each way to come costs of the preference."""
+
+KEPT = {"top": 8, "leaning": 4, "side": 4}
+"""How many of each family are worth asking the arm about."""
+
+NEAR, TURN = 0.010, 0.3
+"""Grasps nearer than this (metres, radians) to a better one are left out."""
+
+
+@dataclass(frozen=True)
+class Antipodal:
+    """One grasp: ``rotation`` (3, 3), its columns the hand's breadth, closing direction and approach in the world;
+    ``centre`` (3,) of the tool; ``width`` of what is between the fingers and ``opening`` of the hand, metres; ``back``
+    is how far the fingertips go back along the approach to be clear of the thing; ``worth`` in [0, 1].
+    """
+
+    family: str
+    rotation: FloatArray
+    centre: FloatArray
+    width: float
+    opening: float
+    back: float
+    worth: float
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Points (N, 3) of a surface in the world, metres, and their normals (N, 3), of either sign."""
+
+    points: FloatArray
+    normals: FloatArray
+
+
+def skin_of(thing: SceneObject) -> Skin | None:
+    """The thing's surface: that of the scan it is known as, else what was seen; None when that is too little."""
+    if thing.known is not None:
+        whole = _skin_of_scan(thing.known.path, thing.known.scale)
+        pose = thing.known.world_from_scan
+        return Skin(transform_points(pose, whole.points), whole.normals @ pose[:3, :3].T)
+    points = thing.points[np.isfinite(thing.points).all(axis=1)]
+    if len(points) < FEWEST:
+        return None
+    if len(points) > MOST:
+        points = points[np.random.default_rng(0).choice(len(points), MOST, replace=False)]
+    _, near = cKDTree(points).query(points, min(NEIGHBOURS, len(points)))
+    around = points[near] - points[near].mean(axis=1, keepdims=True)  # (N, K, 3)
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+    return Skin(points, axes[:, :, 0])
+
+
+@lru_cache(maxsize=64)
+def _skin_of_scan(path: str, scale: float) -> Skin:
+    """The scan's surface in its own frame, metres."""
+    from gvla2.geometry.mesh_files import read_mesh  # most things are not known, and trimesh takes its time
+
+    mesh = read_mesh(path)
+    points, faces = mesh.sample(MOST, np.random.default_rng(0))
+    return Skin(scale * points, mesh.normals[faces])
+
+
+def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray) -> list[Antipodal]:
+    """The best grasps of a thing on a table at height ``table``, metres, best first.
+
+    ``outward`` (3,) points from the arm's foot to the thing: the hand leans and comes from the side that way.
+    """
+    skin = skin_of(thing)
+    if skin is None:
+        return []
+    found: list[Antipodal] = []
+    for family, rotation in _ways(outward):
+        found += _by_slabs(skin, family, rotation, hand, table)
+    return _apart(sorted(found, key=lambda g: -g.worth))
+
+
+def held_between(skin: Skin, rotation: FloatArray, centre: FloatArray, opening: float, hand: Hand) -> bool:
+    """Whether a hand posed so, ``opening`` metres wide, has something between its pads and nothing in its fingers."""
+    local = (skin.points - centre) @ rotation
+    slab = np.abs(local[:, 0]) < 0.5 * hand.finger_breadth
+    off = np.abs(local[:, 1])
+    pad = (local[:, 2] > hand.tip_beyond_tcp - PAD) & (local[:, 2] < hand.tip_beyond_tcp)
+    column = slab & (local[:, 2] < hand.tip_beyond_tcp)
+    struck = column & (off > 0.5 * opening) & (off < 0.5 * opening + hand.finger_thickness)
+    return bool((slab & pad & (off < 0.5 * opening)).any() and struck.sum() <= 0.002 * len(off))
+
+
+def _ways(outward: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    """Families and rotations (3, 3) of the hand."""
+    down = np.array([0.0, 0.0, -1.0])
+    for k in range(12):
+        yield "top", grasp_rotation(down, _level(np.pi * k / 12))
+    away = float(np.arctan2(outward[1], outward[0]))
+    for k in range(6):
+        closing = _level(np.pi * k / 6)
+        beside = np.array([-closing[1], closing[0], 0.0])
+        beside = beside if beside @ outward >= 0 else -beside
+        yield "leaning", grasp_rotation(np.cos(0.4) * down + np.sin(0.4) * beside, closing)
+    for turn in (0.0, 0.5, -0.5, 1.0, -1.0):
+        for tilt in (0.9, 1.3):
+            ahead = _level(away + turn)
+            approach = np.cos(tilt) * down + np.sin(tilt) * ahead
+            yield "side", grasp_rotation(approach, _level(away + turn + 0.5 * np.pi))
+
+
+def _level(angle: float) -> FloatArray:
+    return np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
+def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: float) -> Iterator[Antipodal]:
+    middle = skin.points.mean(axis=0)
+    local = (skin.points - middle) @ rotation
+    facing = np.abs(skin.normals @ rotation[:, 1])
+    low, high = np.quantile(local[:, 0], (0.02, 0.98))
+    count = int(np.clip(np.ceil((high - low) / STEP), 1, STEPS))
+    first = float(local[:, 2].min())
+    for x in np.linspace(low, high, count + 2)[1:-1]:
+        aside = np.abs(local[:, 0] - x)
+        slab = aside < 0.5 * hand.finger_breadth + 0.002
+        if slab.sum() < 6:
+            continue
+        inside, faced = local[slab], facing[slab]
+        nearest = float(np.quantile(inside[:, 2], 0.01))
+        under_palm = float(local[aside < 0.5 * hand.palm_depth, 2].min())
+        deepest = under_palm + hand.finger_length - PALM_GAP
+        for reach in DEPTHS:
+            tips = min(nearest + reach, deepest)
+            taken = inside[:, 2] < tips
+            for stretch in _stretches(inside[:, 1], faced, inside[:, 2] > tips - PAD, taken, hand):
+                y, width, opening, face = stretch
+                lowest = _tips_by_table(rotation, middle, x, y, opening, hand, table)
+                end = min(tips, lowest)
+                if end < nearest + SHALLOWEST or end < tips - 0.02:
+                    continue
+                at = np.array([x, y, end - hand.tip_beyond_tcp])
+                centre = middle + rotation @ at
+                aslant = float(np.hypot(x, y)) if family == "top" else float(np.linalg.norm(at[:2]))
+                yield Antipodal(
+                    family,
+                    rotation,
+                    centre,
+                    width,
+                    opening,
+                    end - first,
+                    0.9
+                    - 0.2 * width / hand.max_width
+                    - 0.4 * (1.0 - face)
+                    - min(0.4, 2.0 * aslant)
+                    - 1.5 * max(0.0, 0.020 - (end - nearest))
+                    - FAMILIES[family],
+                )
+            if tips == deepest:
+                break
+
+
+def _stretches(
+    along: FloatArray,
+    facing: FloatArray,
+    at_pads: NDArray[np.bool_],
+    taken: NDArray[np.bool_],
+    hand: Hand,
+) -> Iterator[tuple[float, float, float, float]]:
+    """Middle, width, opening and how well both sides face the fingers, of each stretch that can be taken.
+
+    ``along`` (N,) are points of a slab along the closing direction; ``taken`` those that the fingers pass on their way.
+    """
+    order = np.flatnonzero(taken)[np.argsort(along[taken])]
+    if len(order) < 6:
+        return
+    values = along[order]
+    cuts = np.flatnonzero(np.diff(values) > hand.finger_thickness + 2 * BESIDE)
+    starts, stops = np.concatenate([[0], cuts + 1]), np.concatenate([cuts, [len(values) - 1]])
+    for k, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        low, high = float(values[start]), float(values[stop])
+        width = high - low
+        before = low - float(values[stops[k - 1]]) if k else np.inf
+        after = float(values[starts[k + 1]]) - high if k + 1 < len(starts) else np.inf
+        room = min(before, after) - hand.finger_thickness - BESIDE
+        spare = min(ROOM, room, 0.5 * (hand.max_width - width))
+        if spare < PLAY or stop - start < 4:
+            continue
+        members = order[start : stop + 1]
+        members = members[at_pads[members]]
+        if len(members) < 4:
+            continue
+        there = along[members]
+        # Both sides of what is between the pads: the surfaces that the fingers will press on.
+        edge = 0.004
+        left, right = there < there.min() + edge, there > there.max() - edge
+        face = min(float(facing[members[left]].mean()), float(facing[members[right]].mean()))
+        if face >= FACING:
+            yield 0.5 * (low + high), width, width + 2 * spare, face
+
+
+def _tips_by_table(
+    rotation: FloatArray, middle: FloatArray, x: float, y: float, opening: float, hand: Hand, table: float
+) -> float:
+    """How far along the approach the fingertips may be, with fingers and palm off the table, from the middle."""
+    reach = 0.5 * opening + hand.finger_thickness
+    fingers = (0.5 * hand.finger_breadth, reach, 0.0, TABLE_GAP)
+    palm = (0.5 * hand.palm_depth, 0.5 * hand.palm_breadth, -hand.finger_length, 2 * TABLE_GAP)
+    down = -float(rotation[2, 2])
+    if down < 1e-6:
+        return np.inf
+    limits = []
+    for breadth, depth, behind, gap in (fingers, palm):
+        lowest = middle[2] + rotation[2, 0] * x + rotation[2, 1] * y
+        lowest -= abs(rotation[2, 0]) * breadth + abs(rotation[2, 1]) * depth
+        limits.append((lowest - table - gap) / down - behind)
+    return float(min(limits))
+
+
+def _apart(found: list[Antipodal]) -> list[Antipodal]:
+    """The best, none of them much like a better one; some of each family."""
+    kept: list[Antipodal] = []
+    for grasp in found:
+        if sum(g.family == grasp.family for g in kept) == KEPT[grasp.family]:
+            continue
+        alike = any(
+            grasp.family == other.family
+            and np.linalg.norm(grasp.centre - other.centre) < NEAR
+            and Rotation.from_matrix(grasp.rotation.T @ other.rotation).magnitude() < TURN
+            for other in kept
+        )
+        if not alike:
+            kept.append(grasp)
+    return kept

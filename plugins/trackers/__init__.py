@@ -1,0 +1,83 @@
+"""Runs told to MLflow, Weights & Biases or TensorBoard: ``gvla2 run tracker=mlflow``. Off by default."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.errors import MissingDependencyError
+
+if TYPE_CHECKING:
+    from gvla2.record.tracker import Tracker
+
+INSTALL = "pip install 'gvla2[track]'"
+
+
+@dataclass
+class MLflowConfig(ComponentConfig):
+    """Options of ``mlflow``: ``uri`` of a server, "" for the file ``outputs/mlflow.db``; the ``experiment``'s name.
+
+    ``files`` sends each episode's page, result and picture as well.
+    """
+
+    uri: str = ""
+    experiment: str = "gvla2"
+    files: bool = True
+
+
+@dataclass
+class WandbConfig(ComponentConfig):
+    """Options of ``wandb``: ``project`` and ``entity`` ("" for your own); ``mode`` is online, offline or disabled.
+
+    ``files`` sends each episode's page, result and picture as well.
+    """
+
+    project: str = "gvla2"
+    entity: str = ""
+    mode: str = "online"
+    files: bool = True
+
+
+@dataclass
+class TensorBoardConfig(ComponentConfig):
+    """Options of ``tensorboard``: events go to ``folder``, "" for ``tensorboard`` in the run's own."""
+
+    folder: str = ""
+
+
+def _mlflow(config: MLflowConfig) -> Tracker:
+    """Tells MLflow: configuration, numbers of each episode, pages."""
+    try:
+        from gvla2_plugins.trackers.mlflow import MLflowTracker
+    except ImportError as error:
+        raise MissingDependencyError("mlflow", "tracker=mlflow", INSTALL, "Apache-2.0") from error
+    return MLflowTracker(config)
+
+
+def _wandb(config: WandbConfig) -> Tracker:
+    """Tells Weights & Biases: configuration, numbers of each episode, pages."""
+    try:
+        from gvla2_plugins.trackers.wandb import WandbTracker
+    except ImportError as error:
+        raise MissingDependencyError("wandb", "tracker=wandb", INSTALL, "MIT") from error
+    return WandbTracker(config)
+
+
+def _tensorboard(config: TensorBoardConfig) -> Tracker:
+    """Writes TensorBoard's events: configuration, numbers of each episode, the last picture."""
+    try:
+        from gvla2_plugins.trackers.tensorboard import TensorBoardTracker
+    except ImportError as error:
+        raise MissingDependencyError("tensorboardX", "tracker=tensorboard", INSTALL, "MIT") from error
+    return TensorBoardTracker(config)
+
+
+@hookimpl
+def gvla2_trackers() -> list[Component[Tracker]]:
+    """``tracker=mlflow``, ``wandb`` and ``tensorboard``."""
+    return [
+        Component("mlflow", MLflowConfig, _mlflow),
+        Component("wandb", WandbConfig, _wandb),
+        Component("tensorboard", TensorBoardConfig, _tensorboard),
+    ]

@@ -1,0 +1,15 @@
+"""Rows, and what the events say of them, as canonical JSON: equal byte for byte."""
+
+from gvla2.memory.records import as_json, dump
+from gvla2.memory.storage.store import Store
+
+
+def stored_and_rebuilt(store: Store, bank: str = "b") -> tuple[str, str]:
+    """The records and links of a bank as they are stored, and as its events make them."""
+    rebuilt = store.rebuild(bank)
+    pairs = ((store.records(bank), store.links(bank)), (rebuilt.records, rebuilt.links))
+    first, second = (
+        dump([[as_json(r) for r in records], [[x.source, x.kind, x.target, x.at] for x in links]])
+        for records, links in pairs
+    )
+    return first, second

@@ -1,0 +1,131 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.clutter import ARRANGEMENTS, GAP, cluttered
+from gvla2.robot.placing import planar
+from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, TaskSite
+from gvla2.robot.task_options import TaskConfig
+from gvla2.robot.volumes import body_points
+from gvla2.testing.robot import check_task
+from tests.scanning import box, painted, write
+
+TABLE = 0.752
+SITE = TaskSite((0.25, 0.0), (0.65, 0.91), TABLE, lambda point: True, table_rgb=(0.76, 0.61, 0.43))
+
+
+@dataclass
+class Options(TaskConfig):
+    """Options of a task."""
+
+
+def _box(name, size, colour, at, *, fixed=False):
+    return Body(name, (Primitive("box", size, COLOURS[colour]),), planar(at[:2], at[2], 0.0), fixed=fixed)
+
+
+class Push:
+    """One red block, and a drawer that needs room."""
+
+    instructions = ("push the block", "move the block", "shove the block", "nudge the block")
+
+    def sample(self, rng, site, instruction=None):
+        xy = rng.uniform((0.1, -0.2), (0.4, 0.2))
+        block = _box("block", (0.05, 0.05, 0.05), "red", (*xy, TABLE + 0.025))
+        chest = _box("chest", (0.1, 0.1, 0.1), "blue", (0.45, -0.3, TABLE + 0.05), fixed=True)
+        drawer = _box("drawer", (0.08, 0.08, 0.02), "blue", (0.45, -0.3, TABLE + 0.11))
+        slide = Joint("slide", "prismatic", "chest", "drawer", np.array([0, 1.0, 0]), np.zeros(3), (0.0, 0.3))
+        said = self.instructions[int(rng.integers(4))] if instruction is None else instruction
+        never = {"eased": lambda world: False, "strict": lambda world: False}
+        return TaskInstance(
+            Layout((block, chest, drawer), (slide,)), said, never, keep_clear=((0.3, 0.35, 0.08),)
+        )
+
+
+def sample(seed=0, **options):
+    return cluttered(Push(), Options(**options)).sample(np.random.default_rng(seed), SITE)
+
+
+def flat(body):
+    return body_points(body, body.world_from_body)
+
+
+def test_none_asked_for_is_the_task_itself():
+    task = Push()
+    assert cluttered(task, Options()) is task
+    assert cluttered(task, object()) is task
+
+
+@pytest.mark.parametrize("arrangement", ARRANGEMENTS)
+def test_the_contract_is_kept_and_the_task_lies_where_it_lay(arrangement):
+    check_task(cluttered(Push(), Options(distractors=4, arrangement=arrangement)), SITE)
+    plain = Push().sample(np.random.default_rng(3), SITE)
+    among = sample(3, distractors=4, arrangement=arrangement)
+    assert among.instruction == plain.instruction
+    assert [b.name for b in among.layout.bodies] == [
+        "block", "chest", "drawer", *(f"distractor_{k}" for k in range(4))
+    ]  # fmt: skip
+    for before, after in zip(plain.layout.bodies, among.layout.bodies, strict=False):
+        np.testing.assert_array_equal(before.world_from_body, after.world_from_body)
+
+
+def test_what_the_task_needs_stays_clear():
+    for seed in range(8):
+        layout = sample(seed, distractors=4).layout
+        added = [flat(b)[:, :2] for b in layout.bodies if b.name.startswith("distractor")]
+        block = flat(layout["block"])[:, :2]
+        drawn = np.array([[0.45, y] for y in np.linspace(-0.3, 0.0, 20)])
+        for points in added:
+            assert np.linalg.norm(points[:, None] - block, axis=2).min() > GAP
+            assert np.linalg.norm(points[:, None] - drawn, axis=2).min() > GAP
+            assert np.linalg.norm(points - (0.3, 0.35), axis=1).min() > 0.08
+        for i, one in enumerate(added):
+            assert all(np.linalg.norm(one[:, None] - other, axis=2).min() > GAP for other in added[:i])
+
+
+def test_the_block_stays_the_only_block_and_the_only_red_thing():
+    for seed in range(8):
+        for body in sample(seed, distractors=3).layout.bodies[3:]:
+            assert body.solids[0].kind == "cylinder"
+            assert body.solids[0].rgb not in (COLOURS["red"], COLOURS["blue"])
+
+
+def test_things_touch_lean_and_stand_on_one_another():
+    first, second = sample(0, distractors=2, arrangement="touching").layout.bodies[3:]
+    way = second.world_from_body[:2, 3] - first.world_from_body[:2, 3]
+    assert np.linalg.norm(way) < 0.09
+    stack = sample(0, distractors=3, arrangement="stack").layout.bodies[3:]
+    heights = [(flat(b)[:, 2].min(), flat(b)[:, 2].max()) for b in stack]
+    assert all(0 < low - high < 0.002 for (low, _), (_, high) in zip(heights[1:], heights, strict=False))
+    block, board = sample(0, distractors=2, arrangement="leaning").layout.bodies[3:]
+    assert 0.3 < np.arccos(abs(board.world_from_body[2, 2])) < 0.5
+    assert flat(block)[:, 2].min() > TABLE
+
+
+def test_scans_may_lie_about(tmp_path):
+    write(tmp_path, "soup_can", painted(box(0.05, 0.05, 0.1)))
+    bodies = sample(0, distractors=2, distractors_root=str(tmp_path)).layout.bodies[3:]
+    assert [b.label for b in bodies] == ["soup can"] * 2
+    assert all(b.solids[0].kind == "mesh" for b in bodies)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"distractors": 13}, "0 to 12"),
+        ({"distractors": -1}, "0 to 12"),
+        ({"distractors": 1, "arrangement": "heap"}, "apart, touching"),
+        ({"distractors": 1, "distractors_root": "/absent"}, "no folder"),
+    ],
+)
+def test_bad_options_are_named(options, message):
+    with pytest.raises(ConfigurationError, match=message):
+        cluttered(Push(), Options(**options))
+
+
+def test_no_room_is_said():
+    small = TaskSite((0.25, 0.0), (0.3, 0.3), TABLE, lambda point: True)
+    with pytest.raises(ConfigurationError, match="no room for 12 distractors"):
+        cluttered(Push(), Options(distractors=12)).sample(np.random.default_rng(0), small)

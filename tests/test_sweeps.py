@@ -1,0 +1,166 @@
+"""Sweeps of `gvla2 run`: labels, banks, the table at the end, going on where one stopped."""
+
+import csv
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gvla2 import cli
+from gvla2.commands import run, sweeps
+from gvla2.evaluation.results import Cell
+from gvla2.evaluation.runs import make_run_tables
+
+
+def cell(job: int, succeeded: int, status: str = "ok", run: int = 1, **factors: str) -> Cell:
+    measures = {
+        "episodes": 2,
+        "succeeded": succeeded,
+        "succeeded_strict": 0,
+        "seconds": 3.0,
+        "tokens": 10 * job,
+    }
+    return Cell(
+        f"{run}-{job}", {"job": job, **factors}, measures, {"status": status, "folder": f"/f/{job}"}, run
+    )
+
+
+def test_jobs_that_differ_in_their_seed_alone_are_one_row():
+    (table,) = make_run_tables(
+        cell(job, succeeded, memory=memory, seed=str(seed), quiet="true")
+        for job, (memory, seed, succeeded) in enumerate(
+            [("none", 0, 0), ("none", 1, 1), ("governed", 0, 2), ("governed", 1, 2)]
+        )
+    )
+    rows = {row.label: [c.lines for c in row.cells] for row in table.sheet.rows}
+    assert list(rows) == ["memory=none", "memory=governed"], "quiet did not vary, seeds are pooled"
+    assert rows["memory=none"][0] == ("25", "[5, 70]")
+    assert rows["memory=governed"][0] == ("100", "[51, 100]")
+    assert [lines[0] for lines in rows["memory=governed"][2:]] == ["4", "3.0", "25", "2"]
+    assert table.jobs[0].caption == "memory=none, seed=0: 0 of 2"
+    assert "4 jobs; run 1" in table.sheet.footnote
+
+
+def test_a_failed_job_is_counted_and_measured_nowhere():
+    (table,) = make_run_tables([cell(0, 2, task="a"), cell(1, 0, "failed: no robot", task="b")])
+    rows = {row.label: [c.lines[0] for c in row.cells] for row in table.sheet.rows}
+    assert rows["task=b"] == [
+        "not measured",
+        "not measured",
+        "0",
+        "not measured",
+        "not measured",
+        "1, 1 failed",
+    ]
+    assert table.jobs[1].caption == "task=b: failed: no robot"
+    assert "1 of them failed" in table.sheet.footnote
+
+
+def test_sweeps_are_tables_of_their_own():
+    assert [t.runs for t in make_run_tables([cell(0, 1, run=2), cell(0, 1, run=1)])] == [(1,), (2,)]
+
+
+SWEEP = ("run", "-m", "seed=0,1", "robot.image_size=64", "robot.cameras=[front,wrist]", "robot.video_size=64")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GVLA2_HOME", str(tmp_path / "home"))
+    return tmp_path
+
+
+def jobs_of(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(p.read_text()) for p in sorted(folder.glob(f"*/{sweeps.JOB}"))]
+
+
+def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Two real jobs; the second is interrupted, then gone on with."""
+    ran: list[int] = []
+    real = run.run_episodes
+
+    def stopped(config: Any, *arguments: Any) -> float:
+        ran.append(config.seed)
+        if ran == [0, 1]:
+            raise KeyboardInterrupt
+        return real(config, *arguments)
+
+    monkeypatch.setattr(run, "run_episodes", stopped)
+    assert cli.main([*SWEEP, "quiet=true"]) == 130
+    told = capsys.readouterr()
+    (folder,) = here.glob("outputs/run/*/*-sweep")
+    assert [job["overrides"]["seed"] for job in jobs_of(folder)] == ["0"]
+    again = re.search(r"To go on: gvla2 (.*)", told.err)
+    assert again is not None
+    assert re.search(r"\[0: .*\] -> .*index.html", told.err), "quiet=true still says how a job ended"
+
+    assert cli.main(shlex.split(again.group(1))) == 0
+    told = capsys.readouterr()
+    assert ran == [0, 1, 1], "what was done is not run again"
+    assert re.search(r"\[0: .*\] is done: ", told.err)
+    assert "all jobs" in told.out
+    rows = list(csv.DictReader((folder / "jobs.csv").read_text().splitlines()))
+    assert [row["seed"] for row in rows] == ["0", "1"]
+    assert {row["episodes"] for row in rows} == {"1"}
+    assert [Path(row["page"]).is_file() for row in rows] == [True, True]
+    page = (folder / "index.html").read_text()
+    assert page.count("episode.gif") + page.count("before.png") >= 2
+    assert len(list(folder.glob("*/memory.db"))) == 2, "each job has a bank of its own"
+    assert not (here / "home").exists()
+
+    assert cli.main(["report", "suite=run"]) == 0
+    assert "all jobs" in capsys.readouterr().out
+
+
+def test_a_bank_that_is_named_is_used(here: Path, compose_run: Any, tmp_path: Path):
+    fresh = sweeps.with_fresh_bank(compose_run("memory.url=''"), tmp_path)
+    assert fresh.memory.url == f"sqlite:///{tmp_path / 'memory.db'}"
+    for named in ("memory.url=sqlite:///mine.db", "memory.bank=lab"):
+        config = compose_run("memory.url=''", named)
+        assert sweeps.with_fresh_bank(config, tmp_path) is config
+    nothing = compose_run("memory=none")
+    assert sweeps.with_fresh_bank(nothing, tmp_path) is nothing
+
+
+def test_what_an_unfinished_job_left_in_its_bank_is_taken_away(tmp_path: Path):
+    for name in ("memory.db", "memory.db-wal"):
+        (tmp_path / name).write_bytes(b"half")
+    sweeps.clear(tmp_path)
+    assert not list(tmp_path.glob("memory.db*"))
+
+
+def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path: Path):
+    digest = sweeps.digest_of(compose_run("seed=1"))
+    row = {"status": "ok", "digest": digest, "episodes": 4, "succeeded": 3}
+    (tmp_path / sweeps.JOB).write_text(json.dumps(row))
+    assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=1", "quiet=false"))) == 0.75
+    assert sweeps.done_before(tmp_path, sweeps.digest_of(compose_run("seed=2"))) is None
+    (tmp_path / sweeps.JOB).write_text(json.dumps({**row, "status": "failed: no robot"}))
+    assert sweeps.done_before(tmp_path, digest) is None
+    (tmp_path / sweeps.JOB).write_text("{half")
+    assert sweeps.done_before(tmp_path, digest) is None
+
+
+@pytest.mark.parametrize("flag", [["--cfg", "job"], ["--cfg=job"], ["--info", "all"]])
+def test_flags_of_one_job_in_a_sweep_end_in_a_sentence(flag: list[str], capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["run", "-m", "seed=0,1", *flag]) == 2
+    told = capsys.readouterr().err
+    assert "show one job: leave -m away" in told
+    assert "Traceback" not in told
+
+
+def test_the_first_line_names_the_bank(compose_run: Any, registry: Any):
+    from gvla2.commands.run import bank_line
+
+    config = compose_run()
+    memory = registry.build(config, "memory")
+    told = bank_line(config, memory)
+    memory.close()
+    assert re.fullmatch(r"memory governed, bank 'default' of sqlite:///.*memory\.db: 0 lessons", told)
+    nothing = compose_run("memory=none")
+    assert bank_line(nothing, registry.build(nothing, "memory")) == "memory none keeps no bank"
