@@ -22,7 +22,7 @@ class ClassicalConfig(NamingOptions, ComponentConfig):
     not believed. ``jump``: neighbouring pixels further apart than this lie on different surfaces.
     ``colour_step``: neighbouring pixels whose looks differ by more (see ``gvla2.planning.colours``) are of
     different things. ``gap``: free space of this height under a thing means that it does not stand on the table.
-    Names of known objects: see :class:`~gvla2.perception.options.NamingOptions`.
+    Names of known objects: see :class:`NamingOptions`.
     """
 
     min_height: float = 0.004

@@ -3,8 +3,9 @@
     python tests/benchmarks/naming.py FOLDER [--poses 3] [--from 15]
 
 FOLDER holds NAME/textured.obj (YCB). Scenes are ray cast, half of them with cameras that err: extrinsics off by
-2 mm and 0.3 degrees, range bias, flying pixels at edges, holes on dark surfaces, exposure that differs by camera.
-The gallery holds all scans; ``--from`` is the first that is laid out (the odds were fitted on the fifteen before).
+2 mm and 0.3 degrees, range bias, flying pixels at edges, holes on dark surfaces, exposure and colour that differ by
+camera. The gallery holds all scans; ``--from`` names the first that is laid out (the odds were fitted on
+the fifteen before).
 """
 
 import argparse
