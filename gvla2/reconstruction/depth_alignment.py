@@ -147,7 +147,7 @@ class _Problem:
     def solved(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The likeliest theta near the given one, and its covariance (S P, S P)."""
         bounds: dict[str, Any] = {"initial_trust_radius": 10.0, "max_trust_radius": 1000.0, "maxiter": STEPS}
-        answer = minimize(
+        answer = minimize(  # type: ignore[call-overload]  # jac=True: the cost brings its slope
             self._cost, (theta / self._spread).ravel(), method="dogleg", jac=True, hess=self._curvature,
             options=bounds,
         )  # fmt: skip
