@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid
+from gvla2.geometry.transform import FloatArray, invert_rigid
 from gvla2.robot.task import Layout, Thread
 from gvla2_plugins.sapien.bodies import axis_frame, pose_of
+from gvla2_plugins.sapien.engine import import_sapien
 
 SLACK = 0.02
 """Radians by which a thread's stop gives, so that it does not ring."""
@@ -35,7 +36,7 @@ class Screwed:
         self._start = parent.world_from_body[:3, :3].T @ child.world_from_body[:3, :3]
         self._scene = scene
         self._mover = next(c for c in self._child.components if hasattr(c, "set_angular_velocity"))
-        self._frames = tuple(invert_rigid(body.world_from_body) @ frame for body in (parent, child))
+        self._frames = tuple(pose_of(invert_rigid(body.world_from_body) @ frame) for body in (parent, child))
         self._drive: Any = None
         self._tied_at = 0.0
         self._tie(0.0)
@@ -46,15 +47,18 @@ class Screwed:
         """Tie the parts anew at a turn, radians: the engine's joints know no turns beyond a half either way."""
         if self._drive is not None:
             self._child.remove_component(self._drive)
-        back = rigid(Rotation.from_euler("x", -angle).as_matrix())
-        self._drive = self._scene.create_drive(
-            self._parent, pose_of(self._frames[0]), self._child, pose_of(self._frames[1] @ back)
-        )
+        # By quaternions, whose sign the engine heeds: a matrix would not tell one whole turn from none.
+        half = 0.5 * angle
+        back = import_sapien().Pose([0.0, 0.0, 0.0], [np.cos(half), -np.sin(half), 0.0, 0.0])
+        parent, child = self._frames
+        self._drive = self._scene.create_drive(self._parent, parent, self._child, child * back)
         for lock in (self._drive.set_limit_x, self._drive.set_limit_y, self._drive.set_limit_z):
             lock(0.0, 0.0)
         self._drive.set_limit_cone(0.0, 0.0)
         low, high = (limit - angle for limit in self._thread.limits)
-        self._drive.set_limit_twist(max(low - SLACK, -HALF), min(high + SLACK, HALF))
+        if not self._within():
+            low, high = max(low, SLACK - HALF), min(high, HALF - SLACK)
+        self._drive.set_limit_twist(low - SLACK, high + SLACK)
         self._drive.set_drive_property_twist(0.0, self._thread.damping)
         self._tied_at = angle
 
@@ -67,19 +71,23 @@ class Screwed:
         """Read the turn, and let go when it is far enough."""
         if not self.loose:
             relative = _turn(self._parent).T @ _turn(self._child)
-            x, y, z, w = Rotation.from_matrix(relative @ self._start.T).as_quat()
-            turned = 2.0 * float(np.arctan2(self._axis @ (x, y, z), w))  # about the axis, whatever it tilts
-            # A rotation says nothing of whole turns: a step is never more than half of one.
-            step = (turned - self.angle + np.pi) % (2.0 * np.pi) - np.pi
-            self.angle += step
-            if abs(step) > BINDS and not self._within():
-                self._mover.set_angular_velocity([0.0, 0.0, 0.0])
+            turned = Rotation.from_matrix(relative @ self._start.T)
+            self.angle = float(turned.as_rotvec() @ self._axis) if self._within() else self._further(turned)
             self.peak = max(self.peak, abs(self.angle))
             if abs(self.angle - self._tied_at) > FAR and not self._within():
                 self._tie(self.angle)
             if self.peak >= self._thread.release:
                 self._child.remove_component(self._drive)
                 self.loose = True
+
+    def _further(self, turned: Rotation) -> float:
+        """The turn of a long thread, radians, over whole turns: about the axis, whatever the part tilts."""
+        x, y, z, w = turned.as_quat()
+        now = 2.0 * float(np.arctan2(self._axis @ (x, y, z), w))
+        step = (now - self.angle + np.pi) % (2.0 * np.pi) - np.pi  # never more than half of one at a time
+        if abs(step) > BINDS:
+            self._mover.set_angular_velocity([0.0, 0.0, 0.0])
+        return self.angle + step
 
 
 def _turn(entity: Any) -> FloatArray:

@@ -64,8 +64,10 @@ def test_success_gives_priors_whose_words_repeat() -> None:
         ("prior", "approach_tilt", 0.0, 1, "pick"),
         ("prior", "standoff", 0.05, 1, "pick"),
     }
-    assert [x.content for x in first.lessons] == [x.content for x in second.lessons]
-    assert "small box from the top" in first.lessons[0].content
+    told = [[x.content for x in one.lessons] for one in (first, second)]
+    assert [text.replace("red", "blue") for text in told[0]] == told[1], "alike but for the look"
+    assert {e.object for e in effects} == {"red"}
+    assert "small red box from the top" in first.lessons[0].content
     assert first.source == "run/1"
     assert first.provenance["planner"] == "skill"
 
@@ -205,10 +207,10 @@ def test_words_do_not_settle_which_part_of_a_thing_is_meant() -> None:
 @pytest.mark.parametrize(
     ("extents", "words"),
     [
-        ((0.05, 0.05, 0.05), "a small box"),
-        ((0.02, 0.02, 0.06), "a tall small box"),
-        ((0.3, 0.2, 0.02), "a flat large box"),
-        ((0.12, 0.09, 0.07), "a medium box"),
+        ((0.05, 0.05, 0.05), "a small red box"),
+        ((0.02, 0.02, 0.06), "a tall small red box"),
+        ((0.3, 0.2, 0.02), "a flat large red box"),
+        ((0.12, 0.09, 0.07), "a medium red box"),
     ],
 )
 def test_lessons_name_size_and_build(extents: tuple[float, float, float], words: str) -> None:
@@ -228,7 +230,7 @@ def test_the_handled_sides_are_the_planners_where_it_gives_them() -> None:
 def test_success_of_each_working_skill_gives_priors_of_its_own_parameters(skill: str) -> None:
     theta = {"open_angle": 1.8, "lip_depth": 0.006, "let_go_angle": 1.0, "hook_depth": 0.01, "pull_distance": 0.15,
              "end_distance": 0.02, "turn": 2.9, "insert_depth": 0.02, "grasp_depth": 0.02, "standoff": 0.05,
-             "transit_clearance": 0.05, "speed": 0.2}  # fmt: skip
+             "transit_clearance": 0.05, "speed": 0.2, "unlatch_lift": 0.0}  # fmt: skip
     lessons = memory_episode(episode(skill=skill, theta=theta), SUCCESS).lessons
     effects = effects_of(lessons)
     assert len(effects) == 3

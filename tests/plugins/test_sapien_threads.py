@@ -93,6 +93,23 @@ def test_a_thread_for_both_ways_opens_either_way(panda):
         assert panda.true_state().loose("thread"), way
 
 
+def test_a_thread_of_more_than_half_a_turn_holds_to_its_end_and_keeps_its_stop(panda):
+    panda.reset(jar(limits=(0.0, 2 * np.pi), release=4.5), 0)
+    state = panda.true_state()
+    push(panda, "lid", 0.5, torque=(0.0, 0.0, -0.05))
+    assert state.joint("thread") == pytest.approx(0.0, abs=0.05)  # the stop
+    while state.joint("thread") < 4.0:
+        before = state.joint("thread")
+        push(panda, "lid", 0.05, torque=(0.0, 0.0, 0.02))
+        assert state.joint("thread") > before
+    assert not state.loose("thread")
+    push(panda, "lid", 0.3, force=(0.0, 0.0, 2.0))
+    assert state.pose("lid")[2, 3] == pytest.approx(TABLE_HEIGHT + 0.11, abs=1e-3)
+    while not state.loose("thread"):
+        push(panda, "lid", 0.05, torque=(0.0, 0.0, 0.02))
+        assert state.joint("thread") < 5.0
+
+
 @pytest.mark.parametrize(
     ("task", "message"),
     [
@@ -100,7 +117,7 @@ def test_a_thread_for_both_ways_opens_either_way(panda):
             Laid(*jar().layout.bodies, threads=(Thread("t", "pot", "cap", UP, np.zeros(3), 1.0, (0, 1)),)),
             "'cap'",
         ),
-        (jar(release=4.0), "release"),
+        (jar(release=6.5), "release"),
         (
             Laid(
                 *jar().layout.bodies,
