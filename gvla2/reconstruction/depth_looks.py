@@ -98,7 +98,11 @@ def look_at(
     under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
     nearby = np.where(solid, depth, minimum_filter(np.where(np.isfinite(depth), depth, np.inf), 3))
     below: FloatArray = np.log(nearby[under[:, 0], under[:, 1]].astype(np.float64))
-    capped = below, basis.at(under[:, ::-1] + 0.5, below), np.log(caps[under[:, 0], under[:, 1]])
+    capped = (
+        below,
+        basis.at((under[:, ::-1] + 0.5).astype(float), below),
+        np.log(caps[under[:, 0], under[:, 1]]),
+    )
     return Look(
         view.camera,
         basis,

@@ -14,6 +14,7 @@ from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.evidence import gather
 from gvla2.reconstruction.mesh_field import mesh_field
 from gvla2.reconstruction.occupancy import Field
+from gvla2.reconstruction.prior_fusion import agreed
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import fuse_volume
 
@@ -93,3 +94,26 @@ def test_depth_inside_a_ball(turn):
     assert ((found > 0) == (true > 0)).mean() > 0.999
     near = np.abs(true) < grid.step
     assert np.abs(found - true)[near].max() < 0.5 * grid.step
+
+
+def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
+    bar = trimesh.creation.box((0.9, 0.06, 0.06))
+    views = masked_views(bar, size=128, seed=4)
+    seen = ViewSet(views)
+    right = from_depth(views)
+    wrong = right.depth.copy()
+    wrong[0] *= np.linspace(1.0, 1.05, wrong.shape[2], dtype=np.float32)  # one view bends away
+    wrong[1] *= np.linspace(1.04, 1.0, wrong.shape[2], dtype=np.float32)
+    estimate = GeometryEstimate(wrong, right.confidence)
+    plain, _ = fused(seen, gather(estimate, views, seen.hull_surface))
+    _, heeding = agreed(estimate, seen, None)
+    assert len(heeding.needed) <= len(plain.needed)
+    vertices, faces, _ = surface_of(heeding.field)
+    assert distance(Mesh(vertices, faces), bar) < 1.02 * distance(seen.hull_surface, bar)
+
+
+def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
+    evidence, posterior = agreed(from_depth(views), seen, None)
+    plain, _ = fused(seen, gather(from_depth(views), views, seen.hull_surface))
+    assert (posterior.field.values > 0).sum() == pytest.approx((plain.field.values > 0).sum(), rel=0.01)
+    assert (evidence.weight > 0).any()
