@@ -41,7 +41,7 @@ OPTIONS: Mapping[str, frozenset[str]] = MappingProxyType(
                 "workers",
             )
         ),
-        "perception": frozenset((*_EPISODES, "perceivers", "seeds", "workers", "language")),
+        "perception": frozenset((*_EPISODES, "perceivers", "task_options", "seeds", "workers", "language")),
         "agents": frozenset(("agents", "agent", *_MEMORY, *_ARMS, "verifier", "language", "seeds")),
     }
 )  # fmt: skip

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_subjects import task_options
 from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.errors import ConfigurationError, Gvla2Error
 
@@ -93,7 +94,7 @@ def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: 
 
     Raises :class:`ConfigurationError` when ``scale`` is asked of a task that has none.
     """
-    options: dict[str, Any] = {"name": task}
+    options: dict[str, Any] = {"name": task, **task_options(config, registry, task)}
     scalable = "scale" in {field.name for field in fields(registry.get("task", task).config)}
     if scalable:
         options["scale"] = config.scale

@@ -31,7 +31,7 @@ def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any
                 f"task_options.{task}: '{task}' is none of the tasks of this bench ({', '.join(names)})."
             )
     for name in [n for n in PAPER if n in names] + [n for n in names if n not in PAPER]:
-        options = _options(config, registry, name)
+        options = task_options(config, registry, name)
         told = ", ".join(f"{option}={value}" for option, value in sorted(options.items()))
         label = f"{name} ({told})" if told else name
         if config.scale != 1:
@@ -77,7 +77,8 @@ def _can_be_built(registry: Registry, name: str) -> bool:
     return True
 
 
-def _options(config: BenchConfig, registry: Registry, name: str) -> dict[str, Any]:
+def task_options(config: BenchConfig, registry: Registry, name: str) -> dict[str, Any]:
+    """What ``task_options`` gives a task. Raises :class:`ConfigurationError` for an option that it does not have."""
     given = config.task_options.get(name) or {}
     if not isinstance(given, Mapping):
         raise ConfigurationError(

@@ -247,6 +247,8 @@ def opencv() -> Check:
     owners = [f"{name} {installed(name)}" for name in CV2_OWNERS if installed(name)]
     if len(owners) < 2:
         return Check("cv2", "ok", f"owned by {owners[0]}" if owners else "not installed, not needed")
+    if len({installed(name) for name in CV2_OWNERS if installed(name)}) == 1:
+        return Check("cv2", "ok", f"{' and '.join(owners)} write the same files, of one version")
     advice = (
         f"Keep one: pip uninstall {' '.join(n for n in CV2_OWNERS if installed(n))}, then install one again."
     )

@@ -54,6 +54,28 @@ def assemble(
     return rest_on_each_other(parts, hand)
 
 
+def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
+    """The things without scraps: small pieces that lie on, and look like, a solid that is already found."""
+    ordered = sorted(things, key=lambda t: -len(t.members))
+    kept: list[Thing] = []
+    for thing in ordered:
+        look = np.median(pixels.look[thing.members], axis=0)
+        for k, other in enumerate(kept):
+            if len(thing.members) > 0.35 * len(other.members) or other.agreement < GOOD:
+                continue
+            height = thing.points[:, 2]
+            on_it = other.covers(thing.points[:, :2], TOUCH) & (
+                np.abs(height - other.centre[2]) < 0.5 * other.extents[2] + TOUCH
+            )
+            if on_it.mean() > 0.8 and alike(look, np.median(pixels.look[other.members], axis=0)):
+                members = np.sort(np.concatenate([other.members, thing.members]))
+                kept[k] = replace(other, members=members, points=pixels.points[members])
+                break
+        else:
+            kept.append(thing)
+    return kept
+
+
 def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing], gap: float) -> list[Thing]:
     """Pieces of one look whose gap no camera saw through, and that one solid explains: a cube behind a finger."""
     things = list(things)
@@ -89,7 +111,7 @@ def _take_apart(
     cuts = split_by_height(thing.points, max(12, min_points // 2))
     if len(cuts) < 2:
         return [thing]
-    parts = with_their_walls(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
+    parts = _absorb(pixels, [shape_thing(frames, pixels, thing.members[cut], gap) for cut in cuts])
     weight = np.array([len(p.members) for p in parts], dtype=np.float64)
     better = float(weight @ [p.agreement for p in parts]) / weight.sum()
     return parts if better > thing.agreement + 0.05 else [thing]

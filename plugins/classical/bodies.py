@@ -27,6 +27,7 @@ SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, wh
 TEXTURED = (
     0.13  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .09
 )
+FEWEST = 100  # pairs of neighbours that tell how a body is painted
 
 
 def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float, least: int) -> IntArray:
@@ -85,5 +86,6 @@ def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDA
     # In the dark a little noise is much of hue.
     differ &= np.linalg.norm(pixels.rgb[one] - pixels.rgb[other], axis=1) > 3.0 * noise
     count = int(labels.max(initial=-1)) + 1
-    all_pairs = np.bincount(labels[one], minlength=count)
-    return np.asarray(np.bincount(labels[one], differ, minlength=count) > TEXTURED * np.maximum(1, all_pairs))
+    pairs_of = np.bincount(labels[one], minlength=count)
+    share = np.bincount(labels[one], differ, minlength=count) / np.maximum(1, pairs_of)
+    return np.asarray((share > TEXTURED) & (pairs_of >= FEWEST))

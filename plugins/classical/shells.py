@@ -13,9 +13,8 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
-from gvla2_plugins.classical.clusters import LIKE, alike
+from gvla2_plugins.classical.clusters import LIKE
 from gvla2_plugins.classical.pixels import Pixels
-from gvla2_plugins.classical.shaping import GOOD
 from gvla2_plugins.classical.things import Thing
 
 FITTING = 0.7  # agreement from which a solid tells where its walls are
@@ -24,7 +23,6 @@ OUTSIDE = 0.008  # metres
 SHADE = 0.35  # L* + 16 of a wall in the shade, over that of one in the light, is more
 LID = 0.15  # of the height: what lies so near to the top may be a lid
 SHARE = 0.85
-SCRAP = 0.35  # of a solid's points: so much on it, and that looks like it, is it
 
 
 def with_their_walls(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
@@ -42,8 +40,7 @@ def with_their_walls(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
 
 def _is_wall_of(pixels: Pixels, piece: Thing, host: Thing) -> bool:
     rounded = host.kind == "cylinder" and piece.kind != "cylinder"
-    scrap = host.agreement >= GOOD and len(piece.points) < SCRAP * len(host.points)
-    if not (host.hollow or host.turn is not None or rounded or scrap) or host.kind == "other":
+    if not (host.hollow or host.turn is not None or rounded) or host.kind == "other":
         return False
     if host.agreement < FITTING or piece.points.shape[0] > 2 * len(host.points):
         return False
@@ -51,12 +48,7 @@ def _is_wall_of(pixels: Pixels, piece: Thing, host: Thing) -> bool:
     lightness = [look[2] / LIGHTNESS_WEIGHT + 16.0 for look in looks]
     if np.linalg.norm((looks[0] - looks[1])[:2]) > LIKE or min(lightness) < SHADE * max(lightness):
         return False
-    scrap = scrap and bool(alike(*looks))
-    if (
-        not scrap
-        and host.turn is None
-        and float(np.median(piece.points[:, 2])) > host.top - LID * host.extents[2]
-    ):
+    if host.turn is None and float(np.median(piece.points[:, 2])) > host.top - LID * host.extents[2]:
         return False
     depth = WALL if host.hollow else OUTSIDE
     gap = _gap(host, piece.points)

@@ -23,8 +23,11 @@ from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.task import Task
 
 SUITE = "perception"
-VERSION = 1
+VERSION = 2
 """Of what is measured: rows of another version are measured anew."""
+
+WHOLE = 0.8
+"""Overlap from which a thing of which no second piece is seen counts as seen whole."""
 
 SCENE = "scene"
 """The ``object`` and ``kind`` of the row that is of a layout as a whole."""
@@ -85,20 +88,23 @@ def _measure(wanted: Wanted, bench: Bench, truth: Segmented) -> Measured:
     instance = bench.robot.reset(bench.task, wanted.layout)
     if instance is None:
         raise ConfigurationError("suite=perception needs a simulated robot, which lays out tasks.")
-    observation = _look(bench, wanted.layout)
-    things = true_things(truth, observation, instance.layout)
+    # What is there is told by what the cameras would show if they did not err.
+    clear = bench.robot.observe()
+    observation = _noisy(clear, bench, wanted.layout)
+    things = true_things(truth, clear, instance.layout)
     started, worked = time.perf_counter(), time.process_time()
     scene, note = _perceive(bench, observation, instance.instruction)
     measures: dict[str, float | None] = {
         "seconds": time.perf_counter() - started,
         "cpu_seconds": time.process_time() - worked,
     }
-    result = score(things, scene, observation)
-    picture = overlay_sheet(observation, result, scene) if wanted.pictured else None
+    result = score(things, scene, clear)
+    picture = overlay_sheet(clear, result, scene) if wanted.pictured else None
     twins = with_twins(instance)
     if twins is not None and bench.planner is not None:
         measures["abstained"] = float(_abstains(bench, bench.planner, wanted.layout))
-    rows = [_thing_row(wanted, one) for one in result.things]
+    cut = {stray.piece_of for stray in result.strays}
+    rows = [_thing_row(wanted, one, one.thing.name in cut) for one in result.things]
     measures |= _summary(result)
     notes = {
         "status": "ok",
@@ -110,9 +116,9 @@ def _measure(wanted: Wanted, bench: Bench, truth: Segmented) -> Measured:
     return Measured((_scene_row(wanted, measures, notes), *rows), picture)
 
 
-def _look(bench: Bench, layout: int) -> Observation:
+def _noisy(clear: Observation, bench: Bench, layout: int) -> Observation:
     """What the cameras see, as noisy as in an episode of that seed."""
-    return apply_noise(bench.robot.observe(), bench.noise, np.random.default_rng([layout, 0]), layout)
+    return apply_noise(clear, bench.noise, np.random.default_rng([layout, 0]), layout)
 
 
 def _perceive(bench: Bench, observation: Observation, instruction: str) -> tuple[Scene, str]:
@@ -128,7 +134,7 @@ def _abstains(bench: Bench, planner: Planner, layout: int) -> bool:
     """Whether perceiver and planner together refuse a sentence that two things fit."""
     instance = bench.robot.reset(TwinTask(bench.task), layout)
     assert instance is not None
-    observation = _look(bench, layout)
+    observation = _noisy(bench.robot.observe(), bench, layout)
     scene, note = _perceive(bench, observation, instance.instruction)
     if note:
         return True
@@ -175,11 +181,12 @@ def _scene_row(wanted: Wanted, measures: Mapping[str, float | None], notes: Mapp
     return Cell(wanted.key, {**wanted.factors, "object": SCENE, "kind": SCENE}, dict(measures), dict(notes))
 
 
-def _thing_row(wanted: Wanted, one: ThingScore) -> Cell:
+def _thing_row(wanted: Wanted, one: ThingScore, cut: bool) -> Cell:
     thing, words = one.thing, one.words
     measures: dict[str, float | None] = {
         "found": float(one.match.found),
         "iou": one.match.iou,
+        "whole": float(one.match.iou >= WHOLE and not cut),
         "label": _number(words.label),
         "colour": _number(words.colour),
         "noun": _number(words.noun),

@@ -17,6 +17,7 @@ ALL = "all"
 OF_THINGS = (
     "things",
     "found ↑",
+    "whole ↑",
     "mask IoU ↑",
     "label ↑",
     "colour ↑",
@@ -61,7 +62,8 @@ PERCEPTION = PerceptionLayout(
     title="Perception",
     explanation=(
         "Things that the pixels truly show, against the perceived objects. Mask IoU is over all views together, and a "
-        "thing is found above 0.5. Label, colour, centre and extent are of what was found: a label is right when its "
+        "thing is found above 0.5, seen whole from 0.8 where no second object is a piece of it. "
+        "Label, colour, centre and extent are of what was found: a label is right when its "
         "colour words and its head noun are the true ones (a synonym is wrong), an extent's error is that of the worst "
         "side that is in sight. The first line is the median (a share, where it is in per cent), the second the 95th "
         "percentile, p95: one in twenty is worse. False objects are no thing, or a second piece of one. Abstained: "
@@ -128,6 +130,7 @@ def _row(cells: Sequence[Cell], with_scenes: bool) -> tuple[SheetCell, ...]:
     return (
         SheetCell((f"{len(things):,}",)),
         _share(things, "found"),
+        _share(things, "whole"),
         _spread(things, "iou", 2, worst=5),
         _share(things, "label"),
         _share(things, "colour"),

@@ -1,0 +1,36 @@
+"""Connected components above the table, each with a box about it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gvla2.geometry.views import Observation
+from gvla2.perception.clusters import clusters
+from gvla2.perception.frames import frames_of, raised
+from gvla2.perception.things import numbered, over_workspace, thing_of
+from gvla2.planning.scene import Box, Scene
+from gvla2_plugins.connected import ConnectedConfig
+
+
+class ConnectedPerceiver:
+    """Implements :class:`gvla2.planning.contracts.Perceiver`."""
+
+    def __init__(self, config: ConnectedConfig) -> None:
+        self._config = config
+
+    def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
+        """One object a cluster; the instruction is not used. Raises
+        :class:`~gvla2.errors.PerceptionError` when no camera delivers depth, or no level plane is found.
+        """
+        del instruction
+        frames, table, notes = frames_of(observation.views, workspace)
+        masks = [raised(frame, table, workspace, self._config.min_height) for frame in frames]
+        found = clusters(frames, masks)
+        middle = 0.5 * (workspace.low + workspace.high)
+        height = table.height_at(float(middle[0]), float(middle[1]))
+        things = []
+        for k in range(found.count):
+            rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)])
+            things.append(thing_of(found.points(frames, k), rgb / 255.0, height, 1.0, f"thing{k}"))
+        scene = Scene((), height, workspace, "connected", tuple(notes))
+        return Scene(numbered(over_workspace(things, scene)), height, workspace, "connected", tuple(notes))

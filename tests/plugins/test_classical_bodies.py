@@ -1,0 +1,136 @@
+"""Textured bodies on ray cast tables: geometry decides, paint does not; cameras that err are set right."""
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from gvla2.geometry.raycast import Surface
+from gvla2.geometry.transform import rigid
+from gvla2.geometry.views import Views
+from gvla2.perception.registration import agreed
+from gvla2_plugins.classical import ClassicalConfig
+from gvla2_plugins.classical.perceiver import ClassicalPerceiver
+from gvla2_plugins.connected import ConnectedConfig, gvla2_perceivers
+from gvla2_plugins.connected.perceiver import ConnectedPerceiver
+
+
+def _bench():
+    path = Path(__file__).parents[1] / "benchmarks" / "perception.py"
+    spec = importlib.util.spec_from_file_location("perception_benchmark", path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["perception_benchmark"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+bench = _bench()
+WORKSPACE, TABLE_TOP = bench.WORKSPACE, bench.TABLE_TOP
+
+
+def speckled(mesh: trimesh.Trimesh, at, seed=0, longest=0.008) -> Surface:
+    """A surface whose faces have random colours, standing at (x, y)."""
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest)
+    vertices = np.add(vertices, (at[0], at[1], TABLE_TOP - vertices[:, 2].min()))
+    rgb = np.random.default_rng(seed).uniform(0.1, 0.9, (len(faces), 3))
+    return Surface(vertices, faces, rgb, 7 + seed)
+
+
+def perceive(surfaces, observation=None):
+    observation = observation or bench.render([], robot=surfaces)
+    return ClassicalPerceiver(ClassicalConfig()).perceive(observation, "", WORKSPACE)
+
+
+def crate(seed=0, at=(0.3, 0.0)):
+    return speckled(trimesh.creation.box((0.12, 0.07, 0.09)), at, seed)
+
+
+def test_a_textured_box_is_one_thing_of_its_size():
+    (found,) = perceive([crate()]).objects
+    assert found.shape == "box"
+    assert np.abs(np.sort(found.extents) - [0.07, 0.09, 0.12]).max() < 0.005
+    assert np.linalg.norm(found.centre[:2] - [0.3, 0.0]) < 0.004
+
+
+def test_a_textured_cylinder_is_round():
+    can = speckled(trimesh.creation.cylinder(0.035, 0.11, sections=48), (0.3, 0.1))
+    (found,) = perceive([can]).objects
+    assert found.shape == "cylinder"
+    assert np.abs(found.extents - [0.07, 0.07, 0.11]).max() < 0.005
+
+
+def test_textured_things_a_finger_apart_are_two():
+    scene = perceive([crate(0, (0.3, -0.05)), crate(1, (0.3, 0.045))])
+    assert len(scene.objects) == 2
+
+
+def test_the_floor_of_a_flat_dish_belongs_to_it():
+    rim = trimesh.creation.annulus(0.08, 0.09, 0.02, sections=64)
+    floor = trimesh.creation.cylinder(0.085, 0.002, sections=64).apply_translation((0, 0, -0.009))
+    scene = perceive([speckled(trimesh.util.concatenate([rim, floor]), (0.3, 0.0))])
+    assert len(scene.objects) == 1
+    inside = np.linalg.norm(scene.objects[0].points[:, :2] - [0.3, 0.0], axis=1) < 0.06
+    assert inside.sum() > 100
+
+
+def erring(observation, seed=3):
+    """The observation with every camera's pose off by 2 mm and 0.3 degrees."""
+    rng = np.random.default_rng(seed)
+    views = []
+    for view in observation.views:
+        axis, shift = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
+        off = rigid(Rotation.from_rotvec(np.deg2rad(0.3) * axis).as_matrix(), 0.002 * shift)
+        camera = replace(view.camera, world_from_camera=view.camera.world_from_camera @ off)
+        views.append(replace(view, camera=camera))
+    return replace(observation, views=Views(tuple(views)))
+
+
+def _spread(views, clear) -> float:
+    """Metres by which the cameras disagree about where what they see is: the deviation of their mean offsets."""
+    offsets = []
+    for view, true in zip(views, clear, strict=True):
+        seen = np.isfinite(true.depth) & (true.points()[..., 2] > TABLE_TOP + 0.01)
+        seen &= (true.points()[..., 2] < TABLE_TOP + 0.2) & ~true.robot_mask
+        seen &= ((true.points() > WORKSPACE.low) & (true.points() < WORKSPACE.high)).all(axis=-1)
+        if seen.sum() > 100:
+            offsets.append(np.median(view.points()[seen] - true.points()[seen], axis=0))
+    return float(np.linalg.norm(np.std(offsets, axis=0)))
+
+
+@pytest.fixture(scope="module")
+def three():
+    return bench.render([
+        bench.put("box", (0.06,) * 3, (0.2, -0.2), 0.4, "red", ("cube",)),
+        bench.put("box", (0.12, 0.07, 0.09), (0.35, 0.1), -0.9, "blue", ("box",)),
+        bench.put("box", (0.05, 0.05, 0.10), (0.1, 0.2), 1.1, "lime", ("box",)),
+    ])  # fmt: skip
+
+
+def test_cameras_that_err_are_made_to_agree(three):
+    off = erring(three)
+    before, after = _spread(off.views, three.views), _spread(agreed(off.views, WORKSPACE), three.views)
+    assert before > 0.002
+    assert after < 0.4 * before
+
+
+def test_cameras_that_agree_are_left_as_they_are(three):
+    assert agreed(three.views, WORKSPACE) is three.views
+
+
+def test_things_are_found_by_cameras_that_err(three):
+    scene = perceive([], erring(three))
+    assert sorted(o.colour for o in scene.objects) == ["blue", "lime", "red"]
+    assert any("disagreed" in note for note in scene.notes)
+
+
+def test_the_plainest_perceiver_finds_what_stands_apart(three):
+    (component,) = gvla2_perceivers()
+    assert component.name == "connected"
+    scene = ConnectedPerceiver(ConnectedConfig()).perceive(three, "", WORKSPACE)
+    assert sorted(o.colour for o in scene.objects) == ["blue", "lime", "red"]
+    assert scene.perceiver == "connected"
