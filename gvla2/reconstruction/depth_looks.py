@@ -100,7 +100,7 @@ def look_at(
     below: FloatArray = np.log(nearby[under[:, 0], under[:, 1]].astype(np.float64))
     capped = (
         below,
-        basis.at((under[:, ::-1] + 0.5).astype(np.float64), below),
+        basis.at((under[:, ::-1] + 0.5).astype(float), below),
         np.log(caps[under[:, 0], under[:, 1]]),
     )
     return Look(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,15 @@ class Moment:
     time: float
     joints: NDArray[np.float64]
     gripper_width: float
+
+
+@runtime_checkable
+class MotionListener(Protocol):
+    """A listener of an episode that also hears of the robot's measured state, just before each frame."""
+
+    def moment(self, moment: Moment) -> None:
+        """The state at the time of the next frame."""
+        ...
 
 
 @dataclass(frozen=True)

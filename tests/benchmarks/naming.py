@@ -4,7 +4,8 @@
 
 FOLDER holds NAME/textured.obj (YCB). Scenes are ray cast, half of them with cameras that err: extrinsics off by
 2 mm and 0.3 degrees, range bias, flying pixels at edges, holes on dark surfaces, exposure and colour that differ by
-camera. The gallery holds all scans; ``--from`` names the first that is laid out (the odds were fitted on the fifteen before).
+camera. The gallery holds all scans; ``--from`` names the first that is laid out (the odds were fitted on
+the fifteen before).
 """
 
 import argparse

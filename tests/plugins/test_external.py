@@ -18,7 +18,7 @@ from gvla2.reconstruction.surfels import surfels
 from gvla2.testing import inputs
 from gvla2_plugins.sam3d import gvla2_reconstructors
 
-COMPONENTS = {c.name: c for c in gvla2_reconstructors()}
+COMPONENTS = {c.name: c for c in gvla2_reconstructors() if c.name != "result_tree"}
 
 
 @pytest.fixture

@@ -10,7 +10,8 @@ import pytest
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
-from gvla2.reconstruction.evidence import gather, looked_through, solid_pixels
+from gvla2.reconstruction.depth_alignment import Aligned
+from gvla2.reconstruction.evidence import doubted, gather, looked_through, nearest_needed, solid_pixels
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2_plugins.depth_prior.learned_noise import LearnedNoise
 from gvla2_plugins.depth_prior.noise import learned
@@ -120,3 +121,26 @@ def test_what_cannot_be_used_says_why(views, hull):
     ):
         with pytest.raises(GeometryError, match=words):
             gather(wrong, views, hull)
+
+
+def test_a_needed_point_caps_the_depth_of_its_pixel(views):
+    point = np.array([[0.05, -0.02, 0.1]])
+    caps = nearest_needed(point, views)
+    for view, cap in zip(views, caps, strict=True):
+        uv, z = view.camera.project(point)
+        column, row = uv[0].astype(int)
+        assert cap[row, column] == pytest.approx(z[0])
+        assert np.isfinite(cap).sum() == 1
+
+
+def test_masks_refute_what_lies_behind_a_cap_and_doubt_its_view_alone():
+    depth = np.full((2, 12, 12), 2.0)
+    aligned = Aligned(depth, np.full(depth.shape, 0.002), np.zeros((2, 1)))
+    caps = np.full(depth.shape, np.nan)
+    caps[0, 5, 2:10] = 2.0 / 1.02  # two per cent before the surface: ten deviations
+    caps[1, 5, 2:10] = 2.1  # behind it: nothing is wrong
+    found, refuted = doubted(aligned, np.ones(depth.shape, dtype=bool), caps)
+    assert refuted[0, 4:7, 1:11].all()
+    assert refuted.sum() == 30
+    assert found.std[0, 0, 0] == pytest.approx(np.hypot(0.002, np.log(1.02)))
+    assert (found.std[1] == 0.002).all()

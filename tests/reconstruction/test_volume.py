@@ -14,8 +14,10 @@ from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.evidence import gather
 from gvla2.reconstruction.mesh_field import mesh_field
 from gvla2.reconstruction.occupancy import Field
+from gvla2.reconstruction.prior_fusion import agreed
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import fuse_volume
+from gvla2_plugins.depth_prior.noise import LearnedNoise, learned
 
 
 def bowl() -> trimesh.Trimesh:
@@ -93,3 +95,27 @@ def test_depth_inside_a_ball(turn):
     assert ((found > 0) == (true > 0)).mean() > 0.999
     near = np.abs(true) < grid.step
     assert np.abs(found - true)[near].max() < 0.5 * grid.step
+
+
+def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
+    bar = trimesh.creation.box((0.9, 0.06, 0.06))
+    views = masked_views(bar, size=128, seed=4)
+    seen = ViewSet(views)
+    clean = {"global_scale": 0.0, "pose_degrees": 0.0, "pose_shift": 0.0, "edge_blur": 0.0}
+    noise = LearnedNoise(**clean, low_frequency=0.02)
+    poses = np.stack([view.camera.world_from_camera for view in views])
+    right = from_depth(views).depth.astype(np.float64)
+    wrong, sure, moved = learned(right, poses, noise, np.random.default_rng(1))
+    estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
+    plain, plain_mesh = fused(seen, gather(estimate, views, seen.hull_surface))
+    _, heeding = agreed(estimate, seen, None)
+    vertices, faces, _ = surface_of(heeding.field)
+    assert len(heeding.needed) < 0.5 * len(plain.needed)
+    assert distance(Mesh(vertices, faces), bar) < 0.9 * distance(plain_mesh, bar)
+
+
+def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
+    evidence, posterior = agreed(from_depth(views), seen, None)
+    plain, _ = fused(seen, gather(from_depth(views), views, seen.hull_surface))
+    assert (posterior.field.values > 0).sum() == pytest.approx((plain.field.values > 0).sum(), rel=0.01)
+    assert (evidence.weight > 0).any()
