@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ from gvla2.memory.contracts import Learned, Memory, MemoryContext, Verdict, Veri
 from gvla2.planning.contracts import Perceiver, Planner
 from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure, Stage
-from gvla2.robot.backend import ExecutionListener, RobotBackend
+from gvla2.robot.backend import ExecutionListener, Moment, RobotBackend
 from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
@@ -114,6 +114,15 @@ class EpisodeListener(Protocol):
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """The robot moves: an RGB image (H, W, 3)."""
+        ...
+
+
+@runtime_checkable
+class MotionListener(Protocol):
+    """An :class:`EpisodeListener` that also hears of the robot's measured state, just before each frame."""
+
+    def moment(self, moment: Moment) -> None:
+        """The state at the time of the next frame."""
         ...
 
 
@@ -328,7 +337,9 @@ def _execute(
     assert record.plan.trajectory is not None
     assert record.scene is not None
     done: list[WaypointReport] = []
-    heard = ExecutionListener(listener.frame, done.append)
+    heard = ExecutionListener(
+        listener.frame, done.append, *([listener.moment] if isinstance(listener, MotionListener) else [])
+    )
     try:
         report = parts.robot.execute(record.plan.trajectory, record.scene, heard)
     except (Exception, KeyboardInterrupt) as cause:

@@ -125,6 +125,7 @@ TAKEN = frozenset(
         "max_parts",
         "agreement",
         "depth_noise",
+        "results",
     }
 )
 """Words that mean something else in the configuration of ``gvla2 run``, so that no kind can have them."""

@@ -86,8 +86,7 @@ def attempt(
     asked = MemoryTask(query=task.instruction)
     recalled = memory.recall(asked)
     clock.lap("recall")
-    knowledge = f"{_KNOWN}{recalled.text}" if recalled.text else ""
-    run = agent.solve(task, sandbox, knowledge, seed=seed, tell=tell)
+    run = agent.solve(task, sandbox, with_knowledge_of(recalled.text), seed=seed, tell=tell)
     clock.lap("agent")
     tests = run_tests(task, sandbox)
     clock.lap("tests")
@@ -101,6 +100,11 @@ def attempt(
     learned = memory.learn(episode, verdict)
     clock.lap("learn")
     return Attempt(task.name, tests.status == 0, run, tests, recalled, verdict, learned, seconds)
+
+
+def with_knowledge_of(recalled: str) -> str:
+    """What an agent is told of memory: the text, said to be data; "" for nothing."""
+    return f"{_KNOWN}{recalled}" if recalled else ""
 
 
 def run_tests(task: AgentTask, sandbox: TestedSandbox) -> Output:

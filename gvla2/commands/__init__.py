@@ -13,6 +13,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
         "data": "say which data sets and weights are here, and how to get the others",
         "calibrate": "find where a camera stands beside a robot, from recorded pose pairs",
         "tasks": "a page of every task from its four cameras, as laid out and as solved",
+        "export": "write runs as a data set for training: LeRobot",
         "plugins": "list robots, planners, memories and all else that can be chosen, with options",
         "doctor": "check this installation and say what to do about what is missing",
     }

@@ -61,4 +61,5 @@ def main(argv: list[str]) -> int:
     """Entry of ``gvla2 report [overrides]``; the process's exit status."""
     from gvla2.commands.hydra_job import launch
 
-    return launch("report", job, argv)
+    # A factor is new to the configuration, for which Hydra would want a "+".
+    return launch("report", job, [f"++{one}" if one.startswith("where.") else one for one in argv])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gvla2.record.contents import EpisodeRecord, Stage
     from gvla2.record.progress import Progress
     from gvla2.record.recorder import RunRecorder
+    from gvla2.robot.backend import Moment
 
 log = logging.getLogger(__name__)
 
@@ -59,6 +60,9 @@ class _Listener:
         if self.latest is not None and self.latest.failure is not None:
             failure = self.latest.failure
             self.latest = replace(self.latest, failure=replace(failure, message=f"{who}: {failure.message}"))
+
+    def moment(self, moment: Moment) -> None:
+        self.recorder.moment(moment)
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         self.recorder.frame(image)

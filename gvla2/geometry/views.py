@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +79,8 @@ class Observation:
 
     ``world_from_tcp`` (4, 4) is the tool centre point between the fingertips (z out of the hand, y along the
     fingers' motion); ``joints`` (dof,) in radians; ``gripper`` is the opening in [0, 1]; ``gripper_width`` the
-    same in metres. Nothing here comes from a simulator's state of the scene.
+    same in metres. Nothing here comes from a simulator's state of the scene. ``finer``, where a simulator offers it,
+    takes the same moment's pictures with more pixels, for people alone: see :meth:`pictured`.
     """
 
     views: Views
@@ -87,3 +88,15 @@ class Observation:
     joints: FloatArray
     gripper: float
     gripper_width: float
+    finer: Callable[[], Views] | None = field(default=None, repr=False, compare=False)
+
+    def pictured(self) -> Views:
+        """The views to draw for people: the finer ones where there are any, by the cameras' believed poses."""
+        if self.finer is None:
+            return self.views
+        return Views(
+            tuple(
+                replace(fine, camera=replace(fine.camera, world_from_camera=view.camera.world_from_camera))
+                for fine, view in zip(self.finer(), self.views, strict=True)
+            )
+        )

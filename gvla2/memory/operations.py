@@ -27,8 +27,7 @@ from gvla2.memory.contracts import (
 from gvla2.memory.curation import replay, rewriting
 from gvla2.memory.curation.admission import Decision, admit, believed
 from gvla2.memory.curation.governance import SECONDS_PER_DAY, Governed, Governing
-from gvla2.memory.curation.grounding import ungrounded
-from gvla2.memory.curation.induction import RulesInducer
+from gvla2.memory.curation.induction import RulesInducer, ungrounded
 from gvla2.memory.curation.judging import Judged, decide, open_suspicions
 from gvla2.memory.curation.learning import Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome

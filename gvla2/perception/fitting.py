@@ -52,9 +52,9 @@ class Fit:
     """A scan placed by ``world_from_scan`` (4, 4), from the frame about its box's middle.
 
     ``gap`` is the mean truncated distance of the seen points from the scan, ``residual`` the median one, metres;
-    ``explained`` the share of seen points that lie on it; ``through`` the share of its visible surface that cameras
-    looked through; ``colour`` the median difference of looks between its surface and the pictures, ``count`` of how
-    many compared points.
+    ``explained`` the share of seen points that lie on it; ``through`` the share of its surface that cameras looked
+    through, or that would lie in the table; ``colour`` the mean difference of looks between its surface and the
+    pictures, over ``count`` compared points.
     """
 
     scan: Scan
@@ -163,13 +163,14 @@ def judged(scan: Scan, seen: Seen, pose: FloatArray) -> Fit:
             np.stack([image[rows[here], columns[here]], scan.looks[facing][inside][here]], axis=1)
         )
     colour, count = _colour_gap(differences)
+    sunk = float((placed[:, 2] < seen.table - NEAR).mean())  # nothing reaches into the table
     return Fit(
         scan,
         pose,
         float(np.minimum(off, TRUNCATED).mean()),
         float(np.median(off)),
         float((off < 0.006).mean()),
-        through / max(1, through + shown),
+        through / max(1, through + shown) + sunk,
         colour,
         count,
     )
@@ -194,6 +195,7 @@ def seen_surface(
     table: float,
 ) -> Seen:  # fmt: skip
     """The seen surface of one thing; ``images`` (H, W, 3) are looks already. Looks of points come from the views."""
+    points = without_strays(points)
     looks = np.full(points.shape, np.nan)
     for camera, depth, image in zip(cameras, depths, images, strict=True):
         uv, z = camera.project(points)
@@ -203,6 +205,15 @@ def seen_surface(
         columns, rows = np.floor(uv[own]).astype(int).T
         looks[own] = image[rows, columns]
     return Seen(points, looks, cKDTree(points), tuple(cameras), tuple(depths), tuple(images), table)
+
+
+def without_strays(points: FloatArray, reach: float = 0.007, least: int = 4) -> FloatArray:
+    """The points (N, 3) that have ``least`` others within ``reach`` metres: flying pixels hang alone in the air."""
+    if len(points) <= least:
+        return points
+    gaps = np.asarray(cKDTree(points).query(points, k=least + 1, distance_upper_bound=reach)[0])
+    kept = np.isfinite(gaps[:, -1])
+    return points[kept] if kept.sum() > 0.5 * len(points) else points
 
 
 def look_of(image: np.ndarray) -> FloatArray:

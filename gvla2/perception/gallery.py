@@ -45,8 +45,10 @@ class Odds:
         )
 
 
-ODDS = Odds(constant=9.0, gap=0.9, missed=6.0, through=10.0, colour=1.6)
-"""Fitted on fifteen scans in falls of their own, each with and without itself in the gallery."""
+ODDS = Odds(constant=13.5, gap=1.85, missed=4.6, through=16.0, colour=2.1)
+"""By logistic regression on the right and the wrong fits of fifteen scans in 90 scenes, half of them seen by cameras
+that err; a wrong fit weighs three times a right one.
+"""
 
 
 class Gallery:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
@@ -32,11 +32,6 @@ class Affine:
     def identity(cls, reason: str = "") -> Affine:
         """Changes nothing."""
         return cls(np.ones(3), np.zeros(3), reason)
-
-    def apply(self, image: ArrayLike) -> NDArray[np.float32]:
-        """The image (..., 3), uint8 or in [0, 1], calibrated and clipped to [0, 1] float32."""
-        changed = _unit(image, "image") * self.gain + self.bias
-        return np.asarray(np.clip(changed, 0.0, 1.0), dtype=np.float32)
 
 
 def fit_affine(rendered: ArrayLike, observed: ArrayLike, mask: ArrayLike, beta: float = 0.01) -> Affine:

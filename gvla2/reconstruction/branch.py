@@ -34,12 +34,11 @@ from gvla2.reconstruction.things import (
     both_moved,
     dense_points,
     mismatch,
-    object_centre,
     outlined,
     points_of,
 )
 from gvla2.reconstruction.view_set import ViewSet
-from gvla2.reconstruction.visual_hull import released_centre, soft_hull
+from gvla2.reconstruction.visual_hull import object_centre, released_centre, soft_hull
 
 CLEARLY = 0.005
 """A difference of symmetric IoU that decides between two sources."""
@@ -154,7 +153,7 @@ class _Branch:
 
         def move(points: FloatArray) -> FloatArray:
             # The released code takes a centre for each file, ours is one for Gaussians and mesh alike.
-            c = released_centre(points) if o.compat == "official" else object_centre(thing)
+            c = released_centre(points) if o.compat == "official" else object_centre(points_of(thing))
             return soft_hull(points, self._seen.support(points), c, o.tau, o.eta, o.lambda_max)
 
         return self._gated("soft_hull", thing, both_moved(thing, move), began)
@@ -164,7 +163,7 @@ class _Branch:
         if not self._options.axis:
             return self.told(thing, StageReport(stage, "skipped", "Source B is switched off."))
         began = time.perf_counter()
-        fit = self._parts.axis.compensate(dense_points(thing), self._views, object_centre(thing))
+        fit = self._parts.axis.compensate(dense_points(thing), self._views, object_centre(points_of(thing)))
         measures = {"iou": fit.iou_before}, {"iou": fit.iou_after}
         status: Literal["applied", "rejected"] = "applied" if fit.accepted else "rejected"
         report = StageReport(stage, status, fit.reason, *measures, time.perf_counter() - began)

@@ -68,13 +68,8 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
     """
     if resolution < 8:
         raise GeometryError(f"Carving needs a resolution of at least 8 voxels a side, got {resolution}.")
-    shown, notes = silhouettes(views)
-    depth = _measured_depth(views, shown[0])
-    used, dropped = _agreeing(shown, bounds, depth)
-    region = _region(used, bounds, depth)
-    assert region is not None  # or the views would not agree
-    field = _field(used, region, resolution)
-    field = _without_crumbs(field, used)
+    used, dropped, notes, region = _evidence(views, bounds)
+    field = _without_crumbs(_field(used, region, resolution), used)
     vertices, faces, normals = surface_of(field)
     mesh = Mesh(vertices, faces)
     depths = [depth_map(mesh, s.camera) for s in used]
@@ -88,12 +83,20 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
 
 def hull_field(views: Views, resolution: int = 96) -> Field:
     """The visual hull of the views' masks as :func:`carve` makes it, before a surface is taken."""
-    shown, _ = silhouettes(views)
-    depth = _measured_depth(views, shown[0])
-    used, _ = _agreeing(shown, None, depth)
-    region = _region(used, None, depth)
-    assert region is not None  # or the views would not agree
+    used, _, _, region = _evidence(views, None)
     return _field(used, region, resolution)
+
+
+def _evidence(
+    views: Views, bounds: FloatArray | None
+) -> tuple[tuple[Silhouette, ...], list[str], tuple[str, ...], Region]:
+    """The silhouettes that agree, the names of those that were dropped, notes, and where the object can be."""
+    shown, notes = silhouettes(views)
+    depth = _measured_depth(views, shown[0])
+    used, dropped = _agreeing(shown, bounds, depth)
+    region = _region(used, bounds, depth)
+    assert region is not None  # or the views would not agree
+    return used, dropped, notes, region
 
 
 def _status(notes: Sequence[str], used: Sequence[Silhouette], dropped: Sequence[str], region: Region) -> str:

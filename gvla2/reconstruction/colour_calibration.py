@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gvla2.geometry.gaussians import SH_C0, Gaussians
+from gvla2.geometry.gaussians import SH_C0
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.appearance import fit_affine
@@ -49,7 +49,8 @@ def calibrate_colours(
     calibrated = _recoloured(thing, gain, bias)
     if after <= (1 - LEAST_GAIN) * before:
         assert calibrated.gaussians is not None
-        after = colour_error(calibrated.gaussians, views, renderer)
+        painted = ((view, *renderer.render(calibrated.gaussians, view.camera)) for view in views)
+        after = float(np.nanmean([_error(*shot) for shot in painted]))
     measures = {"colour_error": before}, {"colour_error": after}
     seconds = time.perf_counter() - began
     if after > (1 - LEAST_GAIN) * before:
@@ -57,11 +58,6 @@ def calibrate_colours(
         return thing, StageReport("appearance", "rejected", reason, *measures, seconds)
     reason = f"Gain {np.round(gain, 3).tolist()}, bias {np.round(bias, 3).tolist()}."
     return calibrated, StageReport("appearance", "applied", reason, *measures, seconds)
-
-
-def colour_error(gaussians: Gaussians, views: Views, renderer: Renderer) -> float:
-    """Mean absolute colour error of the views' solid pixels, in [0, 1]; NaN where there are none."""
-    return float(np.nanmean([_error(view, *renderer.render(gaussians, view.camera)) for view in views]))
 
 
 def _error(view: View, rendered: np.ndarray, alpha: np.ndarray) -> float:

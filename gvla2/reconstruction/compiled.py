@@ -8,8 +8,8 @@ it takes several times as long to compile.
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any, TypeVar, cast
 
@@ -38,31 +38,14 @@ def run_together(jobs: Sequence[Callable[[], None]]) -> None:
 
     The first exception of a job is raised here after all have ended.
     """
-    workers = min(cores(), len(jobs))
-    errors: list[BaseException] = []
-    waiting = iter(jobs)
-    lock = threading.Lock()
-
-    def work() -> None:
-        while True:
-            with lock:
-                job = next(waiting, None)
-            if job is None:
-                return
-            try:
-                job()
-            except BaseException as error:
-                errors.append(error)
-                return
-
-    threads = [threading.Thread(target=work) for _ in range(workers - 1)]
-    for thread in threads:
-        thread.start()
-    work()
-    for thread in threads:
-        thread.join()
-    if errors:
-        raise errors[0]
+    if min(cores(), len(jobs)) < 2:
+        for job in jobs:
+            job()
+        return
+    with ThreadPoolExecutor(cores()) as pool:
+        running = [pool.submit(job) for job in jobs]
+    for done in running:
+        done.result()
 
 
 def run_chunks(body: Callable[[int, int], None], count: int, least: int = 20_000) -> None:

@@ -97,7 +97,12 @@ def look_at(
     _, rays = view.camera.rays()
     under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
     nearby = np.where(solid, depth, minimum_filter(np.where(np.isfinite(depth), depth, np.inf), 3))
-    below = np.log(nearby[under[:, 0], under[:, 1]])
+    below: FloatArray = np.log(nearby[under[:, 0], under[:, 1]].astype(np.float64))
+    capped = (
+        below,
+        basis.at((under[:, ::-1] + 0.5).astype(np.float64), below),
+        np.log(caps[under[:, 0], under[:, 1]]),
+    )
     return Look(
         view.camera,
         basis,
@@ -109,11 +114,7 @@ def look_at(
         basis.at(pixels + 0.5, at),
         np.log(front[rows, columns]),
         np.log(back[rows, columns]),
-        (
-            below,
-            basis.at((under[:, ::-1] + 0.5).astype(float), below),
-            np.log(caps[under[:, 0], under[:, 1]]),
-        ),
+        capped,
     )
 
 

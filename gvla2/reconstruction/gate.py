@@ -40,14 +40,13 @@ def accept(
     iou_tolerance: float = 1e-3,
     support_tolerance: float = 0.02,
     faces: ArrayLike | None = None,
-    extents: ArrayLike | None = None,
 ) -> Gate:
     """Compare points (N, 3) with where a stage put them (M, 3), metres, by the views' masks.
 
     Kept when neither the symmetric IoU nor the mean mask support falls by more than its tolerance. Support may
     fall besides by as much as the IoU rises: a shape grown to its true size has its rim on the masks' edges, where
     a mask is worth one half, and support alone would only ever let shapes shrink.
-    ``faces`` (F, 3) and ``extents`` (N,) are those of :func:`gvla2.reconstruction.silhouette.symmetric_iou`.
+    ``faces`` (F, 3) are those of :func:`gvla2.reconstruction.silhouette.symmetric_iou`.
     Raises :class:`GeometryError` for malformed points, negative tolerances and a view without a mask.
     """
     old, new = as_points(before, "before"), as_points(after, "after")
@@ -58,7 +57,7 @@ def accept(
     measured = [
         {
             "support": float(mask_support(points, views).mean()),
-            "symmetric_iou": coverage(points, views, faces=faces, extents=extents).mean_iou,
+            "symmetric_iou": coverage(points, views, faces=faces).mean_iou,
         }
         for points in (old, new)
     ]

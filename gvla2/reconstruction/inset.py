@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.gaussians import Gaussians
@@ -32,20 +33,10 @@ MOST = 2.0
 
 
 def outward_normals(mesh: Mesh) -> FloatArray:
-    """(V, 3) unit normals of the vertices, area-weighted, pointing out of a closed mesh whatever its winding."""
-    corners = mesh.vertices[mesh.faces]  # (F, 3, 3)
-    full = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    middle = mesh.vertices.mean(axis=0)
-    volume = float(np.einsum("fc,fc->", corners[:, 0] - middle, full))
-    normals = np.stack(
-        [
-            np.bincount(mesh.faces.ravel(), np.repeat(full[:, c], 3), minlength=len(mesh.vertices))
-            for c in range(3)
-        ],
-        axis=1,
-    )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(normals / np.maximum(length, 1e-300) * (1.0 if volume >= 0 else -1.0))
+    """(V, 3) unit normals of the vertices, weighted by angles, out of a closed mesh whatever its winding."""
+    made = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    outward = 1.0 if made.volume >= 0 else -1.0
+    return np.asarray(outward * made.vertex_normals)
 
 
 def normals_at(centres: FloatArray, mesh: Mesh) -> FloatArray:

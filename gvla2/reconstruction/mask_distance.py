@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, map_coordinates
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
@@ -49,7 +49,7 @@ class Silhouette:
         where = np.where(known[:, None], uv - 0.5, 0.0)[:, ::-1].T
         # Where nothing is known the distance is infinite, and infinity times a weight of 0 is none.
         near = map_coordinates(np.minimum(self.distance, np.float32(1e6)), where, order=1, mode="nearest")
-        return np.where(known, near, np.nan)
+        return np.asarray(np.where(known, near, np.nan))
 
 
 def silhouettes(views: Views) -> tuple[tuple[Silhouette, ...], tuple[str, ...]]:
@@ -94,13 +94,7 @@ def signed_distance(mask: NDArray[np.floating]) -> NDArray[np.float32]:
             np.abs(mask - padded[2:, 1:-1]),
         ]
     )
-    other = np.pad(inside, 1, mode="edge")
-    contour = (
-        (inside != other[1:-1, :-2])
-        | (inside != other[1:-1, 2:])
-        | (inside != other[:-2, 1:-1])
-        | (inside != other[2:, 1:-1])
-    )
+    contour = binary_dilation(inside) & ~binary_erosion(inside, border_value=1)
     # At a pixel beside the contour the mask itself tells where between two centres the contour runs.
     own = np.clip((mask - 0.5) / np.maximum(steps.max(axis=0), 0.05), -1.0, 1.0)
     far, nearest = distance_transform_edt(~contour, return_indices=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
@@ -21,7 +22,6 @@ Field = NDArray[np.float32]
 SHELL = 1.5
 """Pixels beyond the drawn discs in which distances are exact; more than a pixel's diagonal."""
 _LEAST_RADIUS, _MOST_RADIUS = 1.0, 8.0  # pixels
-_MOST_GROWTH = 8.0  # pixels that a point's own extent may add
 _CELL = 8  # pixels; side of the cells in which points are counted
 
 
@@ -44,26 +44,20 @@ class Outline:
         return np.asarray(self.inside >= 0)
 
 
-def outline(
-    points: FloatArray, camera: Camera, extents: FloatArray | None = None, radius: float | None = None
-) -> Outline:
+def outline(points: FloatArray, camera: Camera, radius: float | None = None) -> Outline:
     """The outline of world points (N, 3), contiguous float64; points that are not finite are left out.
 
-    ``extents`` (N,) metres, how far the surface lies outside each point (for the Gaussians of a splat), 0 by
-    default. ``radius`` of the closing in pixels, chosen by the points' density (:func:`closing_radius`) if None.
+    ``radius`` of the closing in pixels, chosen by the points' density (:func:`closing_radius`) if None.
     """
-    P = projection(camera)
     height, width = camera.height, camera.width
     uv = np.empty((len(points), 2), dtype=np.float32)
-    growth = np.zeros(len(points) if extents is not None else 0, dtype=np.float32)
-    sizes = np.zeros(0) if extents is None else np.ascontiguousarray(extents, dtype=np.float64)
-    _project(points, P, sizes, 0.5 * (camera.K[0, 0] + camera.K[1, 1]), uv, growth)
+    _project(points, projection(camera), uv)
     if radius is None:
         radius = closing_radius(uv, width, height)
     distance = np.full((height, width), np.inf, dtype=np.float32)
     nearest = np.full((height, width), -1, dtype=np.int32)
     inside = np.empty((height, width), dtype=np.float32)
-    _draw(uv, growth, radius, distance, nearest)
+    _draw(uv, radius, distance, nearest)
     _close(distance, radius, inside)
     return Outline(inside, nearest, radius)
 
@@ -79,14 +73,7 @@ def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
     taken = counts > 0
     if not taken.any():
         return _LEAST_RADIUS
-    core = np.zeros_like(taken)
-    core[1:-1, 1:-1] = np.logical_and.reduce(
-        [
-            taken[1 + i : len(taken) - 1 + i, 1 + j : taken.shape[1] - 1 + j]
-            for i in (-1, 0, 1)
-            for j in (-1, 0, 1)
-        ]
-    )
+    core = binary_erosion(taken, np.ones((3, 3), dtype=np.bool_))
     many = core.sum() >= 8
     per_cell = np.percentile(counts[core], 5) if many else counts[taken].mean()
     density = max(float(per_cell), 1.0) / _CELL**2
@@ -98,12 +85,9 @@ def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
 def _project(
     points: FloatArray,
     P: FloatArray,
-    extents: FloatArray,
-    focal: float,
     uv: NDArray[np.float32],
-    growth: NDArray[np.float32],
 ) -> None:
-    """Pixels uv (N, 2), NaN for points that are not in front; ``growth`` is the extent in pixels, if there is one."""
+    """Pixels uv (N, 2), NaN for points that are not in front."""
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         depth = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
@@ -113,8 +97,6 @@ def _project(
             continue
         uv[n, 0] = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth
         uv[n, 1] = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth
-        if len(extents):
-            growth[n] = min(focal * extents[n] / depth, _MOST_GROWTH)
 
 
 @compiled
@@ -128,7 +110,6 @@ def _count(uv: NDArray[np.float32], width: int, height: int, counts: NDArray[np.
 @compiled
 def _draw(
     uv: NDArray[np.float32],
-    growth: NDArray[np.float32],
     radius: float,
     distance: Field,
     nearest: NDArray[np.int32],
@@ -139,11 +120,8 @@ def _draw(
     only until the answer is known to be within the radius. So a dense set costs little more than its rim.
     """
     height, width = distance.shape
-    most = np.float32(0.0)
-    for n in range(len(growth)):
-        most = max(most, growth[n])
     reach = np.float32(radius + SHELL)
-    margin = int(np.ceil(reach + most + 0.5))  # points out there reach into the image
+    margin = int(np.ceil(reach + 0.5))  # points out there reach into the image
     rows, columns = height + 2 * margin, width + 2 * margin
     first = np.full((rows, columns), -1, dtype=np.int32)  # the points of a pixel, as linked lists
     following = np.empty(len(uv), dtype=np.int32)
@@ -177,7 +155,7 @@ def _draw(
             best, which = reach, np.int32(-1)
             for ring in range(1, margin + 1):
                 # No point of this ring or a later one is nearer than this.
-                if best <= max(np.float32(ring - 0.5) - most, np.float32(radius)):
+                if best <= max(np.float32(ring - 0.5), np.float32(radius)):
                     break
                 for k in range(-ring, ring + 1):
                     step = 1 if abs(k) == ring else 2 * ring
@@ -186,8 +164,6 @@ def _draw(
                         while n >= 0:
                             across, down = uv[n, 0] - x, uv[n, 1] - y
                             d = np.sqrt(across * across + down * down)
-                            if len(growth):
-                                d -= growth[n]
                             if d < best:
                                 best, which = d, n
                             n = following[n]

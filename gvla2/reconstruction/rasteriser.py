@@ -1,7 +1,7 @@
 """A tile-based rasteriser of Gaussians on the CPU, with gradients.
 
 ``render`` gives the image and alpha of one camera; ``forward`` and ``backward`` give them with the gradients that
-an optimiser needs; ``expected_depth`` gives the depth of what is rendered. The kernels are numba's, compiled on
+an optimiser needs. The kernels are numba's, compiled on
 first use and cached. Work is shared by plain threads (the kernels leave Python's lock), and no result depends on
 how many there are: tiles are independent, and sums over tiles are taken in a fixed order.
 """
@@ -82,11 +82,6 @@ class Frame:
     boxes: NDArray[np.int32]
     offsets: NDArray[np.int64]
     members: NDArray[np.int32]
-
-    @property
-    def visible(self) -> NDArray[np.bool_]:
-        """(N,) whether a Gaussian falls into the image; it may still be hidden by others."""
-        return np.asarray(self.boxes[:, 1] > self.boxes[:, 0])
 
 
 @dataclass(frozen=True)
@@ -212,28 +207,6 @@ def backward(frame: Frame, to_image: Floats, to_alpha: Floats | None = None) -> 
 
     _share(project_back, parts)
     return found
-
-
-def expected_depth(
-    gaussians: Gaussians, camera: Camera, options: RasterOptions | None = None, least_alpha: float = 0.5
-) -> Floats:
-    """(H, W) metres along the camera's z: the centres' depths averaged with the weights of their colours.
-
-    NaN where alpha is below ``least_alpha``.
-    """
-    local = gaussians.centres @ camera.camera_from_world[2, :3].astype(np.float32)
-    depth = np.maximum(local + np.float32(camera.camera_from_world[2, 3]), 0)
-    as_colour = (depth - 0.5) / rasteriser_projection.SH_C0
-    painted = Gaussians(
-        gaussians.centres,
-        gaussians.log_scales,
-        gaussians.rotations,
-        gaussians.opacity_logits,
-        np.repeat(as_colour[:, None], 3, axis=1),
-    )
-    frame = forward(painted, camera, (0.0, 0.0, 0.0), options)
-    known = frame.alpha >= max(least_alpha, 1e-6)
-    return np.where(known, frame.image[..., 0] / np.where(known, frame.alpha, 1), np.nan).astype(np.float32)
 
 
 def _pack(camera: Camera, options: RasterOptions) -> Floats:

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from gvla2.reconstruction.harmonics import harmonics
 from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
 
 TILE = 16
@@ -184,6 +185,9 @@ def project(
         _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
 
 
+_harmonics = kernel(harmonics)
+
+
 @kernel
 def _colour(
     camera: Floats,
@@ -203,24 +207,7 @@ def _colour(
             x * x + y * y + z * z
         )  # not zero: z > near in the camera's frame
         x, y, z = x * inverse, y * inverse, z * inverse
-        xx, yy, zz = x * x, y * y, z * z
-        basis = (
-            -0.4886025119 * y,
-            0.4886025119 * z,
-            -0.4886025119 * x,
-            1.0925484306 * x * y,
-            -1.0925484306 * y * z,
-            0.3153915653 * (2 * zz - xx - yy),
-            -1.0925484306 * x * z,
-            0.5462742153 * (xx - yy),
-            -0.5900435899 * y * (3 * xx - yy),
-            2.8906114426 * x * y * z,
-            -0.4570457995 * y * (4 * zz - xx - yy),
-            0.3731763326 * z * (2 * zz - 3 * xx - 3 * yy),
-            -0.4570457995 * x * (4 * zz - xx - yy),
-            1.4453057213 * z * (xx - yy),
-            -0.5900435899 * x * (xx - 3 * yy),
-        )
+        basis = _harmonics(x, y, z)
         for k in range(3):
             total = 0.0
             for j in range(count):

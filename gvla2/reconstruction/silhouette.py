@@ -13,7 +13,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import run_together
 from gvla2.reconstruction.outline import outline
-from gvla2.reconstruction.support import as_points, mask_of, mask_support
+from gvla2.reconstruction.support import as_points, mask_of
 from gvla2.reconstruction.zbuffer import depth_of
 
 
@@ -37,47 +37,30 @@ class Coverage:
         return float(self.iou[seen].mean()) if seen.any() else float("nan")
 
 
-def e_mask(points: ArrayLike, views: Views) -> float:
-    """E_mask = mean(1 - s(p)) of points (N, 3) (paper, mask reprojection disagreement).
-
-    As published it only rewards shrinking: a point within all masks costs nothing, wherever it is, and mask
-    pixels without a point cost nothing either. :func:`symmetric_iou` counts both.
-    """
-    array = as_points(points)
-    if len(array) == 0:
-        raise GeometryError("E_mask of no points is undefined.")
-    return float(1.0 - mask_support(array, views).mean())
-
-
-def symmetric_iou(
-    points: ArrayLike, views: Views, *, faces: ArrayLike | None = None, extents: ArrayLike | None = None
-) -> float:
+def symmetric_iou(points: ArrayLike, views: Views, *, faces: ArrayLike | None = None) -> float:
     """Mean over the views of |S n M| / |S u M|, of silhouette S and mask M > 0.5.
 
     Views with an empty mask are left out.
     ``points`` (N, 3) metres; with ``faces`` (F, 3) they are a mesh's vertices and its triangles are drawn, else S is
     the points' closed outline, much the same for 10 thousand and for 300 thousand points of one surface.
-    ``extents`` (N,) metres: how far the surface lies outside each point. Raises :class:`GeometryError` for a
-    view without a mask and when every mask is empty.
+    Raises :class:`GeometryError` for a view without a mask and when every mask is empty.
     """
-    value = coverage(points, views, faces=faces, extents=extents).mean_iou
+    value = coverage(points, views, faces=faces).mean_iou
     if np.isnan(value):
         raise GeometryError(f"All {len(views)} masks are empty: there is no silhouette to compare with.")
     return value
 
 
-def coverage(
-    points: ArrayLike, views: Views, *, faces: ArrayLike | None = None, extents: ArrayLike | None = None
-) -> Coverage:
+def coverage(points: ArrayLike, views: Views, *, faces: ArrayLike | None = None) -> Coverage:
     """What :func:`symmetric_iou` averages, view by view and each way; an empty mask gives NaN, not an error."""
-    drawn = silhouettes(points, views, faces=faces, extents=extents)
+    drawn = silhouettes(points, views, faces=faces)
     rows = [_compare(mask, view) for mask, view in zip(drawn, views, strict=True)]
     explained, contained, iou = np.array(rows).T
     return Coverage(explained, contained, iou)
 
 
 def silhouettes(
-    points: ArrayLike, views: Views, *, faces: ArrayLike | None = None, extents: ArrayLike | None = None
+    points: ArrayLike, views: Views, *, faces: ArrayLike | None = None
 ) -> list[NDArray[np.bool_]]:
     """One silhouette (H, W) a view, true where the pixel's centre is covered; arguments as in :func:`symmetric_iou`."""
     array = as_points(points)
@@ -86,15 +69,12 @@ def silhouettes(
         raise GeometryError(f"faces must be (F, 3), got shape {triangles.shape}.")
     if triangles is not None and triangles.size and not 0 <= triangles.min() <= triangles.max() < len(array):
         raise GeometryError(f"A face names a vertex outside 0..{len(array) - 1}.")
-    sizes = None if extents is None else np.asarray(extents, dtype=np.float64)
-    if sizes is not None and (sizes.shape != (len(array),) or not (sizes >= 0).all()):
-        raise GeometryError(f"extents must be {len(array)} lengths >= 0, got shape {sizes.shape}.")
     masks: list[NDArray[np.bool_]] = [np.zeros((0, 0), dtype=np.bool_)] * len(views)
 
     def draw(number: int, view: View) -> Callable[[], None]:
         def job() -> None:
             if triangles is None:
-                masks[number] = outline(array, view.camera, sizes).mask
+                masks[number] = outline(array, view.camera).mask
             else:
                 masks[number] = np.isfinite(depth_of(array, triangles, view.camera))
 

@@ -78,24 +78,16 @@ class CameraAlignment:
 
     ``status``: ``ok``, or ``scale_undetermined`` when all centres coincide (one view, or a turning camera): the
     rotation is right, the scale is 1 for want of better and depth must be scaled by other means.
-    ``centre_residual``: root mean square distance of the aligned centres, calibrated units; ``baseline``: the
-    calibrated centres' root mean square distance from their mean; ``rotation_residual``: root mean square angle
-    between aligned and calibrated axes, radians.
     """
 
     sim3: Sim3
     status: Literal["ok", "scale_undetermined"]
-    centre_residual: float
-    baseline: float
-    rotation_residual: float
 
 
-def align_cameras(
-    estimated: ArrayLike, calibrated: ArrayLike, weights: ArrayLike | None = None
-) -> CameraAlignment:
+def align_cameras(estimated: ArrayLike, calibrated: ArrayLike) -> CameraAlignment:
     """The similarity from a prior's camera frame to the calibrated one, by centres and axis points.
 
-    ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4), ``weights`` (S,). Each camera stands for
+    ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4). Each camera stands for
     its centre and three points on its axes, one root mean square spread of the centres away, so that two or
     collinear centres fix the rotation too; the axes say nothing about scale, which comes from the centres alone.
     Raises :class:`GeometryError` for different numbers of cameras, or poses that are not rigid.
@@ -107,37 +99,24 @@ def align_cameras(
         )
     a = np.stack([check_rigid(pose, f"Estimated camera {i}") for i, pose in enumerate(a)])
     b = np.stack([check_rigid(pose, f"Calibrated camera {i}") for i, pose in enumerate(b)])
-    w = np.ones(len(a)) if weights is None else np.asarray(weights, dtype=np.float64)
-    if w.shape != (len(a),) or not (w >= 0).all() or not 0 < w.sum() < np.inf:
-        raise GeometryError(f"Weights of cameras must be {len(a)} finite numbers >= 0, not all 0.")
-    w = w / w.sum()
-    mean_a, mean_b = w @ a[:, :3, 3], w @ b[:, :3, 3]
+    mean_a, mean_b = a[:, :3, 3].mean(axis=0), b[:, :3, 3].mean(axis=0)
     centres_a, centres_b = a[:, :3, 3] - mean_a, b[:, :3, 3] - mean_b
-    spread_a, spread_b = (float(np.sqrt(w @ (c * c).sum(axis=1))) for c in (centres_a, centres_b))
+    spread_a, spread_b = (float(np.sqrt((c * c).sum(axis=1).mean())) for c in (centres_a, centres_b))
     # Far from the origin, equal centres differ by rounding.
     floor_a, floor_b = (_FLAT * max(float(np.abs(m).max()), 1e-6) for m in (mean_a, mean_b))
     known = spread_a > floor_a and spread_b > floor_b
     # Axis points at one spread's distance, in units of the spread: centres and axes then weigh alike.
-    cross = np.einsum("s,sij,skj->ik", w, b[:, :3, :3], a[:, :3, :3])
+    cross = np.einsum("sij,skj->ik", b[:, :3, :3], a[:, :3, :3]) / len(a)
     if known:
-        cross = cross + (w[:, None] * centres_b).T @ centres_a / (spread_a * spread_b)
+        cross = cross + centres_b.T @ centres_a / (len(a) * spread_a * spread_b)
     rotation = _procrustes(cross)
     scale = 1.0
     if known:
-        scale = float(np.sum(w[:, None] * centres_b * (centres_a @ rotation.T)) / spread_a**2)
+        scale = float(np.sum(centres_b * (centres_a @ rotation.T)) / (len(a) * spread_a**2))
         known = scale > 0
         scale = scale if known else 1.0
     sim3 = Sim3(scale, rotation, mean_b - scale * rotation @ mean_a)
-    gap = sim3.apply(a[:, :3, 3]) - b[:, :3, 3]
-    turn = np.einsum("sij,sij->s", rotation @ a[:, :3, :3], b[:, :3, :3])
-    angle = np.arccos(np.clip((turn - 1) / 2, -1, 1))
-    return CameraAlignment(
-        sim3,
-        "ok" if known else "scale_undetermined",
-        centre_residual=float(np.sqrt(w @ (gap * gap).sum(axis=1))),
-        baseline=spread_b,
-        rotation_residual=float(np.sqrt(w @ angle**2)),
-    )
+    return CameraAlignment(sim3, "ok" if known else "scale_undetermined")
 
 
 def _procrustes(cross: FloatArray) -> FloatArray:

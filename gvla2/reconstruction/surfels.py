@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from trimesh.triangles import points_to_barycentric
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import SH_C0, Gaussians
@@ -57,12 +58,8 @@ def _mix(weights: FloatArray, values: FloatArray) -> FloatArray:
 
 def barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
     """(N, 3) weights of the corners of the face (N,) that each point (N, 3) lies on."""
-    a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
-    full = np.cross(b - a, c - a)
-    square = np.maximum(np.einsum("ij,ij->i", full, full), 1e-300)
-    u = np.einsum("ij,ij->i", np.cross(c - b, points - b), full) / square
-    v = np.einsum("ij,ij->i", np.cross(a - c, points - c), full) / square
-    return np.asarray(np.clip(np.stack([u, v, 1 - u - v], axis=1), 0.0, 1.0), dtype=np.float64)
+    weights = points_to_barycentric(mesh.vertices[mesh.faces[face]], points)
+    return np.asarray(np.clip(weights, 0.0, 1.0), dtype=np.float64)
 
 
 def turned_to(normals: FloatArray) -> NDArray[np.float32]:

@@ -38,12 +38,6 @@ def dense_points(thing: Reconstruction) -> FloatArray:
     return points_of(thing)
 
 
-def object_centre(thing: Reconstruction) -> FloatArray:
-    """(3,) centre c of the object's bounding box: one for Gaussians and mesh alike."""
-    points = points_of(thing)
-    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
-
-
 def both_moved(thing: Reconstruction, move: Callable[[FloatArray], FloatArray]) -> Reconstruction:
     """The same motion for Gaussians and mesh."""
     gaussians, mesh = thing.gaussians, thing.mesh

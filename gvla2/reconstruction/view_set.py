@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.views import View, Views
+from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import hull_field, surface_of
 from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
 from gvla2.reconstruction.occupancy import Field
@@ -28,7 +27,6 @@ class ViewSet:
             raise GeometryError("The branch checks geometry against masks: give every view one.")
         for view in self.views:
             mask_of(view)
-        for view in self.views:
             u, v = view.camera.K[:2, 2]
             if not (0 <= u <= view.camera.width and 0 <= v <= view.camera.height):
                 raise GeometryError(
@@ -41,9 +39,6 @@ class ViewSet:
             raise GeometryError(
                 f"Views are told apart by their names, and {', '.join(doubled)} stands twice."
             )
-
-    def __iter__(self) -> Iterator[View]:
-        return iter(self.views)
 
     @cached_property
     def _stack(self) -> MaskStack:

@@ -38,8 +38,7 @@ def depth_of(
 
 def mask_agreement(mesh: Mesh, silhouettes: Sequence[Silhouette]) -> float:
     """Mean IoU of the mesh's silhouettes with the views' masks."""
-    drawn = (np.isfinite(depth_map(mesh, s.camera)) for s in silhouettes)
-    return float(np.mean([mask_iou(d, s) for d, s in zip(drawn, silhouettes, strict=True)]))
+    return float(np.mean([mask_iou(np.isfinite(depth_map(mesh, s.camera)), s) for s in silhouettes]))
 
 
 @compiled

@@ -23,7 +23,7 @@ _EDGES = tuple((a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b) in (
 _SEEN = 0.03  # share of an object's points that must be in sight for its label
 
 
-def perception_overlay(view: View, scene: Scene, width: int = 512) -> Image.Image:
+def perception_overlay(view: View, scene: Scene, width: int = 640) -> Image.Image:
     """The view with the oriented box of each scene object, numbered in the scene's order.
 
     Edges on an object's far side are thin. An object that something else hides from this camera (by the view's
@@ -78,7 +78,7 @@ def plan_overlay(
     trajectory: Trajectory,
     start: FloatArray | None = None,
     scene: Scene | None = None,
-    width: int = 512,
+    width: int = 640,
 ) -> Image.Image:
     """The waypoint path in the view: numbered dots (from 0, as in files and messages), stage names, grips.
 

@@ -43,7 +43,8 @@ class Pictures:
 
 def main_view(observation: Observation) -> View:
     """The view for before and after: a front camera where there is one, else the first."""
-    return next((v for v in observation.views if "front" in v.name), observation.views[0])
+    views = observation.pictured()
+    return next((v for v in views if "front" in v.name), views[0])
 
 
 def plain_picture(view: View, width: int = 512) -> Image.Image:
@@ -58,10 +59,10 @@ def camera_pictures(observation: Observation) -> tuple[CameraPictures, ...]:
     return tuple(
         CameraPictures(
             view.name,
-            plain=png(Image.fromarray(view.image)),
+            plain=png(Image.fromarray(fine.image)),
             depth=png(depth_picture(view.depth)) if view.depth is not None else b"",
         )
-        for view in observation.views
+        for view, fine in zip(observation.views, observation.pictured(), strict=True)
     )
 
 
@@ -71,14 +72,14 @@ def with_objects(
     """The cameras' pictures with those of the perceived objects."""
     return tuple(
         replace(camera, objects=png(perception_overlay(view, scene)))
-        for camera, view in zip(pictures, observation.views, strict=True)
+        for camera, view in zip(pictures, observation.pictured(), strict=True)
     )
 
 
 def part_picture(observation: Observation, trajectory: Trajectory, scene: Scene | None) -> bytes:
     """The planned path of one part in the camera that shows it best, a PNG."""
     start = observation.world_from_tcp[:3, 3]
-    view = plan_views(observation.views, trajectory)[0]
+    view = plan_views(observation.pictured(), trajectory)[0]
     return png(plan_overlay(view, trajectory, start, scene))
 
 
@@ -89,5 +90,5 @@ def plan_pictures(
     start = observation.world_from_tcp[:3, 3]
     return tuple(
         (view.name, png(plan_overlay(view, trajectory, start, scene)))
-        for view in plan_views(observation.views, trajectory)
+        for view in plan_views(observation.pictured(), trajectory)
     )

@@ -19,6 +19,7 @@ from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png
 from gvla2.record.files import make_folder, write_bytes, write_json, write_text
+from gvla2.record.motion import Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
 from gvla2.record.pictures import (
@@ -33,6 +34,7 @@ from gvla2.record.pictures import (
 from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
 from gvla2.record.topdown import side_map, top_map
+from gvla2.robot.backend import Moment
 
 __all__ = ["RunRecorder", "write_index"]
 
@@ -49,6 +51,8 @@ _LINKED = (
     ("before.png", "before"),
     ("after.png", "after"),
     ("episode.gif", "the motion"),
+    ("episode.mp4", "the motion, every frame"),
+    ("motion.npz", "the arm at each frame"),
     ("run.log", "the log"),
 )
 
@@ -66,6 +70,7 @@ class RunRecorder:
         self.notes: list[str] = []
         self._command, self._config = command, config_yaml
         self._reel = FrameReel()
+        self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
         write_text(folder / "config.yaml", config_yaml)
@@ -74,8 +79,13 @@ class RunRecorder:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
         try:
             self._reel.add(image)
+            self._motion.frame(image)
         except Exception as error:
             self._complain("A frame of the animation", error)
+
+    def moment(self, moment: Moment) -> None:
+        """Keep the robot's state at the next frame. Never raises."""
+        self._motion.moment(moment)
 
     def stage(self, record: EpisodeRecord, stage: str) -> None:
         """Write what ``record`` holds since the last call; to be called after each finished (or failed) stage."""
@@ -89,6 +99,7 @@ class RunRecorder:
         self._write_pictures(record)
         if len(self._reel):
             self._try("The animation", self._animate)
+        self._try("The film", self._motion.finish)
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
         self._try("The page", lambda: write_text(page, self._page(told)))

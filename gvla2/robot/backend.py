@@ -26,13 +26,26 @@ class Judgement:
 
 
 @dataclass(frozen=True)
+class Moment:
+    """The measured robot at the time of a frame: ``time`` in seconds of an even clock, ``joints`` (dof,) in radians,
+    ``gripper_width`` in metres.
+    """
+
+    time: float
+    joints: NDArray[np.float64]
+    gripper_width: float
+
+
+@dataclass(frozen=True)
 class ExecutionListener:
     """Called while a robot moves: ``frame`` with an RGB image (H, W, 3) uint8 some times a second,
-    ``waypoint`` after each waypoint. Raising from either stops the motion.
+    ``waypoint`` after each waypoint, ``moment`` just before a frame by robots that know its state. Raising from any
+    stops the motion.
     """
 
     frame: Callable[[NDArray[np.uint8]], None] = lambda image: None
     waypoint: Callable[[WaypointReport], None] = lambda report: None
+    moment: Callable[[Moment], None] = lambda moment: None
 
 
 class RobotBackend(Protocol):

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -49,8 +48,14 @@ FACING = 0.7
 SHALLOWEST = 0.006
 """Least reach of the fingertips over a thing, metres."""
 
+OVER = 0.35
+"""How far the hand leans along its closing direction, radians; its palm is broad and meets the table soon."""
+
 FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
 """What each way to come costs of the preference."""
+
+COMMON = 0.008
+"""Height over which the pads meet the thing on both sides, metres: what is met at two heights tips out."""
 
 KEPT = {"top": 8, "leaning": 4, "side": 4}
 """How many of each family are worth asking the arm about."""
@@ -119,7 +124,8 @@ def antipodal(thing: SceneObject, hand: Hand, table: float, outward: FloatArray)
     if skin is None:
         return []
     found: list[Antipodal] = []
-    for family, rotation in _ways(outward):
+    yaw = float(np.arctan2(thing.world_from_object[1, 0], thing.world_from_object[0, 0]))
+    for family, rotation in _ways(outward, yaw):
         found += _by_slabs(skin, family, rotation, hand, table)
     return _apart(sorted(found, key=lambda g: -g.worth))
 
@@ -135,17 +141,20 @@ def held_between(skin: Skin, rotation: FloatArray, centre: FloatArray, opening: 
     return bool((slab & pad & (off < 0.5 * opening)).any() and struck.sum() <= 0.002 * len(off))
 
 
-def _ways(outward: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    """Families and rotations (3, 3) of the hand."""
+def _ways(outward: FloatArray, yaw: float) -> Iterator[tuple[str, FloatArray]]:
+    """Families and rotations (3, 3) of the hand, square to the thing's own axes at ``yaw`` among others."""
     down = np.array([0.0, 0.0, -1.0])
     for k in range(12):
-        yield "top", grasp_rotation(down, _level(np.pi * k / 12))
+        yield "top", grasp_rotation(down, _level(yaw + np.pi * k / 12))
     away = float(np.arctan2(outward[1], outward[0]))
     for k in range(6):
-        closing = _level(np.pi * k / 6)
+        closing = _level(yaw + np.pi * k / 6)
         beside = np.array([-closing[1], closing[0], 0.0])
         beside = beside if beside @ outward >= 0 else -beside
         yield "leaning", grasp_rotation(np.cos(0.4) * down + np.sin(0.4) * beside, closing)
+    for k in range(12):  # over, along the closing direction: for rims that slope
+        over = _level(yaw + np.pi * k / 6)
+        yield "leaning", grasp_rotation(np.cos(OVER) * down + np.sin(OVER) * over, over)
     for turn in (0.0, 0.5, -0.5, 1.0, -1.0):
         for tilt in (0.9, 1.3):
             ahead = _level(away + turn)
@@ -175,9 +184,8 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
         deepest = under_palm + hand.finger_length - PALM_GAP
         for reach in DEPTHS:
             tips = min(nearest + reach, deepest)
-            taken = inside[:, 2] < tips
-            for stretch in _stretches(inside[:, 1], faced, inside[:, 2] > tips - PAD, taken, hand):
-                y, width, opening, face = stretch
+            for stretch in _stretches(inside, faced, tips, hand):
+                y, width, opening, face, common = stretch
                 lowest = _tips_by_table(rotation, middle, x, y, opening, hand, table)
                 end = min(tips, lowest)
                 if end < nearest + SHALLOWEST or end < tips - 0.02:
@@ -195,6 +203,7 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
                     0.9
                     - 0.2 * width / hand.max_width
                     - 0.4 * (1.0 - face)
+                    - 0.3 * (1.0 - min(1.0, common / COMMON))
                     - min(0.4, 2.0 * aslant)
                     - 1.5 * max(0.0, 0.020 - (end - nearest))
                     - FAMILIES[family],
@@ -204,16 +213,15 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
 
 
 def _stretches(
-    along: FloatArray,
-    facing: FloatArray,
-    at_pads: NDArray[np.bool_],
-    taken: NDArray[np.bool_],
-    hand: Hand,
-) -> Iterator[tuple[float, float, float, float]]:
-    """Middle, width, opening and how well both sides face the fingers, of each stretch that can be taken.
+    slab: FloatArray, facing: FloatArray, tips: float, hand: Hand
+) -> Iterator[tuple[float, float, float, float, float]]:
+    """Middle, width, opening, how well both sides face the fingers, and the height that they have in common, of each
+    stretch that can be taken with the fingertips at ``tips`` along the approach.
 
-    ``along`` (N,) are points of a slab along the closing direction; ``taken`` those that the fingers pass on their way.
+    ``slab`` (N, 3) are points in the hand's frame, ``facing`` (N,) how well they face the closing direction.
     """
+    along, height = slab[:, 1], slab[:, 2]
+    taken, at_pads = height < tips, height > tips - PAD
     order = np.flatnonzero(taken)[np.argsort(along[taken])]
     if len(order) < 6:
         return
@@ -237,9 +245,12 @@ def _stretches(
         # Both sides of what is between the pads: the surfaces that the fingers will press on.
         edge = 0.004
         left, right = there < there.min() + edge, there > there.max() - edge
-        face = min(float(facing[members[left]].mean()), float(facing[members[right]].mean()))
+        sides = (members[left], members[right])
+        face = min(float(facing[side].mean()) for side in sides)
+        spans = [np.quantile(height[side], (0.1, 0.9)) for side in sides]
+        common = max(0.0, float(min(s[1] for s in spans) - max(s[0] for s in spans)))
         if face >= FACING:
-            yield 0.5 * (low + high), width, width + 2 * spare, face
+            yield 0.5 * (low + high), width, width + 2 * spare, face, common
 
 
 def _tips_by_table(

@@ -26,14 +26,11 @@ def compensate(
     views: Views,
     centre: ArrayLike,
     options: AxisOptions | None = None,
-    *,
-    extents: ArrayLike | None = None,
 ) -> AxisFit:
     """Find a and d for the world points (N, 3), metres, about ``centre`` (3,) (paper, axis compensation).
 
     The denser the points lie on the surface, the better: from 30 thousand points the outline is some 0.3 %
-    too small, from 100 thousand 0.1 %. Sample a mesh where there is one. ``extents`` (N,) metres: how far the
-    surface lies outside each point, for Gaussians that are centred within the object.
+    too small, from 100 thousand 0.1 %. Sample a mesh where there is one.
     Falls back to the identity with a reason; raises :class:`GeometryError` for malformed input and missing masks.
     """
     chosen = options or AxisOptions()
@@ -46,8 +43,6 @@ def compensate(
         raise GeometryError("Axis compensation: axes must be 3x3 with orthonormal columns.")
     if chosen.mode not in ("default", "paper"):
         raise GeometryError(f"No axis mode '{chosen.mode}'. Available: default, paper.")
-    if extents is not None and np.shape(extents) != (len(array),):
-        raise GeometryError(f"extents must be ({len(array)},), got shape {np.shape(extents)}.")
     finite = np.flatnonzero(np.isfinite(array).all(axis=1))
     most = chosen.points or (20_000 if chosen.mode == "paper" else 100_000)
     if most < 1:
@@ -56,9 +51,8 @@ def compensate(
     if len(finite) > most:  # by chance: a fixed stride through points in grid order would leave stripes
         kept = np.sort(np.random.default_rng(0).choice(finite, most, replace=False, shuffle=False))
     sample = np.ascontiguousarray(array[kept])
-    sizes = None if extents is None else np.asarray(extents, dtype=np.float64)[kept]
     masks = [mask_of(view) for view in views]
-    search = AxisSearch(sample, sizes, views, c, axes, chosen)
+    search = AxisSearch(sample, views, c, axes, chosen)
     if len(sample) < LEAST_RESIDUALS:
         return search.rejected(f"only {len(sample)} finite points")
     if not any((mask > 0.5).any() for mask in masks):

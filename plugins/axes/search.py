@@ -30,13 +30,12 @@ class AxisSearch:
     def __init__(
         self,
         points: FloatArray,
-        extents: FloatArray | None,
         views: Views,
         centre: FloatArray,
         axes: FloatArray,
         options: AxisOptions,
     ) -> None:
-        self.points, self.extents, self.views = points, extents, views
+        self.points, self.views = points, views
         self.centre, self.axes, self.options = centre, axes, options
         local = (points - centre) @ axes
         # Without the outermost half percent, so that a few stray points do not widen the bounds.
@@ -53,7 +52,7 @@ class AxisSearch:
 
     def iou(self, x: FloatArray) -> float:
         """Symmetric IoU of the points as x puts them."""
-        return coverage(self.moved(x), self.views, extents=self.extents).mean_iou
+        return coverage(self.moved(x), self.views).mean_iou
 
     def rejected(
         self, reason: str, before: float = np.nan, after: float = np.nan, iterations: int = 0
@@ -123,7 +122,7 @@ class AxisSearch:
 
         def job(number: int, view: View) -> Callable[[], None]:
             def run() -> None:
-                drawn = outline(points, view.camera, self.extents, self.radii[number])
+                drawn = outline(points, view.camera, self.radii[number])
                 self.radii[number] = drawn.radius
                 reach = self._reach(view)
                 parts[number] = outline_residuals(drawn, contours[number], points, view.camera, reach)

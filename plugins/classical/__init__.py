@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gvla2 import Component, ComponentConfig, hookimpl
+from gvla2.perception.options import NamingOptions
 
 if TYPE_CHECKING:
     from gvla2.planning.contracts import Perceiver
 
 
 @dataclass
-class ClassicalConfig(ComponentConfig):
+class ClassicalConfig(NamingOptions, ComponentConfig):
     """Options of the ``classical`` perceiver. Lengths in metres.
 
     ``min_height``: what rises less is table (or
@@ -21,6 +22,7 @@ class ClassicalConfig(ComponentConfig):
     not believed. ``jump``: neighbouring pixels further apart than this lie on different surfaces.
     ``colour_step``: neighbouring pixels whose looks differ by more (see ``gvla2.planning.colours``) are of
     different things. ``gap``: free space of this height under a thing means that it does not stand on the table.
+    Names of known objects: see :class:`NamingOptions`.
     """
 
     min_height: float = 0.004

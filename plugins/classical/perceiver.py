@@ -13,6 +13,8 @@ from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.frames import find_table
+from gvla2.perception.labels import labelled
+from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
@@ -60,6 +62,7 @@ class ClassicalPerceiver:
                 "must be positive, min_points at least 4, robot_margin at least 0."
             )
         self._config = config
+        self._labellers = labellers(config)
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The scene inside ``workspace``, objects ordered by x, then y.
@@ -87,7 +90,8 @@ class ClassicalPerceiver:
         notes += lost + _carried_notes(things, new_id)
         middle = 0.5 * (low + high)
         height = table.height_at(float(middle[0]), float(middle[1]))
-        return Scene(ordered, height, workspace, "classical", tuple(notes))
+        scene = Scene(ordered, height, workspace, "classical", tuple(notes))
+        return labelled(scene, observation, self._labellers)
 
     def _find(
         self, frames: Sequence[Frame], noise: float, workspace: Box, hand: FloatArray

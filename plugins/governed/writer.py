@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 
 from gvla2.errors import Gvla2Error
-from gvla2.language import Endpoint, EndpointOptions
+from gvla2.language import Endpoint, EndpointOptions, Request
 from gvla2.memory.contracts import ConsolidationEdit, Near
 from gvla2.memory.retrieval.rendering import neutralised
 
@@ -34,7 +34,9 @@ class LanguageWriter:
         """The model's edit; raises :class:`~gvla2.errors.Gvla2Error` for no answer, or one that is none."""
         lines = ["<new>", _line(candidate), "</new>", "<memory>", *map(_line, near), "</memory>"]
         messages = [{"role": "system", "content": _ORDERS}, {"role": "user", "content": "\n".join(lines)}]
-        return read_edit(self._endpoint.complete(messages, purpose="extra").text, [one.id for one in near])
+        return read_edit(
+            self._endpoint.complete(Request(messages), purpose="extra").text, [one.id for one in near]
+        )
 
 
 def _line(lesson: Near) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.harmonics import harmonics
 
 
 def turned_harmonics(sh_rest: NDArray[np.float32], rotation: FloatArray) -> NDArray[np.float32]:
@@ -32,27 +33,6 @@ def turned_harmonics(sh_rest: NDArray[np.float32], rotation: FloatArray) -> NDAr
     return turned.reshape(n, columns).astype(np.float32)
 
 
-def _basis(d: FloatArray) -> FloatArray:
-    """(M, 15) real harmonics of degree 1 to 3 at unit directions (M, 3), in the order and signs of 3DGS."""
-    x, y, z = d.T
-    xx, yy, zz = x * x, y * y, z * z
-    return np.stack(
-        [
-            -0.4886025 * y,
-            0.4886025 * z,
-            -0.4886025 * x,
-            1.0925484 * x * y,
-            -1.0925484 * y * z,
-            0.3153916 * (2 * zz - xx - yy),
-            -1.0925484 * x * z,
-            0.5462742 * (xx - yy),
-            -0.5900436 * y * (3 * xx - yy),
-            2.8906114 * x * y * z,
-            -0.4570458 * y * (4 * zz - xx - yy),
-            0.3731763 * z * (2 * zz - 3 * xx - 3 * yy),
-            -0.4570458 * x * (4 * zz - xx - yy),
-            1.4453057 * z * (xx - yy),
-            -0.5900436 * x * (xx - 3 * yy),
-        ],
-        axis=1,
-    )
+def _basis(directions: FloatArray) -> FloatArray:
+    """(M, 15) at unit directions (M, 3)."""
+    return np.stack(harmonics(*directions.T), axis=1)

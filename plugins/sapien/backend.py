@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import ExecutionListener, Judgement
+from gvla2.robot.backend import ExecutionListener, Judgement, Moment
 from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
@@ -35,6 +36,9 @@ from gvla2_plugins.sapien.world import World
 
 ATTACHED = "; what both fingers touch is tied to the hand (robot.attach=true), not held by friction"
 """Said after the goal of every episode with that option."""
+
+SHOWN_SIZE = 640
+"""Side in pixels of the pictures that people are shown; perception gets those of ``image_size``."""
 
 _SILENT = ExecutionListener()
 
@@ -96,7 +100,30 @@ class SapienArm:
         size = max(self._config.image_size, wanted)
         cameras = [self._cell.mounts.camera(name, size, world_from_tcp) for name in self._config.cameras]
         opening = float(np.clip(width / self._arm.hand.max_width, 0.0, 1.0))
-        return Observation(Views(tuple(self._look(cameras))), world_from_tcp, joints, opening, width)
+        return Observation(
+            Views(tuple(self._look(cameras))),
+            world_from_tcp,
+            joints,
+            opening,
+            width,
+            self._finer(world_from_tcp, size),
+        )
+
+    def _finer(self, world_from_tcp: FloatArray, size: int) -> Callable[[], Views] | None:
+        """Takes this moment's pictures again with more pixels, when they are asked for; None where there are enough."""
+        if size >= SHOWN_SIZE or self._eyes is None:
+            return None
+        world, eyes = self._sane_world("seen"), self._eyes
+        links = world.link_poses(self._links)
+        poses = self._thing_poses(world)
+        mounts, names = self._cell.mounts, tuple(self._config.cameras)
+
+        @cache
+        def finer() -> Views:
+            cameras = [mounts.camera(name, SHOWN_SIZE, world_from_tcp) for name in names]
+            return Views(tuple(eyes.look(cameras, links, poses)))
+
+        return finer
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
@@ -107,6 +134,7 @@ class SapienArm:
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
             view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
+            listener.moment(Moment(world.time, world.joints.copy(), world.gripper_width))
             listener.frame(self._look([view])[0].image)
 
         driver = SapienDriver(world, self._config, self._arm.hand.max_width, film)
@@ -182,9 +210,12 @@ class SapienArm:
         world, eyes = self._sane_world("seen"), self._eyes
         if eyes is None or self._lights != self._layout.lights(world.peaks):
             eyes = self._open_eyes()
+        return eyes.look(cameras, world.link_poses(self._links), self._thing_poses(world))
+
+    def _thing_poses(self, world: World) -> dict[str, FloatArray]:
+        """world_from_thing (4, 4) of all that the eyes see beside the robot, now."""
         poses = {f"{PREFIX}{body.name}": world.body_pose(body.name) for body in self._layout.bodies}
-        poses[self._cell.table.name] = self._cell.table.world_from_body
-        return eyes.look(cameras, world.link_poses(self._links), poses)
+        return {**poses, self._cell.table.name: self._cell.table.world_from_body}
 
     def _site(self) -> TaskSite:
         cell = self._cell

@@ -15,21 +15,18 @@ import time
 from pathlib import Path
 
 import numpy as np
+from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
+from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts
 from gvla2.episode import EpisodeRequest, run_episode
-from gvla2.plugins import load_plugins
+from gvla2.hydra_bridge import register
+from gvla2.plugins import Registry, load_plugins
 from gvla2.robot.mesh_library import chosen, mesh_library
 from gvla2.robot.scan import read_scan
 
 NARROW = 0.075
-KINDS = {
-    "robot": "sapien_panda", "camera": "none", "reconstructor": "none", "prior": "none", "axis": "contours",
-    "fusion": "residual", "renderer": "numba", "memory": "none", "retriever": "hybrid", "embedder": "auto",
-    "inducer": "rules", "judge": "rules", "planner": "skill", "fallback": "none", "verifier": "geometric",
-    "language": "endpoint",
-}  # fmt: skip
 
 
 class _Silent:
@@ -51,15 +48,13 @@ def main() -> None:
     logging.disable(logging.WARNING)
     registry = load_plugins()
     library = chosen(mesh_library(options.folder), options.names.split(",") if options.names else [])
-    config = OmegaConf.create(
-        {**{k: {"name": v} for k, v in KINDS.items()}, "perceiver": {"name": options.perceiver}}
-    )
+    register(registry, PRIMARY)
     rows = []
     for name, path in library.items():
         narrow = min(read_scan(path).size)
         for pose in range(options.poses):
-            objects = {"root": options.folder, "names": [name], "pose": "fallen" if pose else "upright"}
-            rows.append(_episode(registry, config, objects, options.first_seed + pose))
+            objects = {"root": options.folder, "names": f"[{name}]", "pose": "fallen" if pose else "upright"}
+            rows.append(_episode(registry, options.perceiver, objects, options.first_seed + pose))
             row = {"name": name, "narrow": round(narrow, 4), "pose": pose, **rows[-1]}
             rows[-1] = row
             print(json.dumps(row), flush=True)
@@ -71,8 +66,11 @@ def main() -> None:
     print(f"median planning {np.median([r['planning_s'] for r in rows]):.2f} s")
 
 
-def _episode(registry, config, objects, seed) -> dict:
-    config.task = OmegaConf.create({"name": "tabletop_objects", "objects": objects, "ask": "lift"})
+def _episode(registry: Registry, perceiver: str, objects: dict, seed: int) -> dict:
+    asked = [f"task.objects.{key}={value}" for key, value in objects.items()]
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        chosen_ones = ["memory=none", "task=tabletop_objects", f"perceiver={perceiver}", *asked]
+        config = OmegaConf.to_object(compose("run", overrides=chosen_ones))
     parts = build_parts(config, registry)
     started = time.perf_counter()
     try:

@@ -200,7 +200,7 @@ TWIST = (
 @pytest.mark.parametrize(
     ("z", "width", "expected"),
     [
-        (0.285, 0.026, [("undershoot", "turn", ">=", 1.85)]),
+        (0.285, 0.026, [("undershoot", "turn", ">=", 2.285)]),
         (0.285, 0.0, []),  # nothing was between the fingers while they turned
         (0.4, 0.026, []),
     ],
@@ -259,7 +259,7 @@ def test_what_the_mechanism_held_back_is_no_slip() -> None:
     cap = (thing("k", (0.3, 0, 0.285), (0.028, 0.028, 0.01), "red", "disc"),)
     theta = {"turn": 1.5, "grasp_depth": 0.005}
     for after, expected in (
-        (cap, [("undershoot", "turn", ">=", 1.85)]),
+        (cap, [("undershoot", "turn", ">=", 2.285)]),
         (
             (thing("k", (0.4, 0, 0.005), (0.028, 0.028, 0.01), "red", "disc"),),
             [("slip", "grasp_depth", ">=", 0.01)],
@@ -275,3 +275,89 @@ def test_what_the_mechanism_held_back_is_no_slip() -> None:
         theta = {"pull_distance": 0.15, "grasp_depth": 0.006}
         record = episode("pull", before, after, PULL, theta, changes={1: lost}, roles={"theme": "d"})
         assert told(record) == expected
+
+
+PRESS = (move("approach", (0, 0, 0.1)), move("press", (0, 0, 0.02)), move("retreat", (0, 0, 0.1)))
+
+
+@pytest.mark.parametrize(
+    ("shade", "status", "error", "expected"),
+    [
+        ((0.9, 0.9, 0.6), "linear", 0.0, []),
+        ((0.3, 0.3, 0.3), "linear", 0.0001, [("undershoot", "press_depth", ">=", 0.013)]),
+        ((0.3, 0.3, 0.3), "guarded", 0.0, [("overshoot", "press_depth", "<=", 0.007)]),
+        ((0.3, 0.3, 0.3), "linear", 0.0006, [("overshoot", "press_depth", "<=", 0.007)]),
+    ],
+)
+def test_a_lamp_that_stayed_dark_is_pressed_deeper_or_less_deep(
+    shade: Any, status: str, error: float, expected: list[Any]
+) -> None:
+    def lamp(rgb: Any) -> tuple[SceneObject, ...]:
+        base = replace(thing("l", (0.05, 0, 0.005), (0.16, 0.08, 0.01), "gray"), label="gray lamp base")
+        top = replace(thing("s", (0.1, 0, 0.08), (0.06, 0.06, 0.03), "gray", parent="l"), rgb=np.array(rgb))
+        return base, top, thing("b", (0, 0, 0.02), (0.03, 0.03, 0.03), "red", "cylinder", parent="l")
+
+    changes = {1: {"status": status, "error": error}}
+    record = episode(
+        "press", lamp((0.3, 0.3, 0.3)), lamp(shade), PRESS, {"press_depth": 0.01}, changes=changes,
+        roles={"theme": "b", "part": "b"},
+    )  # fmt: skip
+    assert told(record) == expected
+
+
+@pytest.mark.parametrize(
+    ("widths", "turn", "expected"),
+    [
+        ((0.026, 0.0265), 2.88, ("undershoot", "turn", ">=", 2.88 + 0.785)),
+        ((0.038, 0.026), 2.88, ("stalled", "turn", "<=", -2.88)),
+        ((0.0235, 0.026), -2.88, ("stalled", "turn", ">=", 2.88)),
+        ((0.026, 0.026), -2.88, ("undershoot", "turn", "<=", -2.88 - 0.785)),
+    ],
+)
+def test_fingers_that_were_forced_apart_tell_that_a_cap_opens_the_other_way(
+    widths: tuple[float, float], turn: float, expected: tuple[Any, ...]
+) -> None:
+    bottle = thing("g", (0, 0, 0.1), (0.07, 0.07, 0.2), "blue", "cylinder")
+    cap = thing("k", (0, 0, 0.21), (0.028, 0.028, 0.008), "gray", "disc", parent="g")
+    way = (
+        move("close", (0, 0, 0.21)), move("turn", (0, 0, 0.21)), move("turn", (0, 0, 0.21)),
+        move("lift", (0, 0, 0.33), carries="k"),
+    )  # fmt: skip
+    changes: dict[int, dict[str, Any]] = {i + 1: {"gripper_width": width} for i, width in enumerate(widths)}
+    changes[3] = {"abort": "slipped", "held": False, "gripper_width": 0.0}
+    record = episode(
+        "twist",
+        (bottle, cap),
+        (bottle, cap),
+        way,
+        {"turn": turn},
+        width=0.026,
+        changes=changes,
+        roles={"theme": "k"},
+    )
+    (found,) = told(record)
+    assert found == (*expected[:3], pytest.approx(expected[3]))
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [(0.0, ("held_fast", "unlatch_lift", ">=", 0.018)), (0.004, ("overshoot", "unlatch_lift", "<=", 0.002))],
+)
+def test_a_drawer_that_a_catch_holds_is_lifted_first(error: float, expected: tuple[Any, ...]) -> None:
+    cabinet = thing("c", (0.5, 0, 0.1), (0.2, 0.3, 0.2), "blue")
+    front = thing("a", (0.38, 0, 0.1), (0.02, 0.25, 0.1), "red", parent="c")
+    way = (
+        move("close", (0.35, 0, 0.1)), move("unlatch", (0.35, 0, 0.11), carries="a"),
+        move("pull", (0.2, 0, 0.11), carries="a"),
+    )  # fmt: skip
+    changes = {1: {"error": error}, 2: {"abort": "slipped", "held": False, "gripper_width": 0.0}}
+    record = episode(
+        "pull",
+        (cabinet, front),
+        (cabinet, front),
+        way,
+        {"pull_distance": 0.15, "unlatch_lift": 0.01},
+        changes=changes,
+    )
+    (found,) = told(record)
+    assert found == (*expected[:3], pytest.approx(expected[3]))

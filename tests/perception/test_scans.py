@@ -81,5 +81,5 @@ def test_flat_points_have_a_diameter():
 
 def test_a_ball_may_lie_in_few_ways_that_are_tried():
     turns = resting_turns(np.asarray(trimesh.creation.icosphere(2, 0.05).vertices))
-    assert 1 <= len(turns) <= 11
+    assert 1 <= len(turns) <= 15
     assert turns[0] == pytest.approx(np.eye(3))

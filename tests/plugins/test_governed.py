@@ -4,6 +4,7 @@ import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -180,8 +181,7 @@ def test_switches_reach_the_bank(path: Path) -> None:
     memory = build(url=f"sqlite:///{path}", frozen=True)
     assert "frozen" in memory.learn(EPISODE, SUCCESS).notes[0]
     memory.close()
-    ours = {name: field.default for name, field in GovernedConfig.__dataclass_fields__.items()}
-    theirs = {name: field.default for name, field in BankOptions.__dataclass_fields__.items()}
+    ours, theirs = ({field.name: field.default for field in fields(c)} for c in (GovernedConfig, BankOptions))
     assert {
         name: ours[name]
         for name in ours

@@ -3,7 +3,10 @@
 import pytest
 
 from gvla2.errors import Gvla2Error
-from gvla2_plugins.governed.writer import read_edit
+from gvla2.language import EndpointOptions
+from gvla2.memory.contracts import Near
+from gvla2.testing.language import LocalModel, said
+from gvla2_plugins.governed.writer import LanguageWriter, read_edit
 
 
 def test_an_edit_may_stand_in_a_fence_or_after_other_words():
@@ -27,3 +30,15 @@ def test_an_edit_may_stand_in_a_fence_or_after_other_words():
 def test_anything_else_is_an_error(answer: str, said: str):
     with pytest.raises(Gvla2Error, match=said):
         read_edit(answer, ["a"])
+
+
+def test_a_lesson_is_put_to_a_real_server_and_its_edit_read():
+    def reply(request):
+        told = request["messages"][-1]["content"]
+        assert "<new>\nn | task: lift | Lift it 5 cm.\n</new>" in told
+        return said('{"action": "DISCARD", "target": "m", "reason": "the same"}')
+
+    with LocalModel(reply) as model:
+        writer = LanguageWriter(EndpointOptions(base_url=model.url, model="any"))
+        edit = writer.consolidate(Near("n", "Lift it 5 cm.", "lift"), [Near("m", "Lift it by 5 cm.", "lift")])
+    assert (edit.action, edit.target) == ("DISCARD", "m")

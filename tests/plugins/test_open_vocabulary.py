@@ -160,5 +160,5 @@ def test_owlv2_loads_and_answers_with_boxes(tmp_path, tokenizer):
     Owlv2ForObjectDetection(config).save_pretrained(tmp_path)
     tokenizer.save_pretrained(tmp_path)
     found = load_detector(str(tmp_path)).find(IMAGE, ["red cube"], 1e-6)
-    assert len(found) == 4
+    assert 1 <= len(found) <= 4
     assert all(one.mask.shape == (40, 60) and one.loose for one in found)

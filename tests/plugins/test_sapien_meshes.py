@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from gvla2.geometry.transform import rigid
 from gvla2.plugins import load_plugins
+from gvla2.robot.depth_noise import DepthNoise, apply_noise
 from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.scan import read_scan
 from gvla2.robot.task import Body, Layout, Primitive, TaskSite
@@ -112,3 +114,23 @@ def test_clutter_stays_as_it_was_arranged(arrangement, count):
     }
     name, others = touching[arrangement]
     assert world.touching(name) >= others
+
+
+def test_people_are_shown_finer_pictures_of_the_same_moment(bowl_file):
+    registry = load_plugins()
+    options = {"name": "tabletop_objects", "objects": {"root": str(bowl_file.parent.parent)}}
+    parts = registry.build_all({"robot": {"name": "sapien_panda"}, "task": options}, ("robot", "task"))
+    robot = parts["robot"]
+    robot.reset(parts["task"], 0)
+    seen = apply_noise(robot.observe(), DepthNoise(offset_m=0.002), np.random.default_rng(0))
+    fine = seen.pictured()
+    assert [v.image.shape for v in seen.views] == [(256, 256, 3)] * 4
+    assert [v.image.shape for v in fine] == [(640, 640, 3)] * 4
+    for view, shown in zip(seen.views, fine, strict=True):
+        assert shown.name == view.name
+        np.testing.assert_array_equal(shown.camera.world_from_camera, view.camera.world_from_camera)
+        reduced = np.asarray(Image.fromarray(shown.image).resize((256, 256), Image.Resampling.BOX)).astype(
+            int
+        )
+        assert np.abs(reduced - view.image).mean() < 6
+    robot.close()

@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import minimize
 
 from gvla2.errors import GeometryError
-from gvla2.reconstruction.appearance import Affine, fit_affine
+from gvla2.reconstruction.appearance import fit_affine
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def test_recovers_a_planted_affine_in_spite_of_outliers(image):
     np.testing.assert_allclose(fit.gain, gain, atol=1e-3)
     np.testing.assert_allclose(fit.bias, bias, atol=1e-3)
     assert fit.reason == ""
-    np.testing.assert_allclose(fit.apply(image), np.clip(seen, 0, 1), atol=2e-3)
+    np.testing.assert_allclose(np.clip(fit.gain * image + fit.bias, 0, 1), np.clip(seen, 0, 1), atol=2e-3)
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.01, 1.0])
@@ -81,12 +81,6 @@ def test_a_negative_does_not_turn_the_colours_round(image):
     fit = fit_affine(image, 1 - image, np.ones((40, 50)), beta=0.0)
     assert fit.gain.tolist() == [1, 1, 1]
     assert "not alike" in fit.reason
-
-
-def test_apply_clips_and_takes_bytes():
-    affine = Affine(np.array([2.0, 1, 1]), np.array([0, 0, -0.5]))
-    image = np.full((2, 2, 3), 204, dtype=np.uint8)
-    np.testing.assert_allclose(affine.apply(image)[0, 0], [1.0, 0.8, 0.3], atol=1e-6)
 
 
 def test_errors(image):

@@ -172,8 +172,6 @@ def test_errors(points, views, options, words):
 def test_errors_of_the_arguments(points, views):
     with pytest.raises(GeometryError, match="centre"):
         compensate(points, views, [np.nan, 0, 0])
-    with pytest.raises(GeometryError, match="extents"):
-        compensate(points, views, np.zeros(3), extents=np.zeros(3))
     with pytest.raises(GeometryError, match="no mask"):
         compensate(points, Views((replace(views[0], mask=None),)), np.zeros(3))
 

@@ -9,7 +9,8 @@ from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.branch import BranchOptions, BranchParts, refine_geometry
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.contracts import AxisFit, GeometryEstimate, Reconstruction
-from gvla2.reconstruction.things import object_centre
+from gvla2.reconstruction.things import points_of
+from gvla2.reconstruction.visual_hull import object_centre
 from gvla2_plugins.axes.compensations import Contours, MaskEnergy
 from gvla2_plugins.fusions.strategies import Residual
 from gvla2_plugins.nothing.choices import NoPrior
@@ -48,7 +49,7 @@ def g0(views):
 
 
 def drifted(thing: Reconstruction) -> Reconstruction:
-    c = object_centre(thing)
+    c = object_centre(points_of(thing))
     gaussians = thing.gaussians.with_centres(c + (thing.gaussians.centres - c) * SCALE + SHIFT)
     return replace(
         thing,

@@ -16,7 +16,6 @@ from gvla2.geometry.transform import look_along, rigid, transform_points
 from gvla2.reconstruction.rasteriser import (
     RasterOptions,
     backward,
-    expected_depth,
     forward,
     render,
 )
@@ -235,7 +234,7 @@ def test_nothing_and_what_is_behind_are_the_background() -> None:
         frame = forward(nothing, CAMERA, (0.2, 0.4, 0.6))
         assert np.allclose(frame.image, [0.2, 0.4, 0.6])
         assert (frame.alpha == 0).all()
-        assert not frame.visible.any()
+        assert (frame.boxes[:, 1] <= frame.boxes[:, 0]).all()  # no tile has any
         assert not backward(frame, np.ones_like(frame.image)).centres.any()
 
 
@@ -252,23 +251,6 @@ def test_extreme_but_legal_parameters_stay_finite() -> None:
         assert frame.alpha.max() <= 1
         gradients = backward(frame, np.ones_like(frame.image))
         assert all(np.isfinite(getattr(gradients, name)).all() for name in FIELDS)
-
-
-def test_expected_depth_is_the_depth_of_a_wall() -> None:
-    across, up = np.meshgrid(np.linspace(-1, 1, 60), np.linspace(-1, 1, 60))
-    count = across.size
-    centres = np.stack([across.ravel(), up.ravel(), 2 + 0.2 * across.ravel()], axis=1)
-    wall = Gaussians(
-        centres, np.full((count, 3), np.log(0.02)), np.tile([1.0, 0, 0, 0], (count, 1)), np.full(count, 4.0),
-        np.zeros((count, 3)),
-    )  # fmt: skip
-    camera = Camera.from_fov(0.6, np.eye(4), 40, 30)
-    depth = expected_depth(wall, camera)
-    # Along the pixel (u, v) the wall z = 2 + 0.2 x lies at z = 2 / (1 - 0.2 x/z).
-    slope = (camera.pixel_centres()[..., 0] - camera.K[0, 2]) / camera.K[0, 0]
-    assert np.allclose(depth, 2 / (1 - 0.2 * slope), atol=1e-2)  # the nearer neighbours are painted first
-    away = Camera.from_fov(0.6, look_along([0, 0, 0], [0, 0, -1.0]), 40, 30)
-    assert np.isnan(expected_depth(wall, away)).all()
 
 
 @pytest.mark.parametrize(

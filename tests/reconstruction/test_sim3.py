@@ -55,8 +55,6 @@ def test_cameras_are_aligned_exactly(seed, count):
     fit = align_cameras(poses, truth.apply_to_poses(poses))
     assert fit.status == "ok"
     np.testing.assert_allclose(fit.sim3.matrix(), truth.matrix(), atol=1e-6)
-    assert fit.centre_residual < 1e-6 * max(fit.baseline, 1)
-    assert fit.rotation_residual < 1e-3  # arccos near 1 keeps half of the digits
 
 
 def test_collinear_centres_fix_the_rotation_by_their_axes():
@@ -78,13 +76,12 @@ def test_without_a_baseline_the_scale_stays_open(count):
     np.testing.assert_allclose(fit.sim3.rotation, truth.rotation, atol=1e-9)
 
 
-def test_noise_shows_in_the_residuals_and_little_in_the_answer():
+def test_noise_shows_little_in_the_answer():
     rng = np.random.default_rng(5)
     truth, poses = random_sim3(rng), random_poses(rng, 6)
     noisy = poses.copy()
     noisy[:, :3, 3] += rng.normal(scale=0.01, size=(6, 3))
     fit = align_cameras(noisy, truth.apply_to_poses(poses))
-    assert 0 < fit.centre_residual < 0.05 * fit.baseline
     assert fit.sim3.scale == pytest.approx(truth.scale, rel=0.02)
 
 

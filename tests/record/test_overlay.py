@@ -82,7 +82,7 @@ def test_the_plan_is_drawn_with_and_without_start_and_scene(seen: Seen, episode)
         plan_overlay(view, trajectory, None, scene),
         plan_overlay(view, trajectory),
     ]
-    assert all(p.size == (512, 512) for p in pictures)
+    assert all(p.size == (640, 640) for p in pictures)
     assert len({p.tobytes() for p in pictures}) == 3
 
 

@@ -12,7 +12,7 @@ from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
 from gvla2.memory.curation.trust import Origin, trust_of
 from gvla2.memory.curation.trust import believed as is_believed
 from gvla2.memory.indexing.terms import terms
-from gvla2.memory.screening.instructions import screen, screened_effect
+from gvla2.memory.injection_patterns import screen, screened_effect
 
 QUARANTINED = "quarantined: "
 """How the note of a record begins that no verdict can make active."""

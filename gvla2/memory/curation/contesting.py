@@ -10,11 +10,11 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
+from gvla2.memory.indexing.terms import stem
 from gvla2.memory.meaning.effects import effects_conflict, same_parameter
 from gvla2.memory.meaning.english import PREPOSITIONS, is_english, word_set
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import quantities
-from gvla2.memory.meaning.stems import stem
 from gvla2.memory.meaning.suspicion import suspicion, threshold
 from gvla2.memory.records import Record
 

@@ -10,10 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import OUTCOMES, TYPES
 from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence
 from gvla2.memory.curation.judging import prevails
@@ -48,21 +46,16 @@ class Governed:
         return sum(map(len, (self.retired, self.replaced, self.summaries, self.summed_up, self.archived)))
 
 
-def retention(
-    confidence: NDArray[np.float64],
-    verified: NDArray[np.bool_],
-    usage: NDArray[np.int64],
-    ages: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """(N,) how much each record deserves to stay, by the released terms: R + kappa, +.5 for a verified lesson and
-    -.3 otherwise, .1 a credited use up to .5, and up to .25 for recency (lost over 90 days).
+def retention(record: Record, now: float) -> float:
+    """How much a record deserves to stay, by the released terms: R + kappa, +.5 for a verified lesson and -.3
+    otherwise, .1 a credited use up to .5, and up to .25 for recency (lost over 90 days).
 
     R is that of what a record says, for which kappa = 2|R - .5| tells it: R + kappa = .5 + 1.5 kappa.
     """
-    recency = np.maximum(0.0, 0.25 - np.minimum(ages / 90.0, 0.25))
-    return np.asarray(
-        0.5 + 1.5 * confidence + np.where(verified, 0.5, -0.3) + np.minimum(0.1 * usage, 0.5) + recency
-    )
+    days = max(now - max(record.updated, record.used), 0.0) / SECONDS_PER_DAY
+    verified = 0.5 if is_verified(record) else -0.3
+    recency = max(0.0, 0.25 - days / 90.0)
+    return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
 
 
 class Governing:
@@ -220,28 +213,15 @@ class Governing:
             (SERVED, self._options.active_budget),
             (("provisional",), self._options.provisional_budget),
         ):
-            held = self._ledger.index.candidates(states, now=self._ledger.now)
             changed = {record.id: record for record in self._ledger.changed()}
-            latest = [record for record in changed.values() if record.state in states]
-            if len(held.ids) + len(latest) <= budget:
+            if sum(map(self._ledger.index.count, states)) + len(changed) <= budget:
                 continue
-            places = [place for place, id in enumerate(held.ids) if id not in changed]
-            excess = len(places) + len(latest) - budget
-            if excess <= 0:
-                continue
-            ids = [*(held.ids[place] for place in places), *(record.id for record in latest)]
-            ages = [max(self._ledger.now - max(r.updated, r.used), 0.0) / SECONDS_PER_DAY for r in latest]
-            scores = retention(
-                np.r_[held.confidence[places], [r.confidence for r in latest]],
-                np.r_[_verified(held.outcomes[places], held.types[places]), [is_verified(r) for r in latest]],
-                np.r_[held.usage[places], [r.usage for r in latest]],
-                np.r_[held.ages[places], ages],
-            )
-            for place in sorted(range(len(ids)), key=lambda i: (scores[i], ids[i]))[:excess]:
-                record = self._ledger.get(ids[place])
-                if record is not None:
-                    self._archive(record, "ARCHIVE", f"beyond the budget of {budget} records")
-                    self.done.archived.append(record.id)
+            held = {record.id: record for state in states for record in self._ledger.index.records(state)}
+            left = [record for record in (held | changed).values() if record.state in states]
+            ranked = sorted(left, key=lambda record: (retention(record, self._ledger.now), record.id))
+            for record in ranked[: max(len(left) - budget, 0)]:
+                self._archive(record, "ARCHIVE", f"beyond the budget of {budget} records")
+                self.done.archived.append(record.id)
 
     def _archive(self, record: Record, action: str, why: str, note: str = "") -> None:
         self._ledger.put(replace(record, state="archive", note=note or why), action, why)
@@ -251,11 +231,6 @@ def is_verified(record: Record) -> bool:
     """Whether a verdict stands behind what the record says."""
     failed = record.outcome == "verified_fail" and record.type == "failure_avoidance"
     return record.outcome == "verified_success" or failed
-
-
-def _verified(outcomes: NDArray[np.int8], types: NDArray[np.int8]) -> NDArray[np.bool_]:
-    failed = (outcomes == OUTCOMES.index("verified_fail")) & (types == TYPES.index("failure_avoidance"))
-    return np.asarray((outcomes == OUTCOMES.index("verified_success")) | failed)
 
 
 def steps_of(program: dict[str, Any]) -> tuple[str, ...]:

@@ -16,8 +16,8 @@ from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.summaries import LENGTH, numbers_in
 from gvla2.memory.indexing.index import Index
+from gvla2.memory.injection_patterns import screen
 from gvla2.memory.records import Record
-from gvla2.memory.screening.instructions import screen
 
 CONSIDERED = "CONSIDERED"
 """The event that says that a writer has looked at a record."""

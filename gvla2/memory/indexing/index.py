@@ -120,6 +120,10 @@ class Index:
         """The record of a row of :meth:`nearest` or :meth:`rows`."""
         return self._rows.records[row]
 
+    def count(self, state: str) -> int:
+        """How many records are held in a state."""
+        return int(np.count_nonzero(self._rows.in_states((state,))))
+
     def records(self, state: str) -> list[Record]:
         """The records held in a state, by id."""
         rows = np.flatnonzero(self._rows.in_states((state,)))

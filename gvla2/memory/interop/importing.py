@@ -12,10 +12,10 @@ from typing import Any
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.memory.contracts import Trust
 from gvla2.memory.curation.trust import LEVELS, Origin, believed, trust_of
+from gvla2.memory.injection_patterns import screen
 from gvla2.memory.interop.layouts import READERS, STATES, Entry, count
 from gvla2.memory.interop.lines import Line, LineError, Remark, read_lines
 from gvla2.memory.records import Record, clean, dedup_key, dump, finite, record_id
-from gvla2.memory.screening.instructions import screen
 from gvla2.memory.storage.store import Store, Transaction
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from gvla2.memory.indexing.stop_words import STOP_WORDS
+from gvla2.memory.indexing.terms import STOP_WORDS, stem
 from gvla2.memory.meaning.english import (
     CONDITIONS,
     DETERMINERS,
@@ -21,7 +21,6 @@ from gvla2.memory.meaning.english import (
 )
 from gvla2.memory.meaning.opposites import PHRASES, SIDES
 from gvla2.memory.meaning.quantities import Quantity, quantities
-from gvla2.memory.meaning.stems import stem
 
 Words = frozenset[str]
 Order = tuple[Words, Words]

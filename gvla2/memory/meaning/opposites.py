@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from gvla2.memory.meaning.stems import stem
+from gvla2.memory.indexing.terms import stem
 
 _OPPOSITES = """
 side: left leftward leftmost port-side / right rightward rightmost

@@ -77,7 +77,7 @@ class Found(NamedTuple):
 
 def quantities(text: str) -> list[Found]:
     """All quantities of a casefolded text, in reading order; names are to be joined before, see
-    :func:`gvla2.memory.meaning.names.name_things`.
+    :func:`gvla2.memory.meaning.plain_text.name_things`.
     """
     atoms = _atoms(text)
     found: list[Found] = []

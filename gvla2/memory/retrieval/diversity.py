@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from functools import lru_cache
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gvla2.memory.contracts import TYPES, Candidates
 from gvla2.memory.indexing.terms import words
 from gvla2.memory.records import dump
@@ -17,21 +20,29 @@ _FARTHEST = 256
 """So many rows are looked at for programs once the other places are filled."""
 
 
-def chosen(ranked: Iterable[int], candidates: Candidates, options: HybridOptions) -> list[int]:
-    """Of rows that come best first, those that fill the places of their kind, in the same order.
+def chosen(
+    ranked: Iterable[int], reliable: NDArray[np.intp], candidates: Candidates, options: HybridOptions
+) -> list[int]:
+    """Of the ``reliable`` rows (K,), ``ranked`` best first, those that fill the places of their kind, in that order.
 
     Constraints, hints and the programs of each language have places of their own: a planner reads programs of one
     language, which those of another must not crowd out. A row that says the same as one taken before is passed over.
     """
-    constraints, programs = candidates.types == _CONSTRAINT, candidates.programs
+    programs = candidates.programs
+    constraints = (candidates.types == _CONSTRAINT) & ~programs
+    left = {"program": int(programs[reliable].sum()), "constraint": int(constraints[reliable].sum())}
+    left["hint"] = len(reliable) - sum(left.values())
     places = {"constraint": options.top_k_constraints, "hint": options.top_k}
     taken: dict[str, list[int]] = {kind: [] for kind in places}
     rows: list[int] = []
     for number, row in enumerate(ranked):
-        if number >= _FARTHEST and all(len(taken[kind]) == places[kind] for kind in ("constraint", "hint")):
+        if (not left["program"] or number >= _FARTHEST) and all(
+            not left[kind] or len(taken[kind]) >= places[kind] for kind in ("constraint", "hint")
+        ):
             break
-        kind = "constraint" if constraints[row] else "hint"
-        if programs[row]:
+        kind = "program" if programs[row] else "constraint" if constraints[row] else "hint"
+        left[kind] -= 1
+        if kind == "program":
             kind = f"program {(candidates.effect(row) or {}).get('language')}"
             if kind not in taken and len(taken) == _MOST_KINDS:
                 continue

@@ -13,8 +13,7 @@ from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
 from gvla2.memory.indexing.terms import questions
 from gvla2.memory.retrieval.diversity import chosen
 from gvla2.memory.retrieval.options import HybridOptions
-from gvla2.memory.retrieval.programs import filled
-from gvla2.memory.retrieval.scoring import relative_difference, scene_distance, score_terms
+from gvla2.memory.retrieval.scoring import filled, relative_difference, scene_distance, score_terms
 
 Array = NDArray[np.float64]
 _FIRST = 64
@@ -72,7 +71,8 @@ class HybridRetriever:
                 f"least {options.min_score:.2f} is asked."
             )
         reliable = scores >= options.min_score
-        best = chosen(_best_first(rows[reliable], scores[reliable], candidates.ids), candidates, options)
+        ranked = _best_first(rows[reliable], scores[reliable], candidates.ids)
+        best = chosen(ranked, rows[reliable], candidates, options)
         places = np.searchsorted(rows, best).tolist()
         return [
             Ranked(row, float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
@@ -121,4 +121,5 @@ def _best_first(rows: NDArray[np.intp], scores: Array, ids: Sequence[str]) -> It
     for part in (np.flatnonzero(scores >= least), np.flatnonzero(scores < least)):
         order = part[np.argsort(-scores[part], kind="stable")].tolist()
         for _, equal in groupby(order, key=lambda i: float(scores[i])):
-            yield from sorted((int(rows[i]) for i in equal), key=lambda row: ids[row])
+            alike = [int(rows[i]) for i in equal]
+            yield from alike if len(alike) == 1 else sorted(alike, key=lambda row: ids[row])

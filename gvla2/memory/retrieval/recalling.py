@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
 from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.injection_patterns import sanitised
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.rendering import render
-from gvla2.memory.screening.disguises import sanitised
 
 MAX_THINGS = 64
 

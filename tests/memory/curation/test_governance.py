@@ -4,11 +4,11 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask
 from gvla2.memory.curation.governance import retention
+from gvla2.memory.records import Record
 
 Open = Callable[..., Any]
 WAYS = (
@@ -19,10 +19,20 @@ WAYS = (
 
 
 def test_retention_is_the_sum_of_the_released_terms() -> None:
-    confidence, usage = np.array([0.8, 0.8, 0.8, 0.0, 0.8]), np.array([0, 3, 50, 0, 0])
-    verified, ages = np.array([True, True, True, False, True]), np.array([90.0, 90.0, 0.0, 90.0, 90.0])
-    scores = retention(confidence, verified, usage, ages)
-    assert scores.tolist() == pytest.approx([2.2, 2.5, 2.95, 0.2, 2.2])
+    scores = [
+        retention(
+            Record(
+                id="r", bank="b", query="q", content="c", type="procedural_hint", state="active",
+                outcome="verified_success" if verified else "uncertain", confidence=confidence, quality=0.9,
+                dedup_key="k", created=0.0, updated=0.0, usage=usage,
+            ),
+            days * 86400.0,
+        )
+        for confidence, usage, verified, days in (
+            (0.8, 0, True, 90), (0.8, 3, True, 90), (0.8, 50, True, 0), (0.0, 0, False, 90), (0.8, 0, True, 9),
+        )
+    ]  # fmt: skip
+    assert scores == pytest.approx([2.2, 2.5, 2.95, 0.2, 2.35])
 
 
 def test_stale_failures_that_nobody_used_retire(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.memory.meaning.names import name_things
+from gvla2.memory.meaning.plain_text import name_things
 from gvla2.memory.meaning.quantities import Quantity, quantities
 
 INF = math.inf

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gvla2.memory.retrieval.programs import filled
+from gvla2.memory.retrieval.scoring import filled
 
 
 def program(**roles: str) -> dict[str, Any]:

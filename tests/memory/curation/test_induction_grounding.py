@@ -3,7 +3,7 @@
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask
-from gvla2.memory.curation.grounding import ungrounded
+from gvla2.memory.curation.induction import ungrounded
 
 ROBOT = MemoryEpisode(
     MemoryTask("put the red cup on the shelf", things=("red cup cylinder", "shelf board")),

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gvla2.memory.screening.disguises import invisible, sanitised
+from gvla2.memory.injection_patterns import invisible, sanitised
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,125 @@
+"""``gvla2 export lerobot RUNS... to=FOLDER``: runs as a data set for training."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gvla2.commands.printable import counted, printable
+from gvla2.discovery import closest
+from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+
+if TYPE_CHECKING:
+    from gvla2.record.lerobot import Demonstration
+
+USAGE = """\
+Usage: gvla2 export lerobot RUN... to=FOLDER [only=success|all]
+
+Writes the episodes of runs as a data set of LeRobot (layout v3.0): the arm's joints and opening as state and action,
+the film, the instruction. A RUN is the folder of a run, of a sweep, or any folder above them. only=success, the
+default, takes the episodes that the referee, or without one the verifier, calls a success.
+Needs gvla2[export], at the time of the run too: without it a run keeps no film.
+"""
+FORMATS = ("lerobot",)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write the data set; 1 when that cannot be, 2 for wrong usage."""
+    if not argv or any(word in ("-h", "--help") for word in argv):
+        print(USAGE, file=sys.stdout if argv else sys.stderr)
+        return 0 if argv else 2
+    try:
+        runs, target, only = _understood(argv)
+    except ConfigurationError as error:
+        print(f"gvla2: {printable(str(error))}\n{USAGE}", file=sys.stderr)
+        return 2
+    try:
+        told = export(runs, target, only)
+    except Gvla2Error as error:
+        print(f"gvla2: {printable(str(error))}", file=sys.stderr)
+        return 1
+    print(told)
+    return 0
+
+
+def complete(words: Sequence[str]) -> list[str]:
+    """What may stand in place of the last word."""
+    return list(FORMATS) if len(words) == 1 else ["to=", "only=success", "only=all"]
+
+
+def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
+    """Write the data set of all episodes below ``runs``; a sentence on what it holds and what was left out."""
+    lacking = [name for name in ("pyarrow", "imageio_ffmpeg") if find_spec(name) is None]
+    if lacking:
+        raise MissingDependencyError(" and ".join(lacking), "gvla2 export", "pip install 'gvla2[export]'")
+    from gvla2.record.lerobot import write_dataset
+
+    episodes: list[Demonstration] = []
+    left: Counter[str] = Counter()
+    for run in runs:
+        if not run.is_dir():
+            raise Gvla2Error(f"There is no folder '{run}'.")
+        for result in sorted(run.rglob("result.json")):
+            found = _episode(result.parent, only)
+            if isinstance(found, str):
+                left[found] += 1
+            elif found is not None:
+                episodes.append(found)
+    reasons = ", ".join(f"{count} {why}" for why, count in left.items())
+    if not episodes:
+        raise Gvla2Error(f"Nothing to export below {', '.join(map(str, runs))}: {reasons or 'no episodes'}.")
+    write_dataset(target, episodes)
+    frames = sum(len(episode.states) for episode in episodes)
+    left_out = f"; left out: {reasons}" if reasons else ""
+    return f"{counted(len(episodes), 'episode')}, {frames} frames: {target}{left_out}"
+
+
+def _episode(folder: Path, only: str) -> Demonstration | str | None:
+    """The episode of a run's folder, or why it is left out; None for a summary above several."""
+    import numpy as np
+
+    from gvla2.record.lerobot import Demonstration
+    from gvla2.record.motion import FILM, STATES
+
+    told = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    if "episode" not in told:
+        return None
+    judged = told.get("success")
+    succeeded = told.get("verdict") == "verified_success" if judged is None else judged
+    if only == "success" and not succeeded:
+        return "not succeeded"
+    if not ((folder / FILM).is_file() and (folder / STATES).is_file()):
+        return "without a film"
+    if len(told.get("attempts", ())) > 1:  # the arm goes home in between, unseen
+        return "in several attempts"
+    with np.load(folder / STATES) as kept:
+        states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
+        fps = float(kept["fps"])
+    return Demonstration(states, fps, folder / FILM, told["instruction"], str(told["robot"]))
+
+
+def _understood(argv: Sequence[str]) -> tuple[list[Path], Path, str]:
+    if argv[0] not in FORMATS:
+        raise ConfigurationError(
+            f"`gvla2 export` has no format '{argv[0]}'.{closest(argv[0], FORMATS)} Formats: {', '.join(FORMATS)}."
+        )
+    options = {"to": "", "only": "success"}
+    runs = []
+    for word in argv[1:]:
+        name, equals, value = word.partition("=")
+        if equals and name in options:
+            options[name] = value
+        elif word.startswith("-") or (equals and not Path(word).exists()):
+            raise ConfigurationError(f"`gvla2 export` does not take '{word}'.{closest(name, options)}")
+        else:
+            runs.append(Path(word))
+    if not runs or not options["to"]:
+        raise ConfigurationError("Name the folders of runs, and to=FOLDER.")
+    if options["only"] not in ("success", "all"):
+        raise ConfigurationError(f"only={options['only']}: it is success or all.")
+    return runs, Path(options["to"]), options["only"]

@@ -1,1 +1,0 @@
-"""Text that gives orders to machines, in many languages and disguises."""

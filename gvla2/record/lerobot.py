@@ -1,0 +1,223 @@
+"""Data sets for training in LeRobot's layout v3.0: Parquet, one mp4 an episode, and what describes them.
+
+    meta/info.json, stats.json, tasks.parquet, episodes/chunk-000/file-000.parquet
+    data/chunk-000/file-000.parquet
+    videos/observation.images.main/chunk-000/file-NNN.mp4
+
+State and action are the arm's joints in radians and the fingers' opening in metres: the state as measured at a frame,
+the action the state at the next one (the last repeats its own), as for arms that are sent absolute joint targets.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import Gvla2Error
+from gvla2.record.files import make_folder, write_json
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+VERSION = "v3.0"
+VIDEO = "observation.images.main"
+_CHUNK = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+_FILES_A_CHUNK = 1000
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """One episode: ``states`` (T, dof + 1) joints and opening, its ``film`` of T frames at ``fps``, its sentence."""
+
+    states: NDArray[np.float32]
+    fps: float
+    film: Path
+    task: str
+    robot: str
+
+    @property
+    def actions(self) -> NDArray[np.float32]:
+        """(T, dof + 1), the state one frame later."""
+        return np.concatenate([self.states[1:], self.states[-1:]])
+
+
+def write_dataset(folder: Path, episodes: Sequence[Demonstration]) -> None:
+    """Write the data set into an empty or missing ``folder``.
+
+    Raises :class:`Gvla2Error` for no episodes, for a folder that holds something, and for episodes of different arms,
+    rates or picture sizes, which one data set cannot hold.
+    """
+    if not episodes:
+        raise Gvla2Error("There is no episode to export.")
+    if folder.exists() and any(folder.iterdir()):
+        raise Gvla2Error(f"The folder '{folder}' is not empty: name a new one with to=FOLDER.")
+    films = [_frames(episode.film) for episode in episodes]
+    kinds = {(e.robot, e.fps, e.states.shape[1], f.shape[1:3]) for e, f in zip(episodes, films, strict=True)}
+    if len(kinds) > 1:
+        told = "; ".join(
+            f"{robot}, {fps:g} Hz, {n} numbers, {h}x{w}" for robot, fps, n, (h, w) in sorted(kinds)
+        )
+        raise Gvla2Error(f"One data set holds one arm at one rate and picture size, not several: {told}.")
+    for episode, film in zip(episodes, films, strict=True):
+        if len(film) != len(episode.states):
+            raise Gvla2Error(f"{episode.film} has {len(film)} frames for {len(episode.states)} states.")
+    make_folder(folder)
+    tasks = list(dict.fromkeys(episode.task for episode in episodes))
+    for index, episode in enumerate(episodes):
+        place = folder / "videos" / VIDEO / _place(index)
+        make_folder(place.parent)
+        shutil.copyfile(episode.film, place.with_suffix(".mp4"))
+    _write(folder / "data" / _place(0), _data(episodes, tasks))
+    _write(folder / "meta" / "episodes" / _place(0), _episodes(episodes))
+    _write(folder / "meta" / "tasks", _tasks(tasks))
+    write_json(folder / "meta" / "info.json", _info(episodes, tasks, films[0].shape[1:3]))
+    write_json(folder / "meta" / "stats.json", _stats(episodes, films))
+
+
+def _place(index: int) -> str:
+    return _CHUNK.format(chunk_index=index // _FILES_A_CHUNK, file_index=index % _FILES_A_CHUNK)
+
+
+def _frames(film: Path) -> NDArray[np.uint8]:
+    """All frames (T, H, W, 3) of a film."""
+    import imageio_ffmpeg
+
+    reader: Any = imageio_ffmpeg.read_frames(str(film))
+    width, height = next(reader)["size"]
+    return np.stack([np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader])
+
+
+def _write(place: Path, table: pa.Table) -> None:
+    import pyarrow.parquet as pq
+
+    make_folder(place.parent)
+    pq.write_table(table, place.with_suffix(".parquet"))
+
+
+def _data(episodes: Sequence[Demonstration], tasks: Sequence[str]) -> pa.Table:
+    import pyarrow as pa
+
+    lengths = [len(episode.states) for episode in episodes]
+    frames = np.concatenate([np.arange(n) for n in lengths])
+    columns: dict[str, Any] = {}
+    for name, rows in (
+        ("observation.state", [e.states for e in episodes]),
+        ("action", [e.actions for e in episodes]),
+    ):
+        numbers = np.concatenate(rows).astype(np.float32)
+        columns[name] = pa.FixedSizeListArray.from_arrays(pa.array(numbers.ravel()), numbers.shape[1])
+    columns["timestamp"] = pa.array((frames / episodes[0].fps).astype(np.float32))
+    columns["frame_index"] = pa.array(frames.astype(np.int64))
+    columns["episode_index"] = pa.array(np.repeat(np.arange(len(episodes)), lengths).astype(np.int64))
+    columns["index"] = pa.array(np.arange(sum(lengths), dtype=np.int64))
+    columns["task_index"] = pa.array(
+        np.repeat([tasks.index(e.task) for e in episodes], lengths).astype(np.int64)
+    )
+    return pa.table(columns)
+
+
+def _episodes(episodes: Sequence[Demonstration]) -> pa.Table:
+    import pyarrow as pa
+
+    ends = np.cumsum([len(episode.states) for episode in episodes])
+    rows = [
+        {
+            "episode_index": index,
+            "tasks": [episode.task],
+            "length": len(episode.states),
+            "data/chunk_index": 0,
+            "data/file_index": 0,
+            "dataset_from_index": int(end) - len(episode.states),
+            "dataset_to_index": int(end),
+            f"videos/{VIDEO}/chunk_index": index // _FILES_A_CHUNK,
+            f"videos/{VIDEO}/file_index": index % _FILES_A_CHUNK,
+            f"videos/{VIDEO}/from_timestamp": 0.0,
+            f"videos/{VIDEO}/to_timestamp": len(episode.states) / episode.fps,
+            "meta/episodes/chunk_index": 0,
+            "meta/episodes/file_index": 0,
+        }
+        for index, (episode, end) in enumerate(zip(episodes, ends, strict=True))
+    ]
+    return pa.Table.from_pylist(rows)
+
+
+def _tasks(tasks: Sequence[str]) -> pa.Table:
+    """LeRobot reads a frame of pandas whose index is the sentence: its metadata are written by hand."""
+    import pyarrow as pa
+
+    index = "__index_level_0__"
+    table = pa.table(
+        {"task_index": pa.array(range(len(tasks)), pa.int64()), index: pa.array(tasks, pa.string())}
+    )
+    numbers = {"pandas_type": "int64", "numpy_type": "int64", "metadata": None}
+    words = {"pandas_type": "unicode", "numpy_type": "object", "metadata": None}
+    pandas = {
+        "index_columns": [index],
+        "column_indexes": [],
+        "columns": [
+            {"name": "task_index", "field_name": "task_index", **numbers},
+            {"name": None, "field_name": index, **words},
+        ],
+        "pandas_version": "2.0.0",
+    }
+    return table.replace_schema_metadata({b"pandas": json.dumps(pandas).encode()})
+
+
+def _info(episodes: Sequence[Demonstration], tasks: Sequence[str], size: tuple[int, ...]) -> dict[str, Any]:
+    joints = [f"joint_{k}.pos" for k in range(1, episodes[0].states.shape[1])]
+    vector = {"dtype": "float32", "shape": [len(joints) + 1], "names": [*joints, "gripper.width"]}
+    fps = episodes[0].fps
+    height, width = size
+    video = {
+        "video.height": height, "video.width": width, "video.codec": "h264", "video.pix_fmt": "yuv420p",
+        "video.is_depth_map": False, "video.fps": fps, "video.channels": 3, "has_audio": False,
+    }  # fmt: skip
+    names = ["height", "width", "channels"]
+    counted = {"timestamp": "float32"} | dict.fromkeys(
+        ("frame_index", "episode_index", "index", "task_index"), "int64"
+    )
+    return {
+        "codebase_version": VERSION,
+        "robot_type": episodes[0].robot,
+        "total_episodes": len(episodes),
+        "total_frames": sum(len(episode.states) for episode in episodes),
+        "total_tasks": len(tasks),
+        "chunks_size": _FILES_A_CHUNK,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "fps": int(fps) if fps == int(fps) else fps,
+        "splits": {"train": f"0:{len(episodes)}"},
+        "data_path": f"data/{_CHUNK}.parquet",
+        "video_path": f"videos/{{video_key}}/{_CHUNK}.mp4",
+        "features": {
+            "observation.state": vector,
+            "action": vector,
+            VIDEO: {"dtype": "video", "shape": [height, width, 3], "names": names, "info": video},
+            **{name: {"dtype": kind, "shape": [1], "names": None} for name, kind in counted.items()},
+        },
+    }
+
+
+def _stats(episodes: Sequence[Demonstration], films: Sequence[NDArray[np.uint8]]) -> dict[str, Any]:
+    """Least, largest, mean, deviation and count; of pictures by channel, in [0, 1]."""
+    states = np.concatenate([episode.states for episode in episodes]).astype(np.float64)
+    actions = np.concatenate([episode.actions for episode in episodes]).astype(np.float64)
+    pixels = np.concatenate([film[:, ::4, ::4].reshape(-1, 3) for film in films]) / 255.0
+
+    def of(numbers: NDArray[np.float64], count: int, shape: tuple[int, ...]) -> dict[str, Any]:
+        four = {"min": numbers.min(0), "max": numbers.max(0), "mean": numbers.mean(0), "std": numbers.std(0)}
+        return {name: value.reshape(shape) for name, value in four.items()} | {"count": [count]}
+
+    vector = (states.shape[1],)
+    return {
+        "observation.state": of(states, len(states), vector),
+        "action": of(actions, len(actions), vector),
+        VIDEO: of(pixels, len(states), (3, 1, 1)),
+    }

@@ -1,0 +1,98 @@
+"""The motion of an episode in full: a film of every frame, and the arm's measured state at each of them.
+
+The film needs ``imageio-ffmpeg`` (extra ``[export]``); without it the states are kept alone. `gvla2 export lerobot`
+makes data sets for training of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.record.files import write_bytes
+from gvla2.robot.backend import Moment
+
+FILM, STATES = "episode.mp4", "motion.npz"
+DEFAULT_FPS = 5.0
+
+
+class Motion:
+    """Writes the film while the robot moves; :meth:`finish` closes it and writes the states."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._moments: list[Moment] = []
+        self._early: list[NDArray[np.uint8]] = []  # until the second tells how many there are a second
+        self._writer: Generator[None, bytes | None, None] | None = None
+        self._size = (0, 0)
+        self._frames = 0
+
+    def moment(self, moment: Moment) -> None:
+        """The state at the next frame."""
+        self._moments.append(moment)
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """A frame (H, W, 3) uint8, all of one size; sides are cut to even numbers, as players want them."""
+        even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
+        self._frames += 1
+        if self._frames == 1:
+            self._size = (even.shape[1], even.shape[0])
+        if self._frames < 2:
+            self._early.append(even)
+            return
+        if self._frames == 2:
+            self._open()
+        for each in (*self._early, even):
+            if self._writer is not None:
+                self._writer.send(each.tobytes())
+        self._early.clear()
+
+    @property
+    def fps(self) -> float:
+        """Frames a second, from the first two moments."""
+        if len(self._moments) < 2:
+            return DEFAULT_FPS
+        apart = self._moments[1].time - self._moments[0].time
+        return round(1.0 / apart, 2) if apart > 0 else DEFAULT_FPS
+
+    def finish(self) -> None:
+        """Close the film, and write the states where each frame has one; safe to call twice."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        if self._moments and len(self._moments) == self._frames:
+            write_bytes(self._folder / STATES, self._states())
+
+    def _open(self) -> None:
+        try:
+            import imageio_ffmpeg
+        except ImportError:
+            return
+        made: Any = imageio_ffmpeg.write_frames(
+            str(self._folder / FILM),
+            self._size,
+            fps=self.fps,
+            quality=7,
+            macro_block_size=2,
+            output_params=["-movflags", "+faststart"],
+            ffmpeg_log_level="error",
+        )
+        made.send(None)
+        self._writer = made
+
+    def _states(self) -> bytes:
+        import io
+
+        stream = io.BytesIO()
+        np.savez_compressed(
+            stream,
+            time=np.array([m.time for m in self._moments]),
+            joints=np.array([m.joints for m in self._moments]),
+            gripper_width=np.array([m.gripper_width for m in self._moments]),
+            fps=np.array(self.fps),
+        )
+        return stream.getvalue()

@@ -1,0 +1,144 @@
+"""The learnable world: families, what they change, and the physics of catches, strokes and long threads."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from gvla2.errors import ConfigurationError
+from gvla2.planning.colours import COLOURS
+from gvla2.robot.task import Catch, Joint, TaskInstance, TaskSite
+from gvla2_plugins.tabletop import gvla2_tasks
+from gvla2_plugins.tabletop.learnable_ranges import KINDS, RANGES, families
+
+LEARNABLE = {"world": "learnable", "world_seed": 4}
+
+
+def near_the_base(point: np.ndarray) -> bool:
+    return bool(np.linalg.norm(point[:2] - (-0.268, 0.0)) < 0.75)
+
+
+def task(name: str, **options):
+    component = next(c for c in gvla2_tasks() if c.name == name)
+    return component.build(component.config(**options))
+
+
+def sample(name: str, seed: int, instruction: str | None = None, **options) -> TaskInstance:
+    site = TaskSite((0.25, 0.0), (0.65, 0.91), 0.752, near_the_base, (0.76, 0.61, 0.43))
+    return task(name, **options).sample(np.random.default_rng(seed), site, instruction)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_families_repeat_differ_in_colour_and_lie_in_their_ranges(kind):
+    for world in range(30):
+        drawn = families(kind, world, 3)
+        assert drawn == families(kind, world, 3)
+        assert len({one.colour for one in drawn}) == 3
+        for one in drawn:
+            low, high = {
+                "open_jar": np.deg2rad(RANGES.jar), "open_wine": np.deg2rad(RANGES.bottle),
+                "lamp_on": RANGES.click, "open_drawer": RANGES.catch,
+            }[kind]  # fmt: skip
+            assert low <= abs(one.value) <= high or (kind == "open_drawer" and one.value == 0.0)
+    assert len({families(kind, world, 2) for world in range(10)}) > 5, "other worlds, other families"
+
+
+def test_bottles_open_either_way_and_some_drawers_have_no_catch():
+    turns = [one.value for world in range(40) for one in families("open_wine", world, 2)]
+    assert 0.3 < np.mean(np.array(turns) < 0) < 0.7
+    lifts = [one.value for world in range(40) for one in families("open_drawer", world, 2)]
+    assert 0.1 < np.mean(np.array(lifts) == 0) < 0.45
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_episode_names_its_family_and_looks_like_it(kind):
+    for family in (0, 1):
+        own = families(kind, 4, 2)[family]
+        for seed in range(3):
+            made = sample(kind, seed, family=family, **LEARNABLE)
+            assert own.colour in made.instruction.split()
+            shown = {solid.rgb for body in made.layout.bodies for solid in body.solids}
+            assert COLOURS[own.colour] in shown
+            assert "{" not in made.instruction
+            assert made.solution is None
+
+
+def test_the_sentence_decides_the_family():
+    one, other = families("open_jar", 4, 2)
+    made = sample("open_jar", 0, f"open the {other.colour} jar", family=0, **LEARNABLE)
+    assert made.layout.threads[0].release == pytest.approx(other.value)
+    made = sample("open_jar", 0, family=0, **LEARNABLE)
+    assert made.layout.threads[0].release == pytest.approx(one.value)
+    assert made.layout.threads[1].release == pytest.approx(other.value), (
+        "the other jar is of the other family"
+    )
+
+
+def test_a_lamp_is_lit_between_its_click_and_its_stop():
+    value = families("lamp_on", 4, 2)[0].value
+    made = sample("lamp_on", 0, family=0, **LEARNABLE)
+    lit = made.succeeded["eased"]
+    (joint,) = made.layout.joints
+    for travel, expected in ((value - 1e-3, False), (value + 1e-3, True), (joint.limits[1], False)):
+        assert lit(SimpleNamespace(peak={"press": travel}.get)) is expected
+        assert made.layout.lights({"press": travel}) == (expected,)
+
+
+def test_wrong_worlds_kinds_and_families_say_what_there_is():
+    for options, said in (
+        ({"world": "flat"}, "plain or learnable"),
+        ({"world": "learnable", "families": 0}, "families"),
+        ({"world": "learnable", "family": 2}, "family"),
+        ({"world": "learnable", "world_seed": -1}, "world_seed"),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            task("lamp_on", **options)
+    with pytest.raises(ConfigurationError, match=r"push_block has nothing to learn.*open_jar"):
+        task("push_block", world="learnable")
+
+
+class Slide:
+    """An articulation of two joints by hand."""
+
+    def __init__(self):
+        self.qpos = np.zeros(2)
+        self.limits = None
+        self.active_joints = [SimpleNamespace(set_limits=self._keep), SimpleNamespace()]
+
+    def _keep(self, limits):
+        (self.limits,) = limits
+
+
+def caught(until: float = float("inf")):
+    catches = pytest.importorskip("gvla2_plugins.sapien.catches")
+    held = Joint("slide", "prismatic", "a", "b", np.eye(3)[0], np.zeros(3), (0.0, 0.2))
+    slide = Slide()
+    one = catches.Caught(
+        Catch("slide", "latch", 0.01, until), held, {"slide": (slide, 0), "latch": (slide, 1)}
+    )
+    return one, slide
+
+
+def test_a_catch_holds_until_its_key_is_where_it_must_be():
+    one, slide = caught(until=0.02)
+    assert slide.limits == [0.0, 0.001]
+    for lift, limits in (
+        (0.005, [0.0, 0.001]),
+        (0.015, [0.0, 0.2]),
+        (0.025, [0.0, 0.001]),
+        (0.0, [0.0, 0.001]),
+    ):
+        slide.qpos[1] = lift
+        one.watch()
+        assert slide.limits == limits, lift
+
+
+def test_what_has_begun_to_move_is_free_for_ever():
+    one, slide = caught()
+    slide.qpos[:] = 0.0, 0.015
+    one.watch()
+    slide.qpos[:] = 0.1, 0.015
+    one.watch()
+    slide.qpos[:] = 0.1, 0.0
+    one.watch()
+    assert slide.limits == [0.0, 0.2]

@@ -1,0 +1,198 @@
+"""The film of every frame and the arm's states, and the data set for training that they become."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gvla2 import cli
+from gvla2.errors import Gvla2Error, MissingDependencyError
+from gvla2.record.lerobot import VIDEO, Demonstration, write_dataset
+from gvla2.record.motion import FILM, STATES, Motion
+from gvla2.robot.backend import Moment
+
+# imageio-ffmpeg leaves the pipe to its reading process to the garbage collector.
+pytestmark = pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
+
+FRAMES, FPS = 7, 5.0
+
+
+def joints(k: int, dof: int = 3) -> np.ndarray:
+    return np.full(dof, 0.1 * k)
+
+
+def keep(folder: Path, frames: int = FRAMES, side: int = 33, dof: int = 3, states: bool = True) -> Path:
+    """A film whose red rises from frame to frame, with its states, as a run leaves them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    motion = Motion(folder)
+    for k in range(frames):
+        if states:
+            motion.moment(Moment(2.0 + k / FPS, joints(k, dof), 0.08))
+        image = np.zeros((side, side, 3), np.uint8)
+        image[..., 0] = 30 * k
+        motion.frame(image)
+    motion.finish()
+    motion.finish()
+    return folder
+
+
+def result(folder: Path, **changed: object) -> Path:
+    told = {
+        "episode": "e", "success": True, "verdict": "verified_success", "instruction": "lift it",
+        "robot": "sapien_panda", "attempts": [{}], **changed,
+    }  # fmt: skip
+    (folder / "result.json").write_text(json.dumps(told))
+    return folder
+
+
+def demonstration(folder: Path, task: str = "lift it", **size: int) -> Demonstration:
+    keep(folder, **size)
+    with np.load(folder / STATES) as kept:
+        states = np.column_stack([kept["joints"], kept["gripper_width"]]).astype(np.float32)
+    return Demonstration(states, FPS, folder / FILM, task, "sapien_panda")
+
+
+def test_every_frame_has_its_state(tmp_path: Path):
+    imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    keep(tmp_path)
+    with np.load(tmp_path / STATES) as kept:
+        assert kept["fps"] == FPS
+        assert kept["joints"].shape == (FRAMES, 3)
+        np.testing.assert_allclose(kept["joints"][:, 0], 0.1 * np.arange(FRAMES))
+    reader = imageio_ffmpeg.read_frames(str(tmp_path / FILM))
+    told = next(reader)
+    assert (told["size"], told["fps"]) == ((32, 32), FPS)
+    reds = [np.frombuffer(frame, np.uint8).reshape(32, 32, 3)[..., 0].mean() for frame in reader]
+    np.testing.assert_allclose(reds, 30 * np.arange(FRAMES), atol=12)
+
+
+def test_a_robot_without_moments_has_a_film_alone(tmp_path: Path):
+    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    keep(tmp_path, states=False)
+    assert (tmp_path / FILM).is_file()
+    assert not (tmp_path / STATES).exists()
+
+
+def test_without_the_library_the_states_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    keep(tmp_path)
+    assert (tmp_path / STATES).is_file()
+    assert not (tmp_path / FILM).exists()
+
+
+def test_the_data_set_has_the_published_layout(tmp_path: Path):
+    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    pq = pytest.importorskip("pyarrow.parquet", reason="pip install 'gvla2[export]'")
+    episodes = [
+        demonstration(tmp_path / "a"),
+        demonstration(tmp_path / "b", "push it", frames=5),
+        demonstration(tmp_path / "c"),
+    ]
+    target = tmp_path / "set"
+    write_dataset(target, episodes)
+    info = json.loads((target / "meta/info.json").read_text())
+    assert (info["codebase_version"], info["fps"], info["robot_type"]) == ("v3.0", 5, "sapien_panda")
+    assert (info["total_episodes"], info["total_frames"], info["total_tasks"]) == (3, 19, 2)
+    assert info["features"][VIDEO]["shape"] == [32, 32, 3]
+    assert info["features"]["action"]["names"][-1] == "gripper.width"
+    data = pq.read_table(target / info["data_path"].format(chunk_index=0, file_index=0))
+    assert set(data.column_names) == set(info["features"]) - {VIDEO}
+    assert data["index"].to_pylist() == list(range(19))
+    assert data["episode_index"].to_pylist() == [0] * 7 + [1] * 5 + [2] * 7
+    assert data["task_index"].to_pylist() == [0] * 7 + [1] * 5 + [0] * 7
+    state, action = (np.array(data[name].to_pylist()) for name in ("observation.state", "action"))
+    np.testing.assert_allclose(action[:6], state[1:7])
+    np.testing.assert_allclose(action[6], state[6], err_msg="the last repeats its own")
+    np.testing.assert_allclose(data["timestamp"].to_numpy()[7:12], np.arange(5) / FPS, atol=1e-6)
+    rows = pq.read_table(target / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
+    assert [(r["dataset_from_index"], r["dataset_to_index"]) for r in rows] == [(0, 7), (7, 12), (12, 19)]
+    for row in rows:
+        place = {name: row[f"videos/{VIDEO}/{name}"] for name in ("chunk_index", "file_index")}
+        assert (target / info["video_path"].format(video_key=VIDEO, **place)).is_file()
+    stats = json.loads((target / "meta/stats.json").read_text())
+    assert np.shape(stats[VIDEO]["mean"]) == (3, 1, 1)
+    assert stats["action"]["count"] == [19]
+
+
+def test_the_tasks_are_a_frame_of_pandas_whose_index_is_the_sentence(tmp_path: Path):
+    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    pandas = pytest.importorskip("pandas", reason="LeRobot reads tasks by pandas, which gvla2 does not need")
+    write_dataset(tmp_path / "set", [demonstration(tmp_path / "a"), demonstration(tmp_path / "b", "push it")])
+    tasks = pandas.read_parquet(tmp_path / "set/meta/tasks.parquet")
+    assert list(tasks.index) == ["lift it", "push it"]
+    assert list(tasks["task_index"]) == [0, 1]
+
+
+def test_what_one_data_set_cannot_hold_is_told(tmp_path: Path):
+    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    one = demonstration(tmp_path / "a")
+    with pytest.raises(Gvla2Error, match="There is no episode"):
+        write_dataset(tmp_path / "set", [])
+    with pytest.raises(Gvla2Error, match="is not empty"):
+        write_dataset(tmp_path / "a", [one])
+    with pytest.raises(Gvla2Error, match=r"not several: .*4 numbers.*8 numbers"):
+        write_dataset(tmp_path / "set", [one, demonstration(tmp_path / "b", dof=7)])
+    with pytest.raises(Gvla2Error, match="7 frames for 6 states"):
+        write_dataset(tmp_path / "set", [replace(one, states=one.states[1:])])
+    assert not (tmp_path / "set").exists()
+
+
+def test_the_command_takes_successes_below_any_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    runs = tmp_path / "runs"
+    for name, told in (
+        ("0", {}),
+        ("1", {"success": False}),
+        ("2", {"success": None}),
+        ("3", {"attempts": [{}] * 2}),
+    ):
+        result(keep(runs / "sweep" / name), **told)
+    bare = runs / "bare"
+    bare.mkdir()
+    result(bare)
+    (runs / "result.json").write_text(json.dumps({"rows": []}))  # a summary
+    assert cli.main(["export", "lerobot", str(runs), f"to={tmp_path / 'set'}"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("2 episodes, 14 frames: ")
+    assert "1 not succeeded" in told
+    assert "1 without a film" in told
+    assert "1 in several attempts" in told
+    assert cli.main(["export", "lerobot", str(runs), f"to={tmp_path / 'all'}", "only=all"]) == 0
+    assert capsys.readouterr().out.startswith("3 episodes")
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        (["lerobt", "x", "to=y"], 2, "no format 'lerobt'. Did you mean 'lerobot'?"),
+        (["lerobot", "to=y"], 2, "Name the folders of runs"),
+        (["lerobot", "x"], 2, "to=FOLDER"),
+        (["lerobot", "x", "to=y", "only=some"], 2, "success or all"),
+        (["lerobot", "x", "too=y"], 2, "does not take 'too=y'. Did you mean 'to'?"),
+        (["lerobot", "no_such", "to=y"], 1, "There is no folder 'no_such'"),
+        (["lerobot", ".", "to=y"], 1, "Nothing to export"),
+    ],
+)
+def test_wrong_usage_of_the_command(
+    words: list[str],
+    status: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    pytest.importorskip("imageio_ffmpeg", reason="pip install 'gvla2[export]'")
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["export", *words]) == status
+    assert said in capsys.readouterr().err
+
+
+def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    from gvla2.commands import export
+
+    monkeypatch.setattr(export, "find_spec", lambda name: None)
+    with pytest.raises(MissingDependencyError, match=r"pyarrow and imageio_ffmpeg.*gvla2\[export\]"):
+        export.export([tmp_path], tmp_path / "set")

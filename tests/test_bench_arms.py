@@ -1,0 +1,143 @@
+"""Arms, rows and options of `gvla2 bench` as they are asked for; which episodes are filmed."""
+
+from dataclasses import replace
+
+import pytest
+from hydra import compose, initialize_config_module
+from omegaconf import OmegaConf
+
+from gvla2.commands.bench import as_overrides
+from gvla2.commands.bench_arms import arm_named, arms_of, check_arms
+from gvla2.commands.bench_design import Planned, designs
+from gvla2.commands.bench_films import worth_filming
+from gvla2.commands.bench_options import OPTIONS, check_options
+from gvla2.commands.bench_subjects import subjects
+from gvla2.commands.primary import PRIMARY
+from gvla2.errors import ConfigurationError
+from gvla2.evaluation.results import Cell
+from gvla2.hydra_bridge import register
+from gvla2.plugins import load_plugins
+
+
+@pytest.fixture(scope="module")
+def registry():
+    return load_plugins()
+
+
+def config_of(registry, *arguments: str):
+    register(registry, PRIMARY)
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        given = as_overrides(["robot", *arguments])
+        return OmegaConf.to_object(compose("bench", overrides=given))
+
+
+def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_listed(registry):
+    config = config_of(registry, "arms=[off,on]", "arms.mine={memory: governed, admission: false, replan: 1}")
+    off, on, mine = arms_of(config)
+    assert (off.source, on.memory, on.variant) == ("off", "governed", "")
+    assert (mine.memory, mine.replan, mine.options) == ("governed", 1, {"admission": False})
+    assert mine.variant == "governed, admission=False, replan=1"
+    check_arms(config, registry)
+    usual = config_of(registry, "arms.mine={memory: semantic}")
+    assert usual.chosen_arms == ["off", "on", "shuffled", "semantic", "best_theta", "mine"]
+
+
+def test_options_of_a_plain_arm_are_in_its_name(registry):
+    config = config_of(registry, "arms=[off,on]", "arm_options.on.admission=false")
+    assert arm_named(config, "on").variant == "admission=False"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["arms.mine={memory: gouverned}"], "No arm 'gouverned'.*governed"),
+        (["arms.mine={memory: governed, admision: false}"], "admision.*Did you mean 'admission'"),
+        (["arms.mine={memory: off, admission: false}"], "'off' has no such option"),
+        (["arms.mine=3"], "give options"),
+        (["arms.mine={memory: off, replan: yes}"], "a count"),
+        (["arms=[off]", "arm_options.on.admission=false"], "no arm 'on'"),
+    ],
+)
+def test_wrong_arms_say_what_there_is(registry, arguments, said):
+    with pytest.raises(ConfigurationError, match=said):
+        check_arms(config_of(registry, *arguments), registry)
+
+
+def test_two_variants_of_one_memory_share_no_cell(registry):
+    config = config_of(
+        registry, "tasks=[lamp_on]", "layouts=[200]", "exploration_seeds=[1]", "arms=[off,on]",
+        "arms.a={memory: governed, admission: false}", "arms.b={memory: governed, replay: false}",
+        "arms.c={memory: off, replan: 1}",
+    )  # fmt: skip
+    (design,) = designs(config, registry)
+    keys = [key for one in design.plan for key in one.keys.values()]
+    assert len(set(keys)) == len(keys) == 2 * 5
+    variants = {one.arm: one.factors.get("variant", "") for one in design.plan}
+    assert variants == {
+        "off": "", "on": "", "a": "governed, admission=False", "b": "governed, replay=False", "c": "off, replan=1",
+    }  # fmt: skip
+    again = designs(replace(config, own_arms={**config.own_arms, "a": {"memory": "governed"}}), registry)
+    changed = {one.arm for one, old in zip(again[0].plan, design.plan, strict=True) if one.keys != old.keys}
+    assert changed == {"a"}, "an arm's options are in its own key alone"
+
+
+def test_task_options_are_in_the_rows_name_and_key(registry):
+    plain = config_of(registry, "tasks=[open_jar]", "arms=[off]", "layouts=[200]")
+    stiff = config_of(
+        registry, "tasks=[open_jar]", "arms=[off]", "layouts=[200]", "task_options.open_jar.turn=175"
+    )
+    assert subjects(stiff, registry) == {"open_jar (turn=175)": {"name": "open_jar", "turn": 175}}
+    one, other = designs(plain, registry)[0].plan[0], designs(stiff, registry)[0].plan[0]
+    assert other.task == "open_jar (turn=175)"
+    assert set(one.keys.values()).isdisjoint(other.keys.values())
+    for wrong, said in (
+        ("task_options.open_jar.trun=3", "Did you mean 'turn'"), ("task_options.lamp_on.travel=3", "none of the tasks"),
+    ):  # fmt: skip
+        with pytest.raises(ConfigurationError, match=said):
+            subjects(config_of(registry, "tasks=[open_jar]", wrong), registry)
+
+
+def test_a_learnable_world_has_a_row_a_family_and_a_design_a_world(registry):
+    config = config_of(registry, "world=learnable", "seeds=[1,2]", "episodes=1", "arms=[off,on]")
+    rows = subjects(config, registry)
+    assert "open_drawer, family 1" in rows
+    assert len(rows) == 8
+    made = designs(config, registry)
+    assert [design.place for design in made] == ["skill-world1", "skill-world2"]
+    assert {one.factors["world"] for design in made for one in design.plan} == {"learnable"}
+    keys = [key for design in made for one in (*design.plan, *design.exploring) for key in one.keys.values()]
+    assert len(keys) == len(set(keys)), "each world is explored anew"
+
+
+@pytest.mark.parametrize(
+    ("suite", "override"),
+    [("reconstruction", "depth_noise=l515"), ("memory", "tasks=[lamp_on]"), ("robot", "baselines=[hull]"),
+     ("perception", "++own_arms.mine={memory: governed}"), ("reconstruction", "~planner")],
+)  # fmt: skip
+def test_an_option_that_a_suite_does_not_heed_is_an_error(suite, override):
+    with pytest.raises(ConfigurationError, match=f"does nothing in the suite {suite}"):
+        check_options(suite, [f"suite={suite}", override])
+
+
+def test_options_that_are_heeded_or_of_the_user_pass():
+    check_options("robot", ["suite=robot", "depth_noise=l515", "+mine.own=3", "robot.image_size=64"])
+    for suite, options in OPTIONS.items():
+        check_options(suite, [f"{name}=1" for name in options])
+
+
+def planned(arm: str, layout: int) -> Planned:
+    return Planned("lamp_on", arm, layout, {"eased": f"{arm}{layout}"}, {})
+
+
+def test_pairs_that_differ_are_filmed_before_failures():
+    won = {"off": (0, 1, 0), "on": (0, 1, 1)}
+    plan = [planned(arm, layout) for arm in won for layout in range(3)]
+    cells = {
+        f"{arm}{i}": Cell("k", {}, {"success": bool(done)}, {})
+        for arm, d in won.items()
+        for i, done in enumerate(d)
+    }
+    assert [(one.arm, one.layout) for one in worth_filming(plan, cells, 1)] == [("on", 2), ("off", 2)]
+    two = [(one.arm, one.layout) for one in worth_filming(plan, cells, 2)]
+    assert two == [("on", 2), ("off", 2), ("off", 0), ("on", 0)]
+    assert worth_filming(plan, cells, 0) == []
