@@ -40,7 +40,7 @@ def assemble(
     clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
     clusters = [c for c in clusters if len(c) >= min_points]
     things = [shape_thing(frames, pixels, members, gap) for members in clusters]
-    things = _join_fragments(frames, pixels, things, gap)
+    things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
