@@ -274,3 +274,10 @@ def test_escape_bytes_of_a_plugin_are_not_printed(install, capsys: pytest.Captur
     captured = capsys.readouterr()
     assert "red" in captured.out
     assert not {"\x1b", "\x07"} & set(captured.out + captured.err)
+
+
+def test_a_command_without_a_word_is_no_option_with_dashes():
+    from gvla2.commands.hydra_job import dashed_option
+
+    assert dashed_option([]) == ""
+    assert "write seed=3" in dashed_option(["--seed", "3"])

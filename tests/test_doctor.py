@@ -124,10 +124,17 @@ def test_imports_are_probed_one_by_one(tmp_path: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize(
     ("owners", "status"),
-    [([], "ok"), (["opencv-python"], "ok"), (["opencv-python", "opencv-python-headless"], "warn")],
+    [
+        ({}, "ok"),
+        ({"opencv-python": "5.0"}, "ok"),
+        ({"opencv-python": "5.0", "opencv-python-headless": "5.0"}, "ok"),
+        ({"opencv-python": "5.0", "opencv-python-headless": "4.9"}, "warn"),
+    ],
 )
-def test_two_owners_of_cv2_are_a_warning(owners: list[str], status: str, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(checkup, "installed", lambda name: "5.0" if name in owners else "")
+def test_two_versions_of_cv2_are_a_warning(
+    owners: dict[str, str], status: str, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(checkup, "installed", lambda name: owners.get(name, ""))
     check = checkup.opencv()
     assert check.status == status
     assert all(name in check.found for name in owners)

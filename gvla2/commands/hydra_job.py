@@ -148,7 +148,7 @@ def launch(
 def dashed_option(argv: Sequence[str]) -> str:
     """What to write in place of the first ``--option value`` that is no flag of Hydra's; "" when there is none."""
     flags = [flag for action in get_args_parser()._actions for flag in action.option_strings]
-    for word, following in zip(argv, [*argv[1:], ""], strict=True):
+    for word, following in zip(argv, [*argv[1:], ""], strict=False):
         name, equals, value = word.removeprefix("--").partition("=")
         if not word.startswith("--") or not name or any(flag.startswith(f"--{name}") for flag in flags):
             continue

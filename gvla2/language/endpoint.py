@@ -135,7 +135,19 @@ class Endpoint:
             return await only_model(client, self._options)
 
     async def _ask_all(self, asked: Sequence[tuple[Request, str]]) -> list[Completion | LanguageModelError]:
-        async with connect(self._server.address(), self._key, self._options) as client:
+        address = self._server.address()
+        answers = await self._ask_at(address, asked)
+        lost = [i for i, a in enumerate(answers) if isinstance(a, ModelUnavailableError) and not a.reached]
+        # A server of ours that ended just after it was found is started again, elsewhere.
+        if lost and (moved := self._server.address()) != address:
+            for i, answer in zip(lost, await self._ask_at(moved, [asked[i] for i in lost]), strict=True):
+                answers[i] = answer
+        return answers
+
+    async def _ask_at(
+        self, address: str, asked: Sequence[tuple[Request, str]]
+    ) -> list[Completion | LanguageModelError]:
+        async with connect(address, self._key, self._options) as client:
             return await asyncio.gather(*(self._in_turn(client, *each) for each in asked))
 
     async def _in_turn(

@@ -17,12 +17,15 @@ class LanguageModelError(Gvla2Error):
 class ModelUnavailableError(LanguageModelError):
     """No answer could be had: no network, a time-out, too many requests after all retries, an error of the server.
 
-    ``transient`` tells that asking again soon may help; ``status`` is HTTP's, 0 where there was no response.
+    ``transient`` tells that asking again soon may help; ``status`` is HTTP's, 0 where there was no response;
+    ``reached`` is False where nobody listened at the address.
     """
 
-    def __init__(self, message: str, *, transient: bool = True, status: int = 0) -> None:
+    def __init__(
+        self, message: str, *, transient: bool = True, status: int = 0, reached: bool = True
+    ) -> None:
         super().__init__(message)
-        self.transient, self.status = transient, status
+        self.transient, self.status, self.reached = transient, status, reached
 
 
 class ModelRefusedError(LanguageModelError):

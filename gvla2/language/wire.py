@@ -89,7 +89,8 @@ async def _sent(
         cause = error.__cause__ or error
         raise ModelUnavailableError(
             f"{client.base_url} cannot be reached or broke off ({type(cause).__name__}: {cause}). Is a server "
-            "running there?"
+            "running there?",
+            reached=not isinstance(cause, httpx.ConnectError),
         ) from error
     try:
         answer = json.loads(_redacted(client, received.decode(errors="replace")))

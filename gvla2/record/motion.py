@@ -18,6 +18,8 @@ from gvla2.robot.backend import Moment
 
 FILM, STATES = "episode.mp4", "motion.npz"
 DEFAULT_FPS = 5.0
+SMALLEST = 16
+"""Pixels a side that a film has at least: encoders refuse less."""
 
 
 class Motion:
@@ -37,6 +39,8 @@ class Motion:
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """A frame (H, W, 3) uint8, all of one size; sides are cut to even numbers, as players want them."""
+        if getattr(image, "ndim", 0) != 3 or min(image.shape[:2]) < SMALLEST:
+            return  # no film's frame; the recorder says what was wrong with it
         even = np.ascontiguousarray(image[: image.shape[0] // 2 * 2, : image.shape[1] // 2 * 2])
         self._frames += 1
         if self._frames == 1:
