@@ -54,14 +54,18 @@ def components(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     from gvla2.commands.completion import hydra_application
     from gvla2.discovery import describe
     from gvla2.errors import Gvla2Error
-    from gvla2.kinds import chosen_kinds
+    from gvla2.kinds import NONE, chosen_kinds
     from gvla2.memory.contracts import MemoryTask
 
     registry = load_plugins()
     with hydra_application(registry):
         config = hydra.compose(config_name=names[0])
     found: dict[str, dict[str, Any]] = {}
-    chosen = chosen_kinds(config, registry.kinds)
+    chosen = [
+        kind
+        for kind in chosen_kinds(config, registry.kinds)
+        if config[kind].name != NONE or NONE in registry.components(kind)
+    ]
     needed = {need for kind in chosen for need in registry.get(kind, config[kind].name).needs}
     for kind in chosen:
         if kind == "language" and kind not in needed:  # asked by nobody
