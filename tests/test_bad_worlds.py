@@ -19,7 +19,7 @@ from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
 from gvla2.hydra_bridge import register
 from gvla2.planning.colours import COLOURS, colours_in
-from gvla2.robot.depth_noise import DepthNoise
+from gvla2.robot.noise_options import DepthNoise
 
 OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachable", "slipped", "tracking", "no_path",
             "collision", "not_achieved", "goal_not_reached", "rejected", "simulation"}  # fmt: skip

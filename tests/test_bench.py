@@ -21,13 +21,13 @@ from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.commands.data import take_stock
 from gvla2.commands.data_config import DataCommandConfig
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run_config import DepthNoiseConfig
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import Plugin
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.ablation import VARIANTS
 from gvla2.hydra_bridge import register
 from gvla2.reconstruction.rasteriser import render
+from gvla2.robot.noise_options import DepthNoise
 from gvla2_plugins import axes, depth_prior, fusions, hull
 
 PLUGIN = Plugin("tests")
@@ -258,7 +258,7 @@ def test_data_says_what_is_here_and_what_is_not(meshes, tmp_path, monkeypatch, c
     [
         ({"noise": ["low3"]}, "No noise 'low3'. Available: exact"),
         ({"noise": ["low1"], "prior": PlainConfig(name="none")}, "needs prior=depth, not none"),
-        ({"depth_noise": DepthNoiseConfig(kind="l515")}, r"noise=\[...\] says what the prior has wrong"),
+        ({"depth_noise": DepthNoise(kind="l515")}, r"noise=\[...\] says what the prior has wrong"),
     ],
 )
 def test_an_option_that_does_not_apply_is_an_error(meshes, parts, tmp_path, changes, words):

@@ -14,11 +14,12 @@ from omegaconf import OmegaConf
 from gvla2.catalog import Registry
 from gvla2.commands.hydra_job import launch, output_folder
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.run_config import DepthNoiseConfig, RunConfig
+from gvla2.commands.run_config import RunConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.hydra_bridge import register
 from gvla2.kinds import KINDS
+from gvla2.robot.noise_options import DepthNoise
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -95,8 +96,8 @@ def test_the_arms_of_the_memory_ablation():
 
 
 def test_depth_noise_presets():
-    assert composed().depth_noise == DepthNoiseConfig()
-    assert composed("depth_noise=gaussian").depth_noise == DepthNoiseConfig("gaussian", sigma_m=0.002)
+    assert composed().depth_noise == DepthNoise()
+    assert composed("depth_noise=gaussian").depth_noise == DepthNoise("gaussian", sigma_m=0.002)
     l515 = composed("depth_noise=l515").depth_noise
     assert l515.sigma_m + l515.sigma_rel == pytest.approx(0.0025), "the data sheet's deviation at 1 m"
     assert l515.sigma_m + 9 * l515.sigma_rel == pytest.approx(0.0155, abs=5e-4), "and at 9 m"

@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-from gvla2.commands.run_config import DepthNoiseConfig, ResultsConfig
+from gvla2.commands.run_config import ResultsConfig
 from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
+from gvla2.robot.noise_options import DepthNoise
 
 
 @dataclass
@@ -160,7 +161,7 @@ class BenchConfig:
     scale: float = 1.0
     videos: int = 1
     perceivers: list[str] = field(default_factory=lambda: ["classical"])
-    depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
     robot: ComponentConfig = field(default_factory=ComponentConfig)
     camera: ComponentConfig = field(default_factory=ComponentConfig)
     perceiver: ComponentConfig = field(default_factory=ComponentConfig)

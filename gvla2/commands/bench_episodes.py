@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,11 +131,10 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
 def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     from gvla2.episode import EpisodeRequest, run_episode
     from gvla2.evaluation.robot.experience import Experience
-    from gvla2.robot.depth_noise import DepthNoise
 
     request = EpisodeRequest(
         seed=layout,
-        depth_noise=DepthNoise(**asdict(unit.config.depth_noise)),
+        depth_noise=unit.config.depth_noise,
         source=f"{unit.task}-{unit.arm}-{layout}",
         replan=_tries(unit),
         planner_timeout=unit.config.planner_timeout,

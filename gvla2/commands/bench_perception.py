@@ -185,7 +185,6 @@ class _Built:
     def bench(self, unit: Unit, registry: Registry) -> Bench:
         """The components for a unit."""
         from gvla2.evaluation.perception.suite import Bench
-        from gvla2.robot.depth_noise import DepthNoise
 
         root = chosen_parts(unit.config, registry, unit.task, unit.perceiver)
         if not self._parts or self._perceiver != unit.perceiver:
@@ -196,7 +195,7 @@ class _Built:
             self._perceiver = unit.perceiver
         if self._task[0] != unit.task:
             self._task = unit.task, registry.build(root, "task")
-        parts, noise = self._parts, DepthNoise(**asdict(unit.config.depth_noise))
+        parts, noise = self._parts, unit.config.depth_noise
         return Bench(parts["robot"], self._task[1], parts["perceiver"], parts.get("planner"), noise)
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from contextlib import ExitStack, closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -209,12 +209,11 @@ def _run_one(
     blame: Callable[[BaseException], str],
 ) -> EpisodeRecord:
     from gvla2.episode import EpisodeRequest, run_episode
-    from gvla2.robot.depth_noise import DepthNoise
 
     request = EpisodeRequest(
         seed=seed,
         instruction=config.instruction,
-        depth_noise=DepthNoise(**asdict(config.depth_noise)),
+        depth_noise=config.depth_noise,
         source="/".join(listener.recorder.folder.parts[-_TELLING:]),
         replan=config.replan,
         planner_timeout=config.planner_timeout,

@@ -7,56 +7,7 @@ from dataclasses import dataclass, field
 
 from gvla2.errors import ConfigurationError
 from gvla2.hydra_bridge import EveryKind
-
-DEPTH_NOISE_KINDS = ("none", "gaussian", "l515", "realistic")
-
-
-@dataclass
-class DepthNoiseConfig:
-    """What is wrong with simulated cameras: see :class:`gvla2.robot.depth_noise.DepthNoise`, whose fields these are.
-
-    ``sigma_m + sigma_rel * z`` metres is the deviation at depth z; ``dropout`` the share of pixels without a
-    measurement, which lies in [0, 1), as do ``flying``, ``grazing`` and ``dark``.
-    """
-
-    kind: str = "none"
-    sigma_m: float = 0.0
-    sigma_rel: float = 0.0
-    dropout: float = 0.0
-    flying: float = 0.0
-    grazing: float = 0.0
-    dark: float = 0.0
-    bias_rel: float = 0.0
-    quantum_m: float = 0.0
-    colour: float = 0.0
-    exposure: float = 0.0
-    offset_m: float = 0.0
-    turn_deg: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.kind not in DEPTH_NOISE_KINDS:
-            raise ConfigurationError(
-                f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(DEPTH_NOISE_KINDS)}."
-            )
-        for name in ("dropout", "flying", "grazing", "dark"):
-            share = getattr(self, name)
-            if not (0 <= share <= 1 and (name != "dropout" or share < 1)):
-                raise ConfigurationError(
-                    f"depth_noise.{name}={share} is a share of pixels; it lies in [0, 1)."
-                )
-        for name in (
-            "sigma_m",
-            "sigma_rel",
-            "bias_rel",
-            "quantum_m",
-            "colour",
-            "exposure",
-            "offset_m",
-            "turn_deg",
-        ):
-            size = getattr(self, name)
-            if not 0 <= size < math.inf:
-                raise ConfigurationError(f"depth_noise.{name}={size} must be finite and not negative.")
+from gvla2.robot.noise_options import DepthNoise
 
 
 @dataclass
@@ -89,7 +40,7 @@ class RunConfig(EveryKind):
     planner_timeout: float = 60.0
     max_parts: int = 6
     agreement: bool = False
-    depth_noise: DepthNoiseConfig = field(default_factory=DepthNoiseConfig)
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
     results: ResultsConfig = field(default_factory=ResultsConfig)
 
     def __post_init__(self) -> None:

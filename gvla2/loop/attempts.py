@@ -56,22 +56,7 @@ def _relative(record: EpisodeRecord, skills: Mapping[str, Skill]) -> bool:
 def next_attempt(record: EpisodeRecord) -> EpisodeRecord:
     """The record of the next attempt, which knows the ones before; instruction and memory's answer stay."""
     before = replace(record, attempts=())
-    return replace(
-        record,
-        attempts=(*record.attempts, before),
-        observation=None,
-        scene=None,
-        refinement="",
-        plan=None,
-        checks=None,
-        report=None,
-        after=None,
-        after_scene=None,
-        verdict=None,
-        failure=None,
-        timings={},
-        parts=(),
-    )
+    return record.afresh(attempts=(*record.attempts, before), parts=())
 
 
 def came_to_nothing(record: EpisodeRecord) -> EpisodeRecord:

@@ -65,20 +65,7 @@ def too_long(record: EpisodeRecord, most: int) -> EpisodeRecord:
 
 def next_part(record: EpisodeRecord) -> EpisodeRecord:
     """The record of the next part, which knows the ones before; instruction, memory's answer and notes stay."""
-    return replace(
-        record,
-        parts=record.whole,
-        observation=None,
-        scene=None,
-        refinement="",
-        plan=None,
-        checks=None,
-        report=None,
-        after=None,
-        after_scene=None,
-        verdict=None,
-        timings={},
-    )
+    return record.afresh(parts=record.whole)
 
 
 def rest_of_program(record: EpisodeRecord) -> Continuation:

@@ -87,6 +87,27 @@ class EpisodeRecord:
         """The parts of this attempt, first to last, this record being the last; one where nothing was parted."""
         return (*self.parts, replace(self, attempts=(), parts=()))
 
+    def afresh(self, **kept: Any) -> EpisodeRecord:
+        """The record before anything of a next attempt or part; instruction, memory's answer and notes stay.
+
+        ``kept`` are its attempts and parts so far.
+        """
+        return replace(
+            self,
+            observation=None,
+            scene=None,
+            refinement="",
+            plan=None,
+            checks=None,
+            report=None,
+            after=None,
+            after_scene=None,
+            verdict=None,
+            failure=None,
+            timings={},
+            **kept,
+        )
+
     @property
     def partial(self) -> bool:
         """Whether the plan is one part of a longer program."""

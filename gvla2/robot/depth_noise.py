@@ -1,57 +1,16 @@
-"""Noise of depth cameras, put on clean observations."""
+"""Noise of depth cameras, put on clean observations: what is wrong with them says :class:`DepthNoise`."""
 
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation, View, Views
 from gvla2.robot.camera_errors import darkened, flying, grazed, misplaced, tinted
-
-
-@dataclass(frozen=True)
-class DepthNoise:
-    """What is wrong with a cell's cameras; each part by itself, all of them off by default.
-
-    Of each pixel by itself: the deviation at a depth of d metres is ``sigma_m`` + ``sigma_rel`` * d metres; ``dropout``
-    is the share of pixels in [0, 1] that measure nothing; ``flying`` the share of those at steps in depth that lie
-    between both sides; ``grazing`` and ``dark`` the shares lost on surfaces seen along themselves and on dark ones;
-    ``quantum_m`` the unit of depth, metres; ``colour`` the deviation of colours, in [0, 1].
-
-    Of each camera, the same all episode long: ``bias_rel`` the deviation over cameras of an error in scale of depth,
-    ``exposure`` that of their gain, and how far their pose is from where it is believed, ``offset_m`` metres and
-    ``turn_deg`` degrees. ``kind`` is what this noise is called, a name for people.
-    :mod:`gvla2.robot.camera_errors` has the sources. Raises :class:`ConfigurationError` for values out of range.
-    """
-
-    kind: str = "none"
-    sigma_m: float = 0.0
-    sigma_rel: float = 0.0
-    dropout: float = 0.0
-    flying: float = 0.0
-    grazing: float = 0.0
-    dark: float = 0.0
-    bias_rel: float = 0.0
-    quantum_m: float = 0.0
-    colour: float = 0.0
-    exposure: float = 0.0
-    offset_m: float = 0.0
-    turn_deg: float = 0.0
-
-    def __post_init__(self) -> None:
-        shares = {name: getattr(self, name) for name in ("dropout", "flying", "grazing", "dark")}
-        sizes = {name: value for name, value in vars(self).items() if name not in (*shares, "kind")}
-        wrong = [f"{n}={v}" for n, v in shares.items() if not 0 <= v <= 1]
-        wrong += [f"{n}={v}" for n, v in sizes.items() if not 0 <= v < np.inf]
-        if wrong:
-            raise ConfigurationError(
-                "Depth noise needs finite deviations >= 0 and shares in [0, 1] (dropout, flying, grazing, dark), got "
-                f"{', '.join(wrong)}."
-            )
+from gvla2.robot.noise_options import DepthNoise
 
 
 def apply_noise(

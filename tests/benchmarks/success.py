@@ -14,7 +14,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -29,7 +28,6 @@ from gvla2.evaluation.statistics import wilson_interval
 from gvla2.hydra_bridge import register
 from gvla2.plugins import load_plugins
 from gvla2.record.contents import EpisodeRecord
-from gvla2.robot.depth_noise import DepthNoise
 
 OPTIONS = ("tasks", "seeds", "scale", "processes", "out")
 STAGES = ("setup", "observe", "perceive", "plan", "check", "execute", "verify")
@@ -64,7 +62,7 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
     parts = build_parts(config, registry)
     rows = []
     with closing(parts.robot), closing(parts.memory):
-        noise = DepthNoise(**asdict(config.depth_noise))
+        noise = config.depth_noise
         for seed in seeds:
             wall, used = time.perf_counter(), time.process_time()
             request = EpisodeRequest(seed, instruction=config.instruction, depth_noise=noise)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.language import AskingOptions, Endpoint, EndpointOptions, LanguageModelError
-from gvla2.planning.checks import check_trajectory
+from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import waypoints_program
-from gvla2.testing import check_component, check_planner, inputs
+from gvla2.testing import check_component, check_planner
 from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins.agent3d import Agent3dConfig, gvla2_planners
+from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 LIFT = '[["red_cube",0,0,100,1],["red_cube",0,0,-25,1],["red_cube",0,0,-25,0],["red_cube",0,0,150,0]]'
 STACK = (
@@ -23,26 +23,10 @@ STACK = (
 )
 PUSH = '[["red_cube","blue_cube",-90,-20,0],["red_cube","blue_cube",60,-20,0]]'
 BARE = "[[300,-80,150,1],[300,-80,25,1],[300,-80,25,0],[300,-80,200,0]]"
-REQUEST = inputs.plan_request()
 
 
-def planner(model, **options):
-    (component,) = gvla2_planners()
-    language = Endpoint(
-        AskingOptions(timeout=10.0, retries=0), EndpointOptions(base_url=model.url, model="m")
-    )
-    return component.build(Agent3dConfig(**options), language=language)
-
-
-def planned(answer, request=REQUEST, **options):
-    with LocalModel(lambda _: said(answer)) as model:
-        return planner(model, **options).plan(request)
-
-
-def passes(plan, request=REQUEST):
-    assert plan.trajectory is not None, plan.abstention
-    report = check_trajectory(plan.trajectory, request.scene, request.arm, request.start, request.joints)
-    assert report.passed, report.reasons
+SCRIPTED = ScriptedPlanner(gvla2_planners, Agent3dConfig)
+planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def test_it_is_a_planner_as_any_other():

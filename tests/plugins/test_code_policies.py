@@ -7,36 +7,20 @@ from dataclasses import replace
 import pytest
 
 from gvla2.errors import ConfigurationError
-from gvla2.language import AskingOptions, Endpoint, EndpointOptions, LanguageModelError
-from gvla2.planning.checks import check_trajectory
+from gvla2.language import LanguageModelError
 from gvla2.planning.contracts import Advice
 from gvla2.planning.programs import calls_program
-from gvla2.testing import check_component, check_planner, inputs
+from gvla2.testing import check_component, check_planner
 from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins.code_policies import CodePoliciesConfig, gvla2_planners
+from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
-REQUEST = inputs.plan_request()
 STACK = replace(REQUEST, instruction="put the red cube on the blue cube")
 RED, BLUE = REQUEST.scene.objects
 
 
-def planner(model, **options):
-    (component,) = gvla2_planners()
-    language = Endpoint(
-        AskingOptions(timeout=10.0, retries=0), EndpointOptions(base_url=model.url, model="m")
-    )
-    return component.build(CodePoliciesConfig(**options), language=language)
-
-
-def planned(answer, request=REQUEST, **options):
-    with LocalModel(lambda _: said(answer)) as model:
-        return planner(model, **options).plan(request)
-
-
-def passes(plan, request=REQUEST):
-    assert plan.trajectory is not None, plan.abstention
-    report = check_trajectory(plan.trajectory, request.scene, request.arm, request.start, request.joints)
-    assert report.passed, report.reasons
+SCRIPTED = ScriptedPlanner(gvla2_planners, CodePoliciesConfig)
+planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def recoloured(colour, label):

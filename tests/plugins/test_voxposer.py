@@ -9,14 +9,14 @@ import pytest
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
-from gvla2.language import AskingOptions, Endpoint, EndpointOptions, ModelUnavailableError
-from gvla2.planning.checks import check_trajectory
+from gvla2.language import ModelUnavailableError
 from gvla2.planning.contracts import Advice
 from gvla2.testing import check_component, check_planner, inputs
 from gvla2.testing.language import LocalModel, refused, said
 from gvla2_plugins.voxposer import VoxPoserConfig, gvla2_planners
 from gvla2_plugins.voxposer.maps import read_program
 from gvla2_plugins.voxposer.planner import stops
+from tests.plugins.scripted_planners import REQUEST, ScriptedPlanner, passes
 
 LIFT = """move("grasp", affordance=at(red_cube), gripper=0)
 move("raise", affordance=above(red_cube, 150), speed=0.5)"""
@@ -26,27 +26,11 @@ move("over", affordance=above(blue_cube, 150))
 move("release", affordance=above(blue_cube, red_cube.height / 2 + 5), gripper=1)"""
 PUSH = """move("beside it", affordance=beside(red_cube, 0, -90, -5), gripper=0)
 move("push", affordance=beside(red_cube, 0, 70, -5), speed=0.4)"""
-REQUEST = inputs.plan_request()
 IDS = {o.id: o.id for o in REQUEST.scene.objects}
 
 
-def planner(model, **options):
-    (component,) = gvla2_planners()
-    language = Endpoint(
-        AskingOptions(timeout=10.0, retries=0), EndpointOptions(base_url=model.url, model="m")
-    )
-    return component.build(VoxPoserConfig(**options), language=language)
-
-
-def planned(program, request=REQUEST, **options):
-    with LocalModel(lambda _: said(program)) as model:
-        return planner(model, **options).plan(request)
-
-
-def passes(plan, request=REQUEST):
-    assert plan.trajectory is not None, plan.abstention
-    report = check_trajectory(plan.trajectory, request.scene, request.arm, request.start, request.joints)
-    assert report.passed, report.reasons
+SCRIPTED = ScriptedPlanner(gvla2_planners, VoxPoserConfig)
+planner, planned = SCRIPTED.at, SCRIPTED.planned
 
 
 def test_it_is_a_planner_as_any_other():

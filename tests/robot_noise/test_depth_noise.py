@@ -4,7 +4,8 @@ import pytest
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import Observation, View, Views
-from gvla2.robot.depth_noise import DepthNoise, apply_noise
+from gvla2.robot.depth_noise import apply_noise
+from gvla2.robot.noise_options import DepthNoise
 
 GAUSSIAN = DepthNoise("gaussian", sigma_m=0.002)
 L515 = DepthNoise("l515", sigma_m=0.0009, sigma_rel=0.0016, dropout=0.01)
@@ -72,7 +73,7 @@ def test_colour_cameras_pass_through():
     "bad", [{"sigma_m": -1.0}, {"sigma_rel": -0.1}, {"dropout": 1.5}, {"sigma_m": np.nan}]
 )
 def test_values_out_of_range_are_refused(bad):
-    with pytest.raises(ConfigurationError, match=r"shares in \[0, 1\] .*" + next(iter(bad))):
+    with pytest.raises(ConfigurationError, match=rf"depth_noise\.{next(iter(bad))}="):
         DepthNoise(**bad)
 
 

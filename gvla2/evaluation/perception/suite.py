@@ -19,7 +19,8 @@ from gvla2.geometry.views import Observation
 from gvla2.planning.contracts import Perceiver, Planner, PlanRequest
 from gvla2.planning.scene import Scene
 from gvla2.robot.backend import RobotBackend
-from gvla2.robot.depth_noise import DepthNoise, apply_noise
+from gvla2.robot.depth_noise import apply_noise
+from gvla2.robot.noise_options import DepthNoise
 from gvla2.robot.task import Task
 
 SUITE = "perception"

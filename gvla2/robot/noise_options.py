@@ -1,0 +1,51 @@
+"""What is wrong with a cell's cameras, in numbers: also a part of the command line's schema, so it imports nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gvla2.errors import ConfigurationError
+
+KINDS = ("none", "gaussian", "l515", "realistic")
+_SHARES = ("dropout", "flying", "grazing", "dark")
+
+
+@dataclass
+class DepthNoise:
+    """What is wrong with a cell's cameras; each part by itself, all of them off by default.
+
+    Of each pixel by itself: the deviation at a depth of d metres is ``sigma_m`` + ``sigma_rel`` * d metres; ``dropout``
+    is the share of pixels in [0, 1] that measure nothing; ``flying`` the share of those at steps in depth that lie
+    between both sides; ``grazing`` and ``dark`` the shares lost on surfaces seen along themselves and on dark ones;
+    ``quantum_m`` the unit of depth, metres; ``colour`` the deviation of colours, in [0, 1].
+
+    Of each camera, the same all episode long: ``bias_rel`` the deviation over cameras of an error in scale of depth,
+    ``exposure`` that of their gain, and how far their pose is from where it is believed, ``offset_m`` metres and
+    ``turn_deg`` degrees. ``kind`` is what this noise is called, a name for people.
+    :mod:`gvla2.robot.camera_errors` has the sources. Raises :class:`ConfigurationError` for values out of range.
+    """
+
+    kind: str = "none"
+    sigma_m: float = 0.0
+    sigma_rel: float = 0.0
+    dropout: float = 0.0
+    flying: float = 0.0
+    grazing: float = 0.0
+    dark: float = 0.0
+    bias_rel: float = 0.0
+    quantum_m: float = 0.0
+    colour: float = 0.0
+    exposure: float = 0.0
+    offset_m: float = 0.0
+    turn_deg: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ConfigurationError(f"depth_noise.kind is '{self.kind}'; it is one of {', '.join(KINDS)}.")
+        for name, value in vars(self).items():
+            if name in _SHARES and not (0 <= value <= 1 and (name != "dropout" or value < 1)):
+                bounds = "[0, 1)" if name == "dropout" else "[0, 1]"
+                raise ConfigurationError(f"depth_noise.{name}={value} is a share of pixels in {bounds}.")
+            if name not in ("kind", *_SHARES) and not 0 <= value < math.inf:
+                raise ConfigurationError(f"depth_noise.{name}={value} must be finite and not negative.")
