@@ -22,6 +22,14 @@ from gvla2.memory.contracts import Lesson, Verdict
 ROBOT = {"task_id": "t", "task_text": "lift", "outcome": "success", "memory_text": "Hold the rim."}
 
 
+def admitted(url: str, content: str, task: str) -> None:
+    """A bank of one lesson more, which is believed."""
+    with KnowledgeBank(url) as bank:
+        bank.admit(
+            Lesson("tool_usage", content), Verdict.from_criteria({"done": 1.0}), task=task, trusted=True
+        )
+
+
 @pytest.fixture(autouse=True)
 def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A folder without anything in it."""
@@ -73,13 +81,7 @@ def test_banks_called_like_numbers(capsys: pytest.CaptureFixture[str], tmp_path:
 def test_a_name_that_cannot_be(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: list[str], name: str
 ):
-    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(
-            Lesson("tool_usage", "Hold the rim."),
-            Verdict.from_criteria({"done": 1.0}),
-            task="lift",
-            trusted=True,
-        )
+    admitted(f"sqlite:///{tmp_path / 'm.db'}", "Hold the rim.", "lift")
     (tmp_path / "m.jsonl").write_text(json.dumps(ROBOT) + "\n")
     status, told = error(capsys, *verb, f"bank={name}", f"url=sqlite:///{tmp_path / 'm.db'}")
     assert status == 2
@@ -113,13 +115,10 @@ def test_words_after_the_dashes_ask_for_nothing():
 
 def test_a_kept_head_is_looked_for(capsys: pytest.CaptureFixture[str], tmp_path: Path):
     url = f"url=sqlite:///{tmp_path / 'm.db'}"
-    good = Verdict.from_criteria({"done": 1.0})
-    with KnowledgeBank(url.removeprefix("url=")) as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), good, task="lift", trusted=True)
+    admitted(url.removeprefix("url="), "Hold the rim.", "lift")
     head = json.loads(said(capsys, "stats", "--json", url)[1])["head"]
     assert head in said(capsys, "stats", url)[1]
-    with KnowledgeBank(url.removeprefix("url=")) as bank:
-        bank.admit(Lesson("tool_usage", "Turn the lid."), good, task="open", trusted=True)
+    admitted(url.removeprefix("url="), "Turn the lid.", "open")
     assert said(capsys, "verify", f"head={head}", url)[0] == 0
     for other in (head[:-1] + ("0" if head[-1] != "0" else "1"), "99" + head):
         status, out, _ = said(capsys, "verify", f"head={other}", url, "--json")
@@ -147,13 +146,7 @@ def test_import_reads_a_pipe(tmp_path: Path, path: str):
 
 
 def test_an_export_never_takes_the_databases_place(capsys: pytest.CaptureFixture[str], tmp_path: Path):
-    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(
-            Lesson("tool_usage", "Hold the rim."),
-            Verdict.from_criteria({"done": 1.0}),
-            task="lift",
-            trusted=True,
-        )
+    admitted(f"sqlite:///{tmp_path / 'm.db'}", "Hold the rim.", "lift")
     before = (tmp_path / "m.db").read_bytes()
     url = f"url=sqlite:///{tmp_path / 'm.db'}"
     for path in ("m.db", "../" + tmp_path.name + "/m.db"):
@@ -175,25 +168,13 @@ def test_an_export_never_takes_the_databases_place(capsys: pytest.CaptureFixture
 def test_a_name_that_no_file_system_takes(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, argv: list[str]
 ):
-    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(
-            Lesson("tool_usage", "Hold the rim."),
-            Verdict.from_criteria({"done": 1.0}),
-            task="lift",
-            trusted=True,
-        )
+    admitted(f"sqlite:///{tmp_path / 'm.db'}", "Hold the rim.", "lift")
     assert error(capsys, *argv)[0] == 1
 
 
 def test_looking_compiles_nothing(tmp_path: Path):
     """Numba and torch take longer to import than a look takes."""
-    with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as bank:
-        bank.admit(
-            Lesson("tool_usage", "Hold the rim."),
-            Verdict.from_criteria({"done": 1.0}),
-            task="lift",
-            trusted=True,
-        )
+    admitted(f"sqlite:///{tmp_path / 'm.db'}", "Hold the rim.", "lift")
     code = (
         "import sys; from gvla2 import cli; status = cli.main(sys.argv[1:]); "
         "sys.exit(status or ' '.join({'numba', 'torch', 'sapien'} & set(sys.modules)) or 0)"
