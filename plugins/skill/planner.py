@@ -132,10 +132,12 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
     out: set[str] = set()
     for denial in intent.denials:
         words = denial.text.split()
+        phrase = denial.phrase
+        if phrase is not None and phrase.noun and any(w.startswith(lexicon.TOUCHES) for w in words):
+            out |= {o.id for o in ground_all(phrase, scene)}  # "don't touch the red one"
         mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
         if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
-        phrase = denial.phrase
         if phrase is None or phrase.pronoun or phrase.everywhere:
             if not _apart(denial, intent):
                 return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")
