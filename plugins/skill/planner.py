@@ -39,8 +39,7 @@ class SkillPlanner:
 
     def __init__(self, config: SkillConfig) -> None:
         self.config = config
-        names = (f.name for f in fields(SkillOptions))
-        self.options = SkillOptions(**{name: getattr(config, name) for name in names})
+        self.options = SkillOptions(**{f.name: getattr(config, f.name) for f in fields(SkillOptions)})
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
