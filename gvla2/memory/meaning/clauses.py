@@ -216,7 +216,7 @@ def _sorted(main: str) -> tuple[set[str], set[str], list[Side], int]:
 
 def _ended(words: list[str]) -> Iterator[str]:
     """The words; "on" and "off" at the end of a phrase are a state: "with the lights on"."""
-    for word, behind in zip(words, [*words[1:], _COMMA], strict=True):
+    for word, behind in zip(words, [*words[1:], _COMMA], strict=False):
         ends = behind == _COMMA or behind in CONDITIONS
         yield {"on": "enabled", "off": "disabled"}.get(word, word) if ends else word
 

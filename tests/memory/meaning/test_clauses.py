@@ -84,3 +84,8 @@ def test_numbered_things_are_words() -> None:
 
 def test_a_long_text_is_read_to_an_end() -> None:
     assert read("lift the cup. " * 5000).clauses
+
+
+@pytest.mark.parametrize("text", ["", "5 cm", "Never. 5 cm!", "before 5 s", "twice, then once"])
+def test_a_text_of_figures_alone_is_read(text: str) -> None:
+    assert all(not clause.sides for clause in read(text).clauses)
