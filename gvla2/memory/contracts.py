@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, get_args, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from gvla2.memory.indexing.candidates import Candidates
 
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
@@ -201,56 +204,6 @@ class ChoosingEmbedder(Embedder, Protocol):
 
     def for_bank(self, model: str) -> Embedder:
         """The embedder for a bank whose vectors are of ``model``, "" for one without any."""
-        ...
-
-
-class Candidates(Protocol):
-    """The N records that a retriever ranks, as parallel columns; row i is the same record in each of them.
-
-    ``ids``: each once; ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative;
-    ``usage``: credited uses; ``conflicts``: how many records contradict each; ``outcomes``: places in ``OUTCOMES``, how
-    each was verified; ``types``: places in ``TYPES``; ``programs``: which carry a program as their effect.
-
-    Columns are read-only and hold until the index behind them changes: use them within one call of ``rank``, keep
-    none. What costs time to look up for every record (texts, signatures) comes by row, on demand.
-    :func:`gvla2.testing.candidates` builds small ones for the tests of a retriever.
-    """
-
-    ids: Sequence[str]
-    confidence: NDArray[np.float64]  # (N,)
-    ages: NDArray[np.float64]  # (N,)
-    usage: NDArray[np.int64]  # (N,)
-    conflicts: NDArray[np.int64]  # (N,)
-    outcomes: NDArray[np.int8]  # (N,)
-    types: NDArray[np.int8]  # (N,)
-    programs: NDArray[np.bool_]  # (N,)
-
-    def of_skill(self, skill: str) -> NDArray[np.bool_]:
-        """(N,) the records of this skill or of none; all of them for ""."""
-        ...
-
-    def lexical(self, query: str) -> NDArray[np.float64]:
-        """(N,) share in [0, 1] of the query's information (idf), or of a sentence of it, in each record's words."""
-        ...
-
-    def cosine(self, vector: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(N,) cosine with a unit (D,) vector, 0 where a record has none of this model."""
-        ...
-
-    def numbers(self, name: str) -> NDArray[np.float64]:
-        """(N,) a number of the scene signatures, nan where a record has none by this name."""
-        ...
-
-    def content(self, row: int) -> str:
-        """What the record says."""
-        ...
-
-    def query(self, row: int) -> str:
-        """The instructions that it came from, one a line."""
-        ...
-
-    def effect(self, row: int) -> Mapping[str, Any] | None:
-        """The typed effect of the record, if it has one."""
         ...
 
 

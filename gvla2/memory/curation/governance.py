@@ -91,7 +91,7 @@ class Governing:
         held = self._ledger.index.candidates(("active",), now=self._ledger.now)
         stale = np.flatnonzero((held.ages >= self._options.retire_days) & (held.usage == 0))
         for place in stale.tolist():
-            record = self._ledger.get(held.ids[place])
+            record = self._ledger.get(held.record(place).id)
             limit = self._options.retire_days * SECONDS_PER_DAY
             if (
                 record is not None

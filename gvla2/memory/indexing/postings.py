@@ -51,12 +51,3 @@ class Postings:
             total += idf
             found[rows] += idf
         return found / total if total else found
-
-    def compact(self, new_row: NDArray[np.int32]) -> None:
-        """Renumber: ``new_row`` (N,) gives each row's new number, -1 for one that goes."""
-        kept: dict[str, array[int]] = {}
-        for term, held in self._rows.items():
-            rows = new_row[np.frombuffer(held, np.int32)]
-            if len(rows := rows[rows >= 0]):
-                kept[term] = array("i", rows.tobytes())
-        self._rows = kept

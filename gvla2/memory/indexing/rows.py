@@ -52,13 +52,18 @@ class Rows:
     """
 
     def __init__(self, dimension: int) -> None:
+        self._dimension = dimension
+        self.clear()
+
+    def clear(self) -> None:
+        """Hold nothing any more."""
         self.records: list[Record] = []  # dead ones, too
         self.row_of: dict[str, int] = {}
         self.skills: dict[str, int] = {"": 0}
         self.columns: dict[str, NDArray[Any]] = {name: np.zeros(0, kind) for name, kind in COLUMNS.items()}
         self.numbers: dict[str, NDArray[np.float64]] = {}
         self.postings = Postings()
-        self._vectors = np.zeros((0, dimension), np.float32)
+        self._vectors = np.zeros((0, self._dimension), np.float32)
 
     def __len__(self) -> int:
         return len(self.row_of)
@@ -79,7 +84,10 @@ class Rows:
                 self._describe(row, entry)
         self._append(new)
         if len(self.records) - len(self) > _DEAD + len(self) // 2:
-            self._compact()
+            held, conflicts = sorted(self.row_of.values()), self.columns["conflicts"]
+            kept = [Entry(self.records[row], self._vectors[row], int(conflicts[row])) for row in held]
+            self.clear()
+            self._append(kept)
 
     def drop(self, ids: Sequence[str]) -> None:
         """Forget these records; unknown ids are passed over."""
@@ -137,19 +145,6 @@ class Rows:
                 self.numbers[name] = np.full(len(columns["state"]), math.nan)
             if name in self.numbers:
                 self.numbers[name][row] = value
-
-    def _compact(self) -> None:
-        """Rid all columns of dead rows; the others keep their order."""
-        kept = np.flatnonzero(self.column("state") >= 0)
-        new_row = np.full(len(self.records), -1, np.int32)
-        new_row[kept] = np.arange(len(kept), dtype=np.int32)
-        self.postings.compact(new_row)
-        self._vectors = self._vectors[kept]
-        self.columns = {name: column[kept] for name, column in self.columns.items()}
-        numbers = {name: column[kept] for name, column in self.numbers.items()}
-        self.numbers = {name: column for name, column in numbers.items() if not np.isnan(column).all()}
-        self.records = [self.records[row] for row in kept.tolist()]
-        self.row_of = {record.id: row for row, record in enumerate(self.records)}
 
 
 def _grown(array: NDArray[T], rows: int, fill: float = 0) -> NDArray[T]:

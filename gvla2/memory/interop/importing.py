@@ -62,7 +62,7 @@ def import_path(
     known = 0
     with store.writing(bank, actor=actor, now=at) as tx:
         made = [_record(entry, found, bank, at, Origin(trusted, source)) for entry in entries]
-        stored = tx.view.by_keys(bank, {record.dedup_key for record in made})
+        stored = tx.by_keys({record.dedup_key for record in made})
         for entry, record in zip(entries, made, strict=True):
             there = new.get(record.id) or stored.get(record.dedup_key)
             ids.setdefault(entry.key, record.id if there is None else there.id)

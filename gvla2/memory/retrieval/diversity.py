@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import TYPES, Candidates
+from gvla2.memory.contracts import TYPES
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.terms import words
 from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions

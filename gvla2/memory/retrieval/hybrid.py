@@ -9,7 +9,8 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
+from gvla2.memory.contracts import MemoryTask, Ranked
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.terms import questions
 from gvla2.memory.retrieval.diversity import chosen
 from gvla2.memory.retrieval.options import HybridOptions
@@ -35,7 +36,7 @@ class HybridRetriever:
         the task's are left out, where both are known.
         """
         options = self._options
-        if not len(candidates.ids):
+        if not len(candidates):
             return (), "The bank is empty."
         if not questions(task.query):
             return (), "The query has no word to search by."
@@ -71,7 +72,7 @@ class HybridRetriever:
                 f"least {options.min_score:.2f} is asked."
             )
         reliable = scores >= options.min_score
-        ranked = _best_first(rows[reliable], scores[reliable], candidates.ids)
+        ranked = _best_first(rows[reliable], scores[reliable], candidates)
         best = chosen(ranked, rows[reliable], candidates, options)
         places = np.searchsorted(rows, best).tolist()
         return [
@@ -81,7 +82,7 @@ class HybridRetriever:
 
     def _fitting(self, task: MemoryTask, candidates: Candidates) -> NDArray[np.bool_]:
         """(N,) whether all that is essential of the scene is near enough, where both know it."""
-        fits = np.ones(len(candidates.ids), np.bool_)
+        fits = np.ones(len(candidates), np.bool_)
         for name in self._options.essential:
             asked = task.signature.get(name, math.nan)
             if math.isfinite(asked):
@@ -97,7 +98,7 @@ class HybridRetriever:
         evidence = cosine + options.words_count * lexical
         nearest = int(np.argmax(np.where(allowed, evidence, -np.inf)))
         return (
-            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {candidates.ids[nearest]}, has "
+            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {candidates.record(nearest).id}, has "
             f"cosine {cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
             f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is asked, or {options.min_words:.0%} of the "
             "words)."
@@ -114,7 +115,7 @@ def _filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) ->
     return found
 
 
-def _best_first(rows: NDArray[np.intp], scores: Array, ids: Sequence[str]) -> Iterator[int]:
+def _best_first(rows: NDArray[np.intp], scores: Array, candidates: Candidates) -> Iterator[int]:
     """Rows by falling score, equal ones by id; the first few, which are mostly enough, without sorting the rest."""
     first = np.argpartition(-scores, _FIRST)[:_FIRST] if len(scores) > _FIRST else np.arange(len(scores))
     least = scores[first].min(initial=np.inf)
@@ -122,4 +123,4 @@ def _best_first(rows: NDArray[np.intp], scores: Array, ids: Sequence[str]) -> It
         order = part[np.argsort(-scores[part], kind="stable")].tolist()
         for _, equal in groupby(order, key=lambda i: float(scores[i])):
             alike = [int(rows[i]) for i in equal]
-            yield from alike if len(alike) == 1 else sorted(alike, key=lambda row: ids[row])
+            yield from alike if len(alike) == 1 else sorted(alike, key=lambda row: candidates.record(row).id)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,76 +11,76 @@ from gvla2.memory.storage.events import Event, Link
 _FIELDS = set(COLUMNS)
 
 
-@dataclass(frozen=True)
-class Rebuilt:
-    """What the events of a bank amount to: its records and links, sorted; ``episodes`` digests by source."""
-
-    records: tuple[Record, ...]
-    links: tuple[Link, ...]
-    episodes: Mapping[str, str]
-    tombstones: tuple[Record, ...] = ()
-
-
 @dataclass
 class Folding:
-    """A bank while its events are applied one by one. ``wrong`` are sentences about those that do not fit."""
+    """A bank while its events are applied one by one; ``episodes`` are the digests of its episodes by source."""
 
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
-    links: dict[tuple[str, str, str], float] = field(default_factory=dict)
-    linked: dict[str, set[tuple[str, str, str]]] = field(default_factory=dict)
+    ties: dict[tuple[str, str, str], float] = field(default_factory=dict)
     episodes: dict[str, str] = field(default_factory=dict)
-    sources: dict[str, str] = field(default_factory=dict)
-    blurred: set[str] = field(default_factory=set)
+    _tied: dict[str, set[tuple[str, str, str]]] = field(default_factory=dict)
+    _sources: dict[str, str] = field(default_factory=dict)
+    _blurred: set[str] = field(default_factory=set)
     """Records of which an event was erased: what comes after it need not fit, until one has the whole record."""
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The records where the events have led up to now, by id."""
+        return tuple(record for record in self.whole() if record.state != FORGOTTEN)
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links, by source, kind and target."""
+        return tuple(Link(*key, at) for key, at in sorted(self.ties.items()))
+
+    def whole(self) -> list[Record]:
+        """The records, tombstones too, by id."""
+        return [Record(**row) for _, row in sorted(self.rows.items()) if set(row) == _FIELDS]
 
     def apply(self, event: Event) -> str:
         """Apply the next event; says what does not fit, "" for nothing."""
         verb, _, kind = event.action.partition(":")
-        if verb in ("link", "unlink"):
-            self._link(verb, (event.record, kind, event.target), event)
+        if verb == "link":
+            key = (event.record, kind, event.target)
+            self.ties[key] = event.at
+            for end in (event.record, event.target):
+                self._tied.setdefault(end, set()).add(key)
+                self._touch(end, event.rev)
             return ""
         if verb == "forget" and not kind:  # even if it was erased, as forgetting the same id once more does
-            for key in sorted(self.linked.get(event.record, ())):
-                self._link("unlink", key, event)
+            for key in self._tied.pop(event.record, ()):
+                self.ties.pop(key, None)
+                for end in {key[0], key[2]} - {event.record}:
+                    self._tied[end].discard(key)
+                    self._touch(end, event.rev)
         if event.erased:
-            self.blurred.add(event.record)
+            self._blurred.add(event.record)
             return ""
         try:
             change = event.change_json()
         except (ValueError, RecursionError):
             return "what changed is no sound JSON"
         if verb == "episode":
-            source = self.sources[event.record] = str(change.get("source", event.record))
+            source = self._sources[event.record] = str(change.get("source", event.record))
             self.episodes[source] = str(change.get("episode"))
             return ""
         if verb == "forget" and not change:
-            self.episodes.pop(self.sources.get(event.record, event.record), None)
+            self.episodes.pop(self._sources.get(event.record, event.record), None)
             return ""
-        if not event.change:
-            return ""
-        return self._change(event, change)
+        return self._change(event, change) if event.change else ""
 
-    def _link(self, verb: str, key: tuple[str, str, str], event: Event) -> None:
-        """Both ends count as changed; an end that is not there (forgotten) does not."""
-        if verb == "link":
-            self.links[key] = event.at
-        else:
-            self.links.pop(key, None)
-        for end in (key[0], key[2]):
-            if verb == "link":
-                self.linked.setdefault(end, set()).add(key)
-            else:
-                self.linked.get(end, set()).discard(key)
-            row = self.rows.get(end)
-            if row is not None and row["state"] != FORGOTTEN:
-                row["rev"] = event.rev
+    def _touch(self, end: str, rev: int) -> None:
+        """An end of a link counts as changed; one that is not there (forgotten) does not."""
+        row = self.rows.get(end)
+        if row is not None and row["state"] != FORGOTTEN:
+            row["rev"] = rev
 
     def _change(self, event: Event, change: dict[str, Any]) -> str:
         if isinstance(change.get("id"), str):
             self.rows[event.record] = change
-            self.blurred.discard(event.record)
+            self._blurred.discard(event.record)
             return ""
-        row, blurred = self.rows.get(event.record), event.record in self.blurred
+        row, blurred = self.rows.get(event.record), event.record in self._blurred
         if row is None:
             return "" if blurred else "it changes a record that was never created"
         wrong = ""
@@ -94,21 +93,3 @@ class Folding:
         row["version"] += 1
         row["rev"] = event.rev
         return wrong
-
-    def rebuilt(self) -> Rebuilt:
-        """Where the events have led up to now."""
-        records = [Record(**row) for _, row in sorted(self.rows.items()) if set(row) == _FIELDS]
-        return Rebuilt(
-            tuple(record for record in records if record.state != FORGOTTEN),
-            tuple(Link(*key, at) for key, at in sorted(self.links.items())),
-            dict(self.episodes),
-            tuple(record for record in records if record.state == FORGOTTEN),
-        )
-
-
-def rebuild(events: Iterable[Event]) -> Rebuilt:
-    """Fold events, oldest first."""
-    folding = Folding()
-    for event in events:
-        folding.apply(event)
-    return folding.rebuilt()

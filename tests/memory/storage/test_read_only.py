@@ -13,6 +13,7 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 NOW = 1.8e9
 GOOD = Verdict.from_criteria({"done": 1.0})
@@ -49,7 +50,7 @@ def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path)
     assert filled.read_bytes() == before
     assert [path for path in sorted(tmp_path.iterdir()) if path.name != "elsewhere"] == beside
     with Store.open(f"sqlite:///{tmp_path / 'elsewhere' / 'copy.db'}") as copy:
-        assert copy.records("default") == [record]
+        assert look(copy, "default").records() == [record]
 
 
 def test_a_reader_sees_what_a_writer_has_in_its_log(filled: Path, sqlite_url: str) -> None:
@@ -57,7 +58,7 @@ def test_a_reader_sees_what_a_writer_has_in_its_log(filled: Path, sqlite_url: st
         writer.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True)
         filled.chmod(0o444)
         with Store.open(sqlite_url) as reader:
-            assert len(reader.records("default")) == 2
+            assert len(look(reader, "default").records()) == 2
 
 
 def test_a_read_only_bank_that_would_have_to_be_changed_first_is_refused(tmp_path: Path) -> None:
@@ -109,7 +110,7 @@ def test_a_connection_never_brings_a_deleted_file_back(filled: Path, sqlite_url:
     with Store.open(sqlite_url) as store:
         filled.unlink()
         with pytest.raises(MemoryStoreError, match="unable to open database file"):
-            store.records("default")
+            look(store, "default").records()
     assert not filled.exists()
 
 
@@ -147,4 +148,4 @@ def test_a_clock_beyond_all_calendars_is_refused(store: Store, record: Make) -> 
             pass
     with store.writing("b", actor="a", now=253402300799.0) as t:
         t.put(record("1"), action="add")
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []
