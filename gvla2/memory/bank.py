@@ -20,7 +20,6 @@ from uuid import uuid4
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
-    ChoosingEmbedder,
     Consolidator,
     Embedder,
     Inducer,
@@ -94,38 +93,39 @@ class KnowledgeBank:
         self.bank = bank
         self.options = options or BankOptions()
         self.options.check()
-        self._clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
+        self.clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
         if not isinstance(address, Store):
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
-        self._store = address
-        named = embedder is not None and not isinstance(embedder, ChoosingEmbedder)
-        if isinstance(embedder, ChoosingEmbedder):
-            with self._store.reading(bank) as view:
-                embedder = embedder.for_bank(view.model())
+        self.store = address
+        chooses = getattr(
+            embedder, "for_bank", None
+        )  # asking for its model would load one that is not wanted
+        if chooses is not None:
+            with self.store.reading(bank) as view:
+                embedder = chooses(view.model())
+        named = embedder is not None and chooses is None
         self.embedder: Embedder = embedder or StaticEmbedder()
-        self._index = Index(self._store, bank, self.embedder, replace=named)
-        self._inducer = inducer
+        self.index = Index(self.store, bank, self.embedder, replace=named)
+        self.inducer = inducer
         self._lock = threading.RLock()
 
     @cached_property
     def _operations(self) -> Operations:
-        from gvla2.memory.curation.induction import RulesInducer
         from gvla2.memory.operations import Operations
 
-        inducer = self._inducer or RulesInducer()
-        return Operations(self._store, self._index, self.embedder, inducer, self.options, self._clock)
+        return Operations(self)
 
     # The main job -------------------------------------------------------------------------------------------------
 
     def recall(self, task: MemoryTask | str) -> MemoryContext:
         """The most reliable records for the task, or none with the reason."""
         with self._lock:
-            self._index.refresh()
-            self._index.keep()
-            candidates = self._index.candidates(self._shown(), now=self._clock())
+            self.index.refresh()
+            self.index.keep()
+            candidates = self.index.candidates(self._shown(), now=self.clock())
             return recall(_task(task), candidates, self._retriever, self.embedder, self.options, self.bank)
 
     def learn(
@@ -250,40 +250,35 @@ class KnowledgeBank:
         """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
         with self._lock:
             try:
-                with self._store.writing(self.bank, actor="forget", now=self._clock()) as transaction:
+                with self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
                     return bool(transaction.forget(id, why=why))
             finally:
-                self._index.refresh()
+                self.index.refresh()
 
     # Looking ------------------------------------------------------------------------------------------------------
 
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
         """The bank's records in these states (all by default), by id."""
-        with self._store.reading(self.bank) as view:
+        with self.store.reading(self.bank) as view:
             return view.records(states)
 
     def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
         """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
         with self._lock:
-            self._index.refresh()
-            self._index.keep()
+            self.index.refresh()
+            self.index.keep()
             states = (*SERVED, "provisional") if provisional else self._shown()
-            served, found = (self._index.candidates(s, now=self._clock()) for s in (self._shown(), states))
+            served, found = (self.index.candidates(s, now=self.clock()) for s in (self._shown(), states))
             return search(_task(text), served, found, self._retriever, self.embedder, k)
 
     def history(self, id: str) -> list[Event]:
         """All decisions about a record, oldest first."""
-        with self._store.reading(self.bank) as view:
+        with self.store.reading(self.bank) as view:
             return view.history(id)
-
-    def as_of(self, time: float) -> list[Record]:
-        """The records as they were at ``time``, seconds since the epoch."""
-        with self._store.reading(self.bank) as view:
-            return view.as_of(time)
 
     def links(self, id: str | None = None) -> list[Link]:
         """All links, or those of one record; of the kind ``conflict`` are those that contradict each other."""
-        with self._store.reading(self.bank) as view:
+        with self.store.reading(self.bank) as view:
             return view.links(None if id is None else [id])
 
     def verify(self, *, head: str = "") -> list[Problem]:
@@ -293,23 +288,17 @@ class KnowledgeBank:
         """
         from gvla2.memory.storage.audit import audit
 
-        with self._store.reading(self.bank) as view:
+        with self.store.reading(self.bank) as view:
             return audit(view, head, self.embedder)
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""
-        return self._store.stats(self.bank)
-
-    def compact(self, *, archived_before: float | None = None) -> int:
-        """Give space back; with ``archived_before``, forget archived records not updated since, and count them."""
-        if archived_before is None:
-            return self._store.compact()
-        return self._store.compact(self.bank, archived_before=archived_before, now=self._clock())
+        return self.store.stats(self.bank)
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
         with self._lock:
-            self._store.close()
+            self.store.close()
 
     def __enter__(self) -> KnowledgeBank:
         return self

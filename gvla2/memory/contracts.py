@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,37 +174,25 @@ class Memory(Protocol):
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """Knowledge for the task. A broken store gives an empty context with ``degraded`` set, not an error."""
-        ...
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Draw on an episode and its verdict; all of it is stored, or nothing."""
-        ...
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
-        ...
 
 
 class Embedder(Protocol):
-    """Maps texts to unit vectors."""
+    """Maps texts to unit vectors. One with a method ``for_bank(model)`` gives the embedder for a bank whose vectors are
+    of ``model``, "" for one without any.
+    """
 
     @property
     def model(self) -> str:
         """Identifier kept with each stored vector; vectors of other models are not compared."""
-        ...
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, D) unit rows; an empty text gives a zero row."""
-        ...
-
-
-@runtime_checkable
-class ChoosingEmbedder(Embedder, Protocol):
-    """An embedder that is another one for each bank."""
-
-    def for_bank(self, model: str) -> Embedder:
-        """The embedder for a bank whose vectors are of ``model``, "" for one without any."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -226,7 +214,6 @@ class Retriever(Protocol):
 
         ``query_embedding`` (D,) is the task's query by the model of the candidates' vectors.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -243,7 +230,6 @@ class Verifier(Protocol):
 
     def verify(self, evidence: Evidence) -> Verdict:
         """A verdict; ``unavailable`` when this verifier cannot judge such evidence or failed itself."""
-        ...
 
 
 class Inducer(Protocol):
@@ -251,7 +237,6 @@ class Inducer(Protocol):
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
         """The lessons in the light of the verdict; those that the episode brings itself are its ``lessons``."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -288,7 +273,6 @@ class Judge(Protocol):
 
     def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
         """A judgement for each, in their order; one that could not be asked about is None, with the reason."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -319,4 +303,3 @@ class Consolidator(Protocol):
 
     def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
         """The edit; raises :class:`~gvla2.errors.Gvla2Error` where it cannot tell."""
-        ...

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
-from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     TYPES,
     Consolidator,
-    Embedder,
-    Inducer,
     Judge,
     Learned,
     Lesson,
@@ -33,10 +30,12 @@ from gvla2.memory.curation.learning import Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.curation.trust import Origin, least
-from gvla2.memory.indexing.index import Index
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
-from gvla2.memory.storage.store import Store, StoredEpisode
+from gvla2.memory.storage.store import StoredEpisode
+
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
 
 CHUNK = 256
 """Lessons without an episode that share a transaction."""
@@ -56,17 +55,9 @@ Brought = tuple[MemoryEpisode, Verdict, bool]
 class Operations:
     """What changes a bank. Not safe among threads; safe among processes."""
 
-    def __init__(
-        self,
-        store: Store,
-        index: Index,
-        embedder: Embedder,
-        inducer: Inducer,
-        options: BankOptions,
-        clock: Callable[[], float],
-    ) -> None:
-        self._store, self._index, self._embedder = store, index, embedder
-        self._inducer, self._options, self._clock = inducer, options, clock
+    def __init__(self, bank: KnowledgeBank) -> None:
+        self._store, self._index, self._embedder = bank.store, bank.index, bank.embedder
+        self._inducer, self._options, self._clock = bank.inducer or RulesInducer(), bank.options, bank.clock
         self._retired_at = -1e18
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:

@@ -8,7 +8,7 @@ from gvla2.memory.storage.audit import audit
 from gvla2.memory.storage.store import Store
 
 
-class look:
+class look:  # noqa: N801  # it is used like a function
     """``look(store, "b").records()`` is what ``store.reading("b")`` has for ``records()``."""
 
     def __init__(self, store: Store, bank: str = "b") -> None:

@@ -48,9 +48,9 @@ def path(tmp_path: Path) -> Path:
 
 
 def models(path: Path) -> set[str]:
-    with Store.open(path) as store, store.reading("b") as view:
+    with Store.open(path) as store, store.reading("default") as view:
         assert look(store, "default").verify() == []
-        return {row.model for row in view.vector_rows("default")}
+        return {row.model for row in view.vector_rows()}
 
 
 def test_what_was_learnt_is_not_embedded_again(path: Path) -> None:
@@ -78,5 +78,5 @@ def test_nobody_named_leaves_them_and_whoever_chooses_follows_the_bank(path: Pat
     assert models(path) == {"a"}
     with KnowledgeBank(path, bank="other", embedder=Choosing("none")) as bank:
         bank.admit("Wipe the rim.", task="clean the cup", trusted=True)
-    with Store.open(path) as store, store.reading("b") as view:
-        assert view.model("other") == "new"
+    with Store.open(path) as store, store.reading("other") as view:
+        assert view.model() == "new"

@@ -97,8 +97,9 @@ class HybridRetriever:
         options = self._options
         evidence = cosine + options.words_count * lexical
         nearest = int(np.argmax(np.where(allowed, evidence, -np.inf)))
+        id = candidates.record(nearest).id
         return (
-            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {candidates.record(nearest).id}, has "
+            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has "
             f"cosine {cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
             f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is asked, or {options.min_words:.0%} of the "
             "words)."

@@ -16,13 +16,13 @@ from gvla2.memory.records import COLUMNS, FORGOTTEN, as_json, damage_of, dump, n
 from gvla2.memory.storage.events import (
     GENESIS,
     Event,
+    Folding,
     StoredEpisode,
     chain_hash,
     episode_digest,
     payload_digest,
 )
 from gvla2.memory.storage.forgetting import Transaction
-from gvla2.memory.storage.rebuilding import Folding
 from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
 from gvla2.memory.storage.view import View, vector_of
 from gvla2.memory.storage.writing import link_row

@@ -10,7 +10,6 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, insert
@@ -49,10 +48,6 @@ class Database(ABC):
     @abstractmethod
     def size(self) -> int:
         """Bytes on disk."""
-
-    @abstractmethod
-    def snapshot(self, path: Path) -> None:
-        """Write a consistent copy to a new file."""
 
     @abstractmethod
     def explained(self, error: BaseException) -> MemoryStoreError:

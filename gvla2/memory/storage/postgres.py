@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from pathlib import Path
 
 from sqlalchemy import URL, Connection, event, select, text
 
@@ -98,10 +97,6 @@ class PostgresDatabase(Database):
         query = text("SELECT pg_total_relation_size(CAST(:name AS regclass))")
         with self.connection() as connection:
             return sum(int(connection.execute(query, {"name": table.name}).scalar_one()) for table in TABLES)
-
-    def snapshot(self, path: Path) -> None:
-        """A server has a tool of its own for it."""
-        raise MemoryStoreError(f"{self.name} is copied by pg_dump.")
 
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What went wrong with the server."""

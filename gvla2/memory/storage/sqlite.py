@@ -60,13 +60,13 @@ class SqliteDatabase(Database):
     def __init__(self, path: Path, busy_seconds: float, create: bool) -> None:
         self._path, self._busy_seconds = path, busy_seconds
         try:
-            self._writable = self._prepare(create)
+            self._prepare(create)
             self._identity = _identity(path)
         except MemoryStoreError:
             raise
         except Exception as error:
             raise self.explained(error) from error
-        super().__init__(str(path), self._engine("mode=rw" if self._writable else ""))
+        super().__init__(str(path), self._engine())
 
     def begin(self, connection: Connection, bank: str) -> None:
         """Take the write lock: a transaction that reads first and writes later would fail under contention.
@@ -119,19 +119,6 @@ class SqliteDatabase(Database):
         files = [self._path, self._path.with_name(self._path.name + "-wal")]
         return sum(file.stat().st_size for file in files if file.exists())
 
-    def snapshot(self, path: Path) -> None:
-        """Write a consistent copy, aside first, so that there is a whole one or none."""
-        aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            if path.exists():
-                raise MemoryStoreError(f"{path} exists, and a copy replaces nothing. Choose another path.")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with self.connection() as connection:
-                connection.exec_driver_sql("VACUUM INTO ?", (str(aside),))
-            aside.rename(path)
-        finally:
-            aside.unlink(missing_ok=True)
-
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What SQLite or the file system said, with the file, and what to do."""
         said = str(getattr(error, "orig", None) or error)
@@ -142,15 +129,21 @@ class SqliteDatabase(Database):
         if not self._writable:
             raise MemoryStoreError(_READ_ONLY.format(self._path))
 
-    def _engine(self, mode: str) -> Engine:
-        """``mode`` "" is one of the modes for reading, whichever the moment allows; such connections are not kept.
+    def _address(self, mode: str = "") -> str:
+        """How to open the file: not creating it, and changing nothing of one that may not be changed.
 
-        Without a log beside it, which cannot be made, nobody is writing just now: that is seen anew each time.
+        Without a log beside it, which cannot be made then, nobody is writing just now: that is seen anew each time.
         """
+        if not mode and not self._writable:
+            beside = [self._path.with_name(self._path.name + suffix) for suffix in BESIDE]
+            mode = "mode=ro" if any(path.exists() for path in beside) else "immutable=1"
+        return f"file:{quote(str(self._path))}?{mode or 'mode=rw'}"
+
+    def _engine(self, mode: str = "") -> Engine:
+        """Connections to the file; those for reading alone are not kept."""
 
         def connect() -> sqlite3.Connection:
-            how = mode or ("mode=ro" if _in_use(self._path) else "immutable=1")
-            address, wait = f"file:{quote(str(self._path))}?{how}", self._busy_seconds
+            address, wait = self._address(mode), self._busy_seconds
             raw = sqlite3.connect(
                 address,
                 uri=True,
@@ -161,89 +154,69 @@ class SqliteDatabase(Database):
             )
             # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
             raw.text_factory = _text_or_bytes
-            if mode:
+            if self._writable:
                 raw.execute("PRAGMA journal_mode=WAL")
             raw.execute("PRAGMA synchronous=FULL")
             return raw
 
-        return engine_of(URL.create("sqlite", database=str(self._path)), pooled=bool(mode), creator=connect)
+        return engine_of(
+            URL.create("sqlite", database=str(self._path)), pooled=self._writable, creator=connect
+        )
 
     # The file -----------------------------------------------------------------------------------------------------
 
-    def _prepare(self, create: bool) -> bool:
+    def _prepare(self, create: bool) -> None:
         """Make sure that the file holds the memory's tables, creating them once among all processes.
 
-        Returns whether it can be written; what cannot is left as it is, to the byte. Raises for a file that is locked,
-        corrupt, of another schema, or the database of something else, and for one without any tables unless ``create``.
+        Raises for a file that is locked, corrupt, of another schema, or the database of something else, and for one
+        without any tables unless ``create``; all of them are left as they are.
         """
-        path, usable = self._path, self._usable()
-        # An administrator who takes all write bits away means it, for root as well.
-        if path.exists() and not (
-            path.stat().st_mode & 0o222 and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
-        ):
-            if not usable:
-                raise MemoryStoreError(f"{_READ_ONLY.format(path)} It is empty.")
-            return False
-        if not usable and not create:
-            what = "empty" if path.exists() else "absent"
-            raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
-        if not usable:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with self._creation_lock():
-                if not self._usable():
-                    engine = self._engine("mode=rwc")
-                    with engine.connect() as connection:
-                        connection.exec_driver_sql("BEGIN IMMEDIATE")
-                        create_tables(connection)
-                        connection.exec_driver_sql("COMMIT")
-                    engine.dispose()
-        return True
-
-    def _usable(self) -> bool:
-        """Whether the file has our tables; False for one that is absent or empty. Raises for all others."""
         path = self._path
         if path.exists() and not path.is_file():
             what = "a folder" if path.is_dir() else "a device or a pipe"
             raise MemoryStoreError(
                 f"The memory {path} cannot be used: it is {what}. Give the path of a file."
             )
+        # An administrator who takes all write bits away means it, for root as well.
+        self._writable = not path.exists() or bool(
+            path.stat().st_mode & 0o222 and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
+        )
+        if self._usable():
+            return
+        what = "empty" if path.exists() else "absent"
+        if not create:
+            raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
+        if not self._writable:
+            raise MemoryStoreError(f"{_READ_ONLY.format(path)} It is {what}.")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with self._creation_lock():
+            if not self._usable():
+                engine = self._engine("mode=rwc")
+                with engine.connect() as connection:
+                    connection.exec_driver_sql("BEGIN IMMEDIATE")
+                    create_tables(connection)
+                    connection.exec_driver_sql("COMMIT")
+                engine.dispose()
+
+    def _usable(self) -> bool:
+        """Whether the file has our tables; False for one that is absent or empty. Raises for all others."""
+        path = self._path
         if not path.exists() or path.stat().st_size == 0:
             return False
-        # Looking must not change a file that is then refused, nor leave a write-ahead log beside it, as reading does
-        # unless the file is said to be immutable. It is not if others have it open; they leave a log beside it, too.
-        stated = None
-        if not _in_use(path):
-            try:
-                stated = self._stated("immutable=1")
-            except (sqlite3.Error, MemoryStoreError):
-                if not _in_use(path):
-                    raise
-        if stated is None or _in_use(path):
-            stated = self._stated("mode=ro")
-        if stated:
-            refuse_version(str(path), stated)
-        return bool(stated)
-
-    def _stated(self, mode: str) -> str:
-        """What a file says of its tables, "" for none; raises for a corrupt file, and for one of something else."""
-        address = f"file:{quote(str(self._path))}?{mode}"
-        with closing(sqlite3.connect(address, uri=True, timeout=self._busy_seconds)) as connection:
+        with closing(sqlite3.connect(self._address(), uri=True, timeout=self._busy_seconds)) as connection:
             names = {
                 row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
             }
             if not names:
-                return ""
+                return False
             if "memory_meta" not in names:
-                raise MemoryStoreError(
-                    f"{self._path} is the database of something else: choose another file."
-                )
+                raise MemoryStoreError(f"{path} is the database of something else: choose another file.")
             found = connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone()
             health = connection.execute("PRAGMA quick_check(1)").fetchone()
-            if health is None or health[0] != "ok":
-                raise MemoryStoreError(
-                    f"The memory {self._path} is corrupt: {health[0] if health else 'unreadable'}."
-                )
-            return str(found[0]) if found and "memory" in names else "none"
+        if health is None or health[0] != "ok":
+            raise MemoryStoreError(f"The memory {path} is corrupt: {health[0] if health else 'unreadable'}.")
+        refuse_version(str(path), str(found[0]) if found and "memory" in names else "none")
+        return True
 
     @contextmanager
     def _creation_lock(self) -> Iterator[None]:
@@ -264,11 +237,6 @@ class SqliteDatabase(Database):
                         ) from error
                     time.sleep(0.01)
             yield  # closing the file lets go of the lock
-
-
-def _in_use(path: Path) -> bool:
-    """Whether a log lies beside the file: somebody has it open, or crashed and left something to recover."""
-    return any(path.with_name(path.name + suffix).exists() for suffix in BESIDE)
 
 
 def _text_or_bytes(stored: bytes) -> str | bytes:

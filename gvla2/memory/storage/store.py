@@ -150,10 +150,6 @@ class Store:
                 "is out of the way, run `gvla2 memory compact` (Store.compact), or forget something else."
             ) from error
 
-    def snapshot(self, path: Path | str) -> None:
-        """Write a consistent copy of a SQLite database to a new file. What is forgotten later stays in copies."""
-        self._database.snapshot(Path(path))
-
     def close(self) -> None:
         """Release the database; safe to call twice."""
         self._database.close()

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, Row, Select, func, or_, select
 
 from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of
-from gvla2.memory.storage.events import Event, Link, StoredEpisode
-from gvla2.memory.storage.rebuilding import Folding
+from gvla2.memory.storage.events import Event, Folding, Link, StoredEpisode
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, META, RECORD, VECTOR
 
 _STATE = COLUMNS.index("state")

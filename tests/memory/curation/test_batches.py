@@ -109,7 +109,7 @@ def test_an_index_follows_what_was_decided_as_if_it_were_read_anew(tmp_path: Pat
             now[0] += 86400
             if place % 3 == 2:
                 bank.govern()
-            assert columns(bank._index) == columns(Index(store, "default", StaticEmbedder()))
+            assert columns(bank.index) == columns(Index(store, "default", StaticEmbedder()))
         states = store.stats("default")["states"]
         assert states["archive"] > 0
         assert states["active"] <= 40

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 NOW = 1.8e9
 WRITER = """
@@ -18,7 +19,6 @@ import dataclasses, resource, sys, time
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.errors import MemoryStoreError
-from tests.memory.looking import look
 
 url, name, count, limit = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 store = Store.open(url, busy_seconds=30)

@@ -21,7 +21,12 @@ Make = Callable[..., Record]
 def fill(store: Store, make: Make) -> None:
     """Five events: two records, a change, a link, an episode; and a decision."""
     with store.writing("b", actor="learn", now=NOW) as t:
-        first = t.put(make("1", content="lift 15 cm"), action="add", why="new", scores={"match": 0.2, "odd": float("nan")})
+        first = t.put(
+            make("1", content="lift 15 cm"),
+            action="add",
+            why="new",
+            scores={"match": 0.2, "odd": float("nan")},
+        )
         t.put(make("2"), action="add")
     with store.writing("b", actor="learn", now=NOW + 1) as t:
         t.put(replace(first, count=2, content="lift 20 cm"), action="merge", why="same surface")

@@ -63,7 +63,7 @@ def test_a_source_is_in_no_header_and_goes(sqlite_url: str, tmp_path: Path) -> N
             MemoryTask("q"), (Lesson("procedural_hint", "Fold it."),), source=source.lower()
         )
         bank.learn(other, GOOD)
-        store = bank._store
+        store = bank.store
         assert [e.action for e in bank.history(source)] == ["episode", "episode"]
         names = {e.record for e in bank.history(source)}
         assert all(name.startswith("episode-") for name in names)

@@ -1,8 +1,6 @@
 """A bank that cannot be written can be read; one that is taken away while it is open takes nothing in."""
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -41,16 +39,13 @@ def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path)
                 Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True
             ),
             lambda: bank.forget(record.id),
-            bank.compact,
+            bank.store.compact,
         ):
             with pytest.raises(MemoryStoreError, match=r"is read-only\. Make it writable"):
                 change()
         assert bank.records() == [record]
-        bank._store.snapshot(tmp_path / "elsewhere" / "copy.db")
     assert filled.read_bytes() == before
-    assert [path for path in sorted(tmp_path.iterdir()) if path.name != "elsewhere"] == beside
-    with Store.open(f"sqlite:///{tmp_path / 'elsewhere' / 'copy.db'}") as copy:
-        assert look(copy, "default").records() == [record]
+    assert sorted(tmp_path.iterdir()) == beside
 
 
 def test_a_reader_sees_what_a_writer_has_in_its_log(filled: Path, sqlite_url: str) -> None:
@@ -119,24 +114,6 @@ def test_devices_and_pipes_are_named(tmp_path: Path) -> None:
     for path in ("/dev/null", tmp_path / "pipe"):
         with pytest.raises(MemoryStoreError, match="it is a device or a pipe"):
             Store.open(f"sqlite:///{path}")
-
-
-def test_a_snapshot_that_fails_leaves_nothing(filled: Path, sqlite_url: str, tmp_path: Path) -> None:
-    program = (
-        "import resource, sys\n"
-        "from gvla2.memory.storage.store import Store\n"
-        "store = Store.open(sys.argv[1])\n"
-        "store.rev('default')  # opens the log, which is larger\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))\n"
-        "store.snapshot(sys.argv[2])\n"
-    )
-    folder = tmp_path / "copies"
-    done = subprocess.run(
-        [sys.executable, "-c", program, sqlite_url, str(folder / "copy.db")], capture_output=True, text=True
-    )
-    assert "MemoryStoreError" in done.stderr
-    assert "limit on files" in done.stderr
-    assert list(folder.iterdir()) == []
 
 
 def test_a_clock_beyond_all_calendars_is_refused(store: Store, record: Make) -> None:

@@ -41,7 +41,7 @@ def tampered(tmp_path: Path) -> Callable[..., KnowledgeBank]:
 
 
 def repaired(bank: KnowledgeBank):
-    with bank._store.writing("default", actor="test", now=2e9) as tx:
+    with bank.store.writing("default", actor="test", now=2e9) as tx:
         return repair(tx)
 
 
@@ -62,7 +62,7 @@ def repaired(bank: KnowledgeBank):
 def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path):
     with tampered(statement) as bank:
         assert bank.verify() != []
-        before = look(bank._store, "default").rebuilt().records
+        before = look(bank.store, "default").rebuilt().records
         done = repaired(bank)
         assert bank.verify() == []
         assert done.records

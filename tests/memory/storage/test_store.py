@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -296,27 +295,6 @@ def test_stats_and_banks(store: Store, record: Make, put: Make, vector: np.ndarr
         3,
     )
     assert stats["bytes"] > 0
-
-
-def test_a_snapshot_is_a_whole_copy_and_replaces_nothing(tmp_path: Path, record: Make) -> None:
-    copy = tmp_path / "deep" / "copy.db"
-    with Store.open(tmp_path / "m.db") as store:
-        for bank in "bc":
-            with store.writing(bank, actor="a", now=NOW) as t:
-                t.put(record("1", bank=bank), action="add")
-                t.save_episodes([EPISODE])
-        store.snapshot(copy)
-        assert [p.name for p in copy.parent.iterdir()] == ["copy.db"]
-        with Store.open(copy) as opened:
-            for bank in "bc":
-                assert look(opened, bank).verify() == []
-                assert look(opened, bank).records() == look(store, bank).records()
-                assert look(opened, bank).events() == look(store, bank).events()
-        for taken in (copy, tmp_path / "m.db"):
-            before = taken.read_bytes()
-            with pytest.raises(MemoryStoreError, match="replaces nothing"):
-                store.snapshot(taken)
-            assert taken.read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["", "a\x00b", "half \ud800", "x" * 201])
