@@ -310,7 +310,7 @@ class Operations:
     def _doubtful(self, limit: int | None, but: str) -> list[StoredEpisode]:
         with self._store.reading(self._index.bank) as view:
             records = view.records(["provisional", "active"])
-            contested = view.conflicts([record.id for record in records])
+            contested = view.conflicts({record.id for record in records})
             doubtful = replay.doubtful(records, contested, self._options)
             sources = [source for source in replay.episodes_behind(doubtful) if source != but]
             if limit is not None:

@@ -12,7 +12,7 @@ from typing import Any
 from sqlalchemy import delete, select
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.records import Record, clean
+from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import parsed, wrong_bank_name
 from gvla2.memory.storage.database import Database
 from gvla2.memory.storage.events import Event, Link, StoredEpisode
@@ -78,8 +78,7 @@ class Store:
         ``actor`` is who decides (a command, an operation of the bank), ``now`` seconds since the epoch. All its
         changes get one ``rev``, which is allocated here; a transaction without changes leaves no trace.
         """
-        wrong = wrong_bank_name(bank)
-        if wrong and (bank != clean(bank, 200) or not self.rev(bank)):  # old banks may have other names
+        if wrong := wrong_bank_name(bank):
             raise MemoryStoreError(wrong)
         with self._database.writing(bank) as connection:
             transaction = Transaction(connection, bank, actor, now)

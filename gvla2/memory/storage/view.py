@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -103,7 +103,7 @@ class View:
             if record is not None:
                 found.append((record, vector_of(row[1], row[2]), row[0] or ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
-        against = self._conflicts({record.id for record, _, _ in found})
+        against = self.conflicts({record.id for record, _, _ in found})
         return [Change(record, vector, model, against[record.id]) for record, vector, model in found]
 
     def vector_rows(self) -> Iterator[Row[Any]]:
@@ -114,13 +114,10 @@ class View:
 
     # Links --------------------------------------------------------------------------------------------------------
 
-    def conflicts(self, ids: Collection[str]) -> dict[str, int]:
+    def conflicts(self, ids: Set[str]) -> Counter[str]:
         """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
-        end a link names; those with none left out.
+        end a link names.
         """
-        return dict(self._conflicts(set(ids)))
-
-    def _conflicts(self, ids: set[str]) -> Counter[str]:
         pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
         for link in self.links(ids if len(ids) < 20 * _TOGETHER else None):
             if link.kind in pairs:

@@ -84,8 +84,8 @@ class Writing(View):
         A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError`
         is raised. A ``vector`` (D,) is the embedding of its text by ``model``; without one the stored vector stays,
         unless the text changed. ``origin`` says who brought the evidence, "" for nobody. Raises
-        :class:`MemoryStoreError` for what :func:`checked` and :func:`vector_row` refuse and for a dedup key that
-        belongs to another record; all of it is checked before anything is written.
+        :class:`MemoryStoreError` for what :func:`checked` and :func:`vector_row` refuse, before anything is written. A
+        dedup key that belongs to another record undoes the transaction.
         """
         stored = {row.id: row for row in self.rows(ids=[put.record.id for put in puts])}
         latest: dict[str, Record] = {}
@@ -101,7 +101,6 @@ class Writing(View):
                 vectors[id] = None
             latest[id] = record
             steps.append((put, record, _difference(old, record) if old else as_json(record)))
-        self._refuse_taken_keys(latest, stored)
         there = [record for record in latest.values() if record.id in stored]
         self._change([one for one in there if stored[one.id].dedup_key != one.dedup_key], ["dedup_key"])
         self._change(there)
@@ -157,25 +156,6 @@ class Writing(View):
         # A tombstone, and a damaged row, are replaced; the count of changes goes on.
         kept = row.version if row is not None and type(row.version) is int else 0
         return checked(record, self.bank, (old.version if old else kept) + 1, self.rev), old
-
-    def _refuse_taken_keys(self, latest: Mapping[str, Record], stored: Mapping[str, Row[Any]]) -> None:
-        """Raise where a dedup key is another record's already."""
-        owners: dict[str, str] = {}
-        for record in latest.values():
-            there = stored.get(record.id)
-            if there is None or there.dedup_key != record.dedup_key:
-                other = owners.setdefault(record.dedup_key, record.id)
-                if other != record.id:
-                    raise MemoryStoreError(
-                        f"Records '{other}' and '{record.id}' have one and the same dedup key."
-                    )
-        query = self._of(RECORD, RECORD.c.id, RECORD.c.dedup_key)
-        for row in self._named(query, RECORD.c.dedup_key, owners):
-            id, key = row.id, row.dedup_key
-            if owners[key] != id:
-                raise MemoryStoreError(
-                    f"Record '{owners[key]}' cannot be stored: '{id}' of bank '{self.bank}' has its dedup key."
-                )
 
     # Links, decisions, episodes -----------------------------------------------------------------------------------
 
