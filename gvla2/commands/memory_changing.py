@@ -118,15 +118,13 @@ def repair(request: Request) -> Answer:
     """Make rows, vectors and links what the events say they are; 1 when something is wrong still."""
     with opened_bank(request) as bank, opened(request) as store:
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
-            done = mend(tx, bank.embedder)
+            records, forgotten = mend(tx, bank.embedder)
         left = bank.verify()
-    told = [f"Made again from the events: {', '.join(map(printable, done.records)) or 'nothing'}."]
-    if done.forgotten:
-        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, done.forgotten))}.")
+    told = [f"Made again from the events: {', '.join(map(printable, records)) or 'nothing'}."]
+    if forgotten:
+        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, forgotten))}.")
     told += [f"Still wrong: {printable(str(problem))}" for problem in left]
-    return Answer(
-        {"repaired": done.records, "forgotten": done.forgotten, "problems": left}, told, int(bool(left))
-    )
+    return Answer({"repaired": records, "forgotten": forgotten, "problems": left}, told, int(bool(left)))
 
 
 def govern(request: Request) -> Answer:

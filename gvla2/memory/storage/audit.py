@@ -185,22 +185,12 @@ def _episodes(view: View, folding: Folding) -> Iterable[Problem]:
 # Mending ------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Repaired:
-    """Ids of the ``records`` whose row, vector or links were made again, and of those that nothing had created and
-    that were ``forgotten``.
-    """
-
-    records: tuple[str, ...]
-    forgotten: tuple[str, ...]
-
-
-def repair(t: Transaction, embedder: Embedder | None = None) -> Repaired:
+def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str], list[str]]:
     """Make rows, vectors and links that were changed behind the bank's back what its events say.
 
-    Rows that no event created are forgotten; vectors that are damaged, or foreign to the ``embedder``, are made again
-    when the bank is asked next. What was stored of episodes cannot be had again. Raises :class:`MemoryStoreError` where
-    the events were changed, too.
+    Gives the ids of the records that were made again, and of the rows that no event created: those are forgotten.
+    Vectors that are damaged, or foreign to the ``embedder``, are made again when the bank is asked next. What was
+    stored of episodes cannot be had again. Raises :class:`MemoryStoreError` where the events were changed, too.
     """
     problems = audit(t, embedder=embedder)
     if changed := [problem for problem in problems if problem.where in ("chain", "event")]:
@@ -227,4 +217,4 @@ def repair(t: Transaction, embedder: Embedder | None = None) -> Repaired:
     if again:
         t.sql.execute(insert(RECORD), [as_json(one) for one in again])
     t.tell(t.event("repair", one.id, "", _WHY, change=dump({})) for one in again)
-    return Repaired(tuple(one.id for one in again), tuple(forgotten))
+    return [one.id for one in again], forgotten
