@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import hydra
 import pytest
 from omegaconf import OmegaConf
 
@@ -370,3 +371,18 @@ def test_completion(line: str, expected: list[str], unexpected: list[str], monke
     offered = capsys.readouterr().out.split()
     assert set(expected) <= set(offered)
     assert not set(unexpected) & set(offered)
+
+
+def test_a_look_composes_its_configuration_once(
+    path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    composed: list[object] = []
+    compose = hydra.compose
+    monkeypatch.setattr(hydra, "compose", lambda *asked: composed.append(asked) or compose(*asked))
+    assert cli.main(["memory", "stats", f"url=sqlite:///{path}", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["states"] == {"active": 2}
+    assert cli.main(["memory", "stats", f"url=sqlite:///{path}", "limit=1,2"]) == 1
+    assert "limit" in capsys.readouterr().err
+    assert len(composed) == 2
+    assert cli.main(["memory", "stats", "--cfg", "job"]) == 0  # Hydra's own flags are Hydra's
+    assert len(composed) == 2

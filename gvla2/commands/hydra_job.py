@@ -11,6 +11,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,7 @@ class Job:
             return self.function(OmegaConf.to_object(config), registry)
         except Exception as error:
             log.info("The job failed.", exc_info=True)
-            if HydraConfig.get().mode != RunMode.MULTIRUN:
+            if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
                 raise JobFailedError(error) from error
             message = explain(error, registry)
             print(f"gvla2: job {HydraConfig.get().job.num}: {message}", file=sys.stderr)
@@ -111,8 +112,15 @@ def launch(
     own = [group for group in registry.groups if group in {f.name for f in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
     register(registry, PRIMARY, own if config_name == "memory" else None)
-    main = hydra.main(
+    # Hydra composes twice, and brings logging and folders, which a command that only looks has no use for.
+    plain = config_name == "memory" and not any(word.lstrip("+~").startswith(("-", "hydra")) for word in argv)
+    decorated = hydra.main(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
+    )
+    main = (
+        partial(_once, Job(function, registry), config_name, argv)
+        if plain
+        else decorated(Job(function, registry))
     )
 
     def tell(error: Exception, known: Registry | None = None) -> int:
@@ -122,7 +130,7 @@ def launch(
 
     try:
         with _terminable(), _command_line(config_name, argv):
-            main(Job(function, registry))()
+            main()
     except JobFailedError as failed:
         return tell(failed.error, registry)
     except SystemExit as leaving:  # --help, --cfg, and argparse's complaints
@@ -143,6 +151,13 @@ def launch(
     except Exception as error:
         return tell(error, registry)
     return 0
+
+
+def _once(job: Job, config_name: str, argv: Sequence[str]) -> None:
+    """Compose one configuration and run the job with it."""
+    with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
+        config = hydra.compose(config_name, list(argv))
+    job(config)
 
 
 def dashed_option(argv: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled, wrong_bank_name
-from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.store import Store, View
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
@@ -117,19 +117,21 @@ def _must_exist(url: str) -> None:
         )
 
 
-def record_of(store: Store, bank: str, word: str, *, whole: bool = False) -> Record:
+def record_of(view: View, word: str, *, whole: bool = False) -> Record:
     """The record of that id, or (unless ``whole``) of the one id that begins so.
 
     Raises :class:`NotFoundError` with the nearest.
     """
-    if found := store.records(bank, ids=[word]):
-        return found[0]
-    if any(event.action == "forget" for event in store.history(bank, word)):
+    bank = view.bank
+    if found := view.get(word):
+        return found
+    if any(event.action == "forget" for event in view.history(word)):
         raise NotFoundError(f"The record '{word}' of bank '{bank}' was forgotten.")
-    ids = [record.id for record in store.records(bank)]
+    records = {record.id: record for record in view.records()}
+    ids = list(records)
     starting = [id for id in ids if id.startswith(word)] if word else []
     if len(starting) == 1 and not whole:
-        return store.records(bank, ids=starting)[0]
+        return records[starting[0]]
     if len(starting) == 1:
         raise NotFoundError(
             f"No record '{word}' in bank '{bank}'. It is the beginning of '{starting[0]}': give the whole id, or leave "

@@ -15,6 +15,7 @@ from gvla2.commands.tables import row, table
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.interop.exporting import export_path
 from gvla2.memory.interop.importing import import_path
+from gvla2.memory.storage.audit import repair as mend
 
 MOST_REMARKS = 20
 
@@ -72,14 +73,15 @@ def forget(request: Request) -> Answer:
     """Forget records for good, after asking."""
     with opened(request) as store:
         words = dict.fromkeys(request.words)
-        records = [record_of(store, request.bank, word, whole=request.yes) for word in words]
+        with store.reading(request.bank) as view:
+            records = [record_of(view, word, whole=request.yes) for word in words]
         if not request.yes:
             for record in records:
                 print(f"{printable(record.id)}: {one_line(record.content, 200)}", file=sys.stderr)
             if not _confirmed(len(records)):
                 return Answer({"forgotten": []}, ["Nothing was forgotten."], status=1)
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
-            gone = [record.id for record in records if tx.forget(record.id, why="asked for")]
+            gone = tx.forget(*(record.id for record in records), why="asked for")
     told = [f"Forgotten for good: {', '.join(map(printable, gone)) or 'nothing'}.", *map(printable, tx.also)]
     return Answer({"forgotten": gone, "also": tx.also}, told)
 
@@ -113,17 +115,14 @@ def compact(request: Request) -> Answer:
 def repair(request: Request) -> Answer:
     """Make rows, vectors and links what the events say they are; 1 when something is wrong still."""
     with opened_bank(request) as bank, opened(request) as store:
-        foreign = {problem.id for problem in bank.verify() if problem.where == "vector"}
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
-            done = tx.repair(foreign)
+            records, forgotten = mend(tx, bank.embedder)
         left = bank.verify()
-    told = [f"Made again from the events: {', '.join(map(printable, done.records)) or 'nothing'}."]
-    if done.forgotten:
-        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, done.forgotten))}.")
+    told = [f"Made again from the events: {', '.join(map(printable, records)) or 'nothing'}."]
+    if forgotten:
+        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, forgotten))}.")
     told += [f"Still wrong: {printable(str(problem))}" for problem in left]
-    return Answer(
-        {"repaired": done.records, "forgotten": done.forgotten, "problems": left}, told, int(bool(left))
-    )
+    return Answer({"repaired": records, "forgotten": forgotten, "problems": left}, told, int(bool(left)))
 
 
 def govern(request: Request) -> Answer:

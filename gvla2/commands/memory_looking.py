@@ -13,7 +13,7 @@ from gvla2.commands.memory_listing import Column, Listing
 from gvla2.commands.printable import counted, one_line, printable
 from gvla2.commands.tables import row, table
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Event, Store
+from gvla2.memory.storage.store import Event, View
 
 _SERVED = (
     "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "
@@ -23,8 +23,8 @@ _SERVED = (
 
 def list_records(request: Request) -> Answer:
     """The records of the bank."""
-    with opened(request) as store:
-        records = store.records(request.bank, states=request.config.states or None)
+    with opened(request) as store, store.reading(request.bank) as view:
+        records = view.records(request.config.states or None)
     return _listing(
         sorted(records, key=lambda r: (-r.updated, r.id)), request, "The bank has no such records."
     )
@@ -32,10 +32,9 @@ def list_records(request: Request) -> Answer:
 
 def show(request: Request) -> Answer:
     """All of one record, its links and its last events."""
-    with opened(request) as store:
-        record = record_of(store, request.bank, request.words[0])
-        links = store.links(request.bank, record.id)
-        events = store.history(request.bank, record.id)
+    with opened(request) as store, store.reading(request.bank) as view:
+        record = record_of(view, request.words[0])
+        links, events = view.links([record.id]), view.history(record.id)
     listing = table("field", "value")
     for name, value in record_data(record).items():
         row(listing, name, _value(name, value))
@@ -82,11 +81,8 @@ def search(request: Request) -> Answer:
 
 def history(request: Request) -> Answer:
     """What happened to a record, from its first event on; forgotten ones too."""
-    with opened(request) as store:
-        events = store.history(request.bank, request.words[0])
-        if not events:
-            record = record_of(store, request.bank, request.words[0])
-            events = store.history(request.bank, record.id)
+    with opened(request) as store, store.reading(request.bank) as view:
+        events = view.history(request.words[0]) or view.history(record_of(view, request.words[0]).id)
     shown, more = shortened(events, request.limit)
     data = [_event_data(event) for event in shortened(events, request.data_limit)[0]]
     return Answer(data, [events_listing(shown), *([more] if more else [])])
@@ -95,8 +91,8 @@ def history(request: Request) -> Answer:
 def as_of(request: Request) -> Answer:
     """The records as they were at a time, or one of them."""
     at = time_of(request.words[0])
-    with opened(request) as store:
-        records = store.as_of(request.bank, at)
+    with opened(request) as store, store.reading(request.bank) as view:
+        records = view.as_of(at)
     if len(request.words) > 1:
         records = [record for record in records if record.id.startswith(request.words[1])]
         if not records:
@@ -110,8 +106,8 @@ def as_of(request: Request) -> Answer:
 
 def conflicts(request: Request) -> Answer:
     """Pairs of records that contradict each other."""
-    with opened(request) as store:
-        pairs = _conflicts(store, request.bank)
+    with opened(request) as store, store.reading(request.bank) as view:
+        pairs = _conflicts(view)
     if not pairs:
         return Answer([], ["No records contradict each other."])
     names = ("id", "state", "says", "against", "state", "says")
@@ -125,13 +121,13 @@ def conflicts(request: Request) -> Answer:
     return Answer(data, [Listing(columns, rows), *([more] if more else [])])
 
 
-def _conflicts(store: Store, bank: str) -> list[tuple[Record, Record]]:
+def _conflicts(view: View) -> list[tuple[Record, Record]]:
     pairs = {
         (min(link.source, link.target), max(link.source, link.target))
-        for link in store.links(bank)
+        for link in view.links()
         if link.kind == "conflict"
     }
-    there = {record.id: record for record in store.records(bank, ids=[id for pair in pairs for id in pair])}
+    there = {record.id: record for record in view.records(ids=[id for pair in pairs for id in pair])}
     return [(there[a], there[b]) for a, b in sorted(pairs) if a in there and b in there]
 
 

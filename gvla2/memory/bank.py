@@ -15,12 +15,11 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
-    ChoosingEmbedder,
     Consolidator,
     Embedder,
     Inducer,
@@ -43,18 +42,16 @@ from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.audit import foreign_vectors
-from gvla2.memory.storage.store import Event, Link, Problem, Store
+from gvla2.memory.storage.store import Event, Link, Store
 
 if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
     from gvla2.memory.curation.governance import Governed
     from gvla2.memory.curation.judging import Judged
     from gvla2.memory.curation.replay import Replayed
     from gvla2.memory.operations import Operations
+    from gvla2.memory.storage.audit import Problem
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
-CHUNK = 256
-"""Lessons that one transaction of :meth:`KnowledgeBank.admit_many` takes."""
 JUDGED = 16
 """Suspicions that are decided after each episode."""
 WRITTEN = 2
@@ -96,56 +93,40 @@ class KnowledgeBank:
         self.bank = bank
         self.options = options or BankOptions()
         self.options.check()
-        self._clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
+        self.clock, self._verifier, self._judge, self._writer = clock, verifier, judge, writer
         self._retriever: Retriever = retriever or HybridRetriever()
         if self.options.retrieval == "semantic":
             self._retriever = SemanticRetriever()
         if not isinstance(address, Store):
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
-        self._store = address
-        if isinstance(embedder, ChoosingEmbedder):
-            with self._store.reading() as view:
-                embedder = embedder.for_bank(view.model(bank))
-            self._embedder, named = embedder, False
-        else:
-            self._embedder, named = embedder or StaticEmbedder(), embedder is not None
-        self._index = Index(self._store, bank, self._embedder, replace=named)
-        self._inducer = inducer
+        self.store = address
+        chooses = getattr(
+            embedder, "for_bank", None
+        )  # asking for its model would load one that is not wanted
+        if chooses is not None:
+            with self.store.reading(bank) as view:
+                embedder = chooses(view.model())
+        named = embedder is not None and chooses is None
+        self.embedder: Embedder = embedder or StaticEmbedder()
+        self.index = Index(self.store, bank, self.embedder, replace=named)
+        self.inducer = inducer
         self._lock = threading.RLock()
 
     @cached_property
     def _operations(self) -> Operations:
-        from gvla2.memory.curation.induction import RulesInducer
         from gvla2.memory.operations import Operations
 
-        inducer = self._inducer or RulesInducer()
-        return Operations(self._store, self._index, self._embedder, inducer, self.options, self._clock)
+        return Operations(self)
 
     # The main job -------------------------------------------------------------------------------------------------
 
     def recall(self, task: MemoryTask | str) -> MemoryContext:
         """The most reliable records for the task, or none with the reason."""
         with self._lock:
-            self._index.refresh()
-            self._index.keep()
-            candidates = self._index.candidates(self._shown(), now=self._clock())
-            return recall(_task(task), candidates, self._retriever, self._embedder, self.options, self.bank)
-
-    @overload
-    def learn(self, episode: MemoryEpisode, verdict: Verdict, /) -> Learned: ...
-
-    @overload
-    def learn(
-        self,
-        task: MemoryTask | str,
-        transcript: str = "",
-        /,
-        *,
-        success: bool | None = None,
-        recalled: MemoryContext | None = None,
-        lessons: Sequence[Lesson | str] = (),
-        source: str = "",
-    ) -> Learned: ...
+            self.index.refresh()
+            self.index.keep()
+            candidates = self.index.candidates(self._shown(), now=self.clock())
+            return recall(_task(task), candidates, self._retriever, self.embedder, self.options, self.bank)
 
     def learn(
         self,
@@ -217,15 +198,7 @@ class KnowledgeBank:
             return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
         rest = [(lesson, verdict, _task(task), source, trusted) for lesson, verdict, task, source in items]
         with self._lock:
-            chunks = range(0, len(rest), CHUNK)
-            parts = [self._operations.admit(rest[start : start + CHUNK]) for start in chunks]
-        return Learned(
-            added=tuple(id for part in parts for id in part.added),
-            merged=tuple(id for part in parts for id in part.merged),
-            provisional=tuple(id for part in parts for id in part.provisional),
-            discarded=sum(part.discarded for part in parts),
-            notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),
-        )
+            return self._operations.admit(rest)
 
     def govern(self) -> Governed:
         """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
@@ -253,10 +226,9 @@ class KnowledgeBank:
         from gvla2.memory.curation.judging import Judged
 
         chosen = judge or self._judge
-        if chosen is None:
-            return Judged(notes=["Nobody was given to judge anything."])
-        if not self.options.governance or self.options.frozen:
-            return Judged(notes=["Governance is switched off."])
+        if chosen is None or not self.options.governance or self.options.frozen:
+            off = "Governance is switched off."
+            return Judged(notes=[off if chosen else "Nobody was given to judge anything."])
         with self._lock:
             return self._operations.judge(chosen, limit=limit)
 
@@ -268,10 +240,9 @@ class KnowledgeBank:
         from gvla2.memory.curation.replay import Replayed
 
         judge = verifier or self._verifier
-        if judge is None:
-            return Replayed(notes=["Nobody was given to verify anything again."])
-        if not self.options.replay or self.options.frozen:
-            return Replayed(notes=["Replay is switched off."])
+        if judge is None or not self.options.replay or self.options.frozen:
+            off = "Replay is switched off."
+            return Replayed(notes=[off if judge else "Nobody was given to verify anything again."])
         with self._lock:
             return self._operations.replay(judge, limit=limit)
 
@@ -279,63 +250,55 @@ class KnowledgeBank:
         """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
         with self._lock:
             try:
-                with self._store.writing(self.bank, actor="forget", now=self._clock()) as transaction:
-                    return transaction.forget(id, why=why)
+                with self.store.writing(self.bank, actor="forget", now=self.clock()) as transaction:
+                    return bool(transaction.forget(id, why=why))
             finally:
-                self._index.refresh()
+                self.index.refresh()
 
     # Looking ------------------------------------------------------------------------------------------------------
 
     def records(self, states: Sequence[LifecycleState] | None = None) -> list[Record]:
         """The bank's records in these states (all by default), by id."""
-        return self._store.records(self.bank, states)
+        with self.store.reading(self.bank) as view:
+            return view.records(states)
 
     def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
         """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
         with self._lock:
-            self._index.refresh()
-            self._index.keep()
+            self.index.refresh()
+            self.index.keep()
             states = (*SERVED, "provisional") if provisional else self._shown()
-            served, found = (self._index.candidates(s, now=self._clock()) for s in (self._shown(), states))
-            return search(_task(text), served, found, self._retriever, self._embedder, k)
+            served, found = (self.index.candidates(s, now=self.clock()) for s in (self._shown(), states))
+            return search(_task(text), served, found, self._retriever, self.embedder, k)
 
     def history(self, id: str) -> list[Event]:
         """All decisions about a record, oldest first."""
-        return self._store.history(self.bank, id)
-
-    def as_of(self, time: float) -> list[Record]:
-        """The records as they were at ``time``, seconds since the epoch."""
-        return self._store.as_of(self.bank, time)
+        with self.store.reading(self.bank) as view:
+            return view.history(id)
 
     def links(self, id: str | None = None) -> list[Link]:
         """All links, or those of one record; of the kind ``conflict`` are those that contradict each other."""
-        return self._store.links(self.bank, id)
+        with self.store.reading(self.bank) as view:
+            return view.links(None if id is None else [id])
 
     def verify(self, *, head: str = "") -> list[Problem]:
         """What is wrong with the bank, [] for nothing; its vectors are compared with what this embedder makes.
 
         ``head`` is "SEQ:HASH" of :meth:`stats`, kept elsewhere: with it, an end that was cut off is found, too.
         """
-        problems = self._store.verify(self.bank, head=head)
-        named = {problem.id for problem in problems if problem.where in ("record", "vector")}
-        with self._store.reading() as view:
-            found = foreign_vectors(view, self.bank, self._embedder)
-        return problems + [problem for problem in found if problem.id not in named]
+        from gvla2.memory.storage.audit import audit
+
+        with self.store.reading(self.bank) as view:
+            return audit(view, head, self.embedder)
 
     def stats(self) -> dict[str, Any]:
         """Numbers about the bank."""
-        return self._store.stats(self.bank)
-
-    def compact(self, *, archived_before: float | None = None) -> int:
-        """Give space back; with ``archived_before``, forget archived records not updated since, and count them."""
-        if archived_before is None:
-            return self._store.compact()
-        return self._store.compact(self.bank, archived_before=archived_before, now=self._clock())
+        return self.store.stats(self.bank)
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
         with self._lock:
-            self._store.close()
+            self.store.close()
 
     def __enter__(self) -> KnowledgeBank:
         return self

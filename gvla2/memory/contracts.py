@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, get_args, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from gvla2.memory.indexing.candidates import Candidates
 
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
@@ -171,87 +174,25 @@ class Memory(Protocol):
 
     def recall(self, task: MemoryTask) -> MemoryContext:
         """Knowledge for the task. A broken store gives an empty context with ``degraded`` set, not an error."""
-        ...
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
         """Draw on an episode and its verdict; all of it is stored, or nothing."""
-        ...
 
     def close(self) -> None:
         """Release the store; safe to call twice."""
-        ...
 
 
 class Embedder(Protocol):
-    """Maps texts to unit vectors."""
+    """Maps texts to unit vectors. One with a method ``for_bank(model)`` gives the embedder for a bank whose vectors are
+    of ``model``, "" for one without any.
+    """
 
     @property
     def model(self) -> str:
         """Identifier kept with each stored vector; vectors of other models are not compared."""
-        ...
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, D) unit rows; an empty text gives a zero row."""
-        ...
-
-
-@runtime_checkable
-class ChoosingEmbedder(Embedder, Protocol):
-    """An embedder that is another one for each bank."""
-
-    def for_bank(self, model: str) -> Embedder:
-        """The embedder for a bank whose vectors are of ``model``, "" for one without any."""
-        ...
-
-
-class Candidates(Protocol):
-    """The N records that a retriever ranks, as parallel columns; row i is the same record in each of them.
-
-    ``ids``: each once; ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative;
-    ``usage``: credited uses; ``conflicts``: how many records contradict each; ``outcomes``: places in ``OUTCOMES``, how
-    each was verified; ``types``: places in ``TYPES``; ``programs``: which carry a program as their effect.
-
-    Columns are read-only and hold until the index behind them changes: use them within one call of ``rank``, keep
-    none. What costs time to look up for every record (texts, signatures) comes by row, on demand.
-    :func:`gvla2.testing.candidates` builds small ones for the tests of a retriever.
-    """
-
-    ids: Sequence[str]
-    confidence: NDArray[np.float64]  # (N,)
-    ages: NDArray[np.float64]  # (N,)
-    usage: NDArray[np.int64]  # (N,)
-    conflicts: NDArray[np.int64]  # (N,)
-    outcomes: NDArray[np.int8]  # (N,)
-    types: NDArray[np.int8]  # (N,)
-    programs: NDArray[np.bool_]  # (N,)
-
-    def of_skill(self, skill: str) -> NDArray[np.bool_]:
-        """(N,) the records of this skill or of none; all of them for ""."""
-        ...
-
-    def lexical(self, query: str) -> NDArray[np.float64]:
-        """(N,) share in [0, 1] of the query's information (idf), or of a sentence of it, in each record's words."""
-        ...
-
-    def cosine(self, vector: NDArray[np.float32]) -> NDArray[np.float64]:
-        """(N,) cosine with a unit (D,) vector, 0 where a record has none of this model."""
-        ...
-
-    def numbers(self, name: str) -> NDArray[np.float64]:
-        """(N,) a number of the scene signatures, nan where a record has none by this name."""
-        ...
-
-    def content(self, row: int) -> str:
-        """What the record says."""
-        ...
-
-    def query(self, row: int) -> str:
-        """The instructions that it came from, one a line."""
-        ...
-
-    def effect(self, row: int) -> Mapping[str, Any] | None:
-        """The typed effect of the record, if it has one."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -273,7 +214,6 @@ class Retriever(Protocol):
 
         ``query_embedding`` (D,) is the task's query by the model of the candidates' vectors.
         """
-        ...
 
 
 @dataclass(frozen=True)
@@ -290,7 +230,6 @@ class Verifier(Protocol):
 
     def verify(self, evidence: Evidence) -> Verdict:
         """A verdict; ``unavailable`` when this verifier cannot judge such evidence or failed itself."""
-        ...
 
 
 class Inducer(Protocol):
@@ -298,7 +237,6 @@ class Inducer(Protocol):
 
     def induce(self, episode: MemoryEpisode, verdict: Verdict) -> tuple[Lesson, ...]:
         """The lessons in the light of the verdict; those that the episode brings itself are its ``lessons``."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -335,7 +273,6 @@ class Judge(Protocol):
 
     def judge(self, suspects: Sequence[Suspects]) -> Sequence[Judgement]:
         """A judgement for each, in their order; one that could not be asked about is None, with the reason."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -366,4 +303,3 @@ class Consolidator(Protocol):
 
     def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
         """The edit; raises :class:`~gvla2.errors.Gvla2Error` where it cannot tell."""
-        ...

@@ -103,7 +103,7 @@ _PATTERNS = (
     rf"{_LEAK}(?:\W+[\w./~-]+){{0,6}}?\W+[\w./~]*{_SECRETS}",
     r"\b(?:curl|wget)\b[^\n]{0,80}\|\s*(?:sudo )?(?:ba|z)?sh\b|\brm -rf? (?:/|~|\*)(?:\s|$)",
 )
-_SCREEN = re.compile("|".join(f"(?:{pattern})" for pattern in _PATTERNS))
+_SCREEN = "|".join(f"(?:{pattern})" for pattern in _PATTERNS)  # compiled when the first text is screened
 _HIDDEN = re.compile(r"[A-Za-z0-9+/]{40,}={0,2}|(?:[0-9a-f]{2}[ :]?){24,}|(?:\b\w ){8,}")
 """Long codes, and words torn into letters: nobody can say what they say."""
 
@@ -117,7 +117,7 @@ def screen(text: str) -> str:
     shown = sanitised(text)
     if len(shown) < len(text) and "(link)" not in shown and text.isascii():
         return "it holds the frame of a conversation"
-    if _SCREEN.search(" ".join(shown.casefold().replace("’", "'").split())) is not None:
+    if re.search(_SCREEN, " ".join(shown.casefold().replace("’", "'").split())) is not None:
         return "it reads like orders to a machine"
     return "it hides what it says" if _HIDDEN.search(shown) is not None else ""
 

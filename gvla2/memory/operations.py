@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
-from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     TYPES,
     Consolidator,
-    Embedder,
-    Inducer,
     Judge,
     Learned,
     Lesson,
@@ -33,11 +30,15 @@ from gvla2.memory.curation.learning import Candidate, Learning
 from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.replay import Replayed
 from gvla2.memory.curation.trust import Origin, least
-from gvla2.memory.indexing.index import Index
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
-from gvla2.memory.storage.store import Store, StoredEpisode
+from gvla2.memory.storage.store import StoredEpisode
 
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
+
+CHUNK = 256
+"""Lessons without an episode that share a transaction."""
 MAX_CONTENT = 2000
 MAX_SOURCE = 200
 MAX_TRANSCRIPT = 20_000
@@ -54,17 +55,9 @@ Brought = tuple[MemoryEpisode, Verdict, bool]
 class Operations:
     """What changes a bank. Not safe among threads; safe among processes."""
 
-    def __init__(
-        self,
-        store: Store,
-        index: Index,
-        embedder: Embedder,
-        inducer: Inducer,
-        options: BankOptions,
-        clock: Callable[[], float],
-    ) -> None:
-        self._store, self._index, self._embedder = store, index, embedder
-        self._inducer, self._options, self._clock = inducer, options, clock
+    def __init__(self, bank: KnowledgeBank) -> None:
+        self._store, self._index, self._embedder = bank.store, bank.index, bank.embedder
+        self._inducer, self._options, self._clock = bank.inducer or RulesInducer(), bank.options, bank.clock
         self._retired_at = -1e18
 
     def learn(self, episode: MemoryEpisode, verdict: Verdict) -> Learned:
@@ -88,18 +81,18 @@ class Operations:
         return outcome.learned()
 
     def admit(self, items: Sequence[tuple[Lesson, Verdict, MemoryTask, str, bool]]) -> Learned:
-        """Store lessons that come without an episode, in one transaction; the last of each: whether it is trusted."""
+        """Store lessons that come without an episode; the last of each: whether it is trusted."""
         outcome = Outcome()
-        brought = []
-        for lesson, said, task, source, trusted in items:
-            verdict, note = believed(said)
-            outcome.note(note)
-            brought.append(
-                (MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE)), verdict, trusted)
-            )
-        candidates = self._weigh(brought, outcome, 1)
-        with self.writing("admit") as ledger:
-            self._bring_in(ledger, brought, candidates, outcome)
+        for start in range(0, len(items), CHUNK):
+            brought: list[Brought] = []
+            for lesson, said, task, source, trusted in items[start : start + CHUNK]:
+                verdict, note = believed(said)
+                outcome.note(note)
+                episode = MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE))
+                brought.append((episode, verdict, trusted))
+            candidates = self._weigh(brought, outcome, 1)
+            with self.writing("admit") as ledger:
+                self._bring_in(ledger, brought, candidates, outcome)
         return outcome.learned()
 
     def govern(self) -> Governed:
@@ -129,34 +122,33 @@ class Operations:
     def judge(self, judge: Judge, *, limit: int | None = None) -> Judged:
         """Let suspicions be decided; the judge works outside any transaction."""
         done = Judged()
-        with self._store.reading() as view:
-            pairs = open_suspicions((x.source, x.kind, x.target) for x in view.links(self._index.bank))
-            named = {id for pair in pairs for id in pair}
-            records = {record.id: record for record in view.records(self._index.bank, SERVED, named)}
+        with self._store.reading(self._index.bank) as view:
+            pairs = open_suspicions((x.source, x.kind, x.target) for x in view.links())
+            records = {one.id: one for one in view.records(SERVED, {id for pair in pairs for id in pair})}
         rulings = decide(judge, pairs, records, done, limit=limit) if pairs else []
         if not rulings:
             return done
         with self.writing("judge") as ledger:
             for ruling in rulings:
-                pair = [ledger.get(id) for id in (ruling.first, ruling.second)]
-                if any(record is None or record.state not in SERVED for record in pair):
+                pair = {id: ledger.get(id) for id in (ruling.first, ruling.second)}
+                if any(record is None or record.state not in SERVED for record in pair.values()):
                     continue  # changed meanwhile
                 ledger.link(ruling.first, ruling.kind, ruling.second, ruling.why)
-                for record in pair:
-                    if record is not None and record.id == ruling.loser:
-                        winner = ruling.second if record.id == ruling.first else ruling.first
-                        note = f"contradicted by {winner}"
-                        ledger.put(replace(record, state="archive", note=note), "JUDGED", note)
-                        ledger.link(winner, "replaces", record.id, ruling.why)
-                        done.archived.append(record.id)
+                loser = pair.get(ruling.loser)
+                if loser is not None:
+                    winner = ruling.second if loser.id == ruling.first else ruling.first
+                    note = f"contradicted by {winner}"
+                    ledger.put(replace(loser, state="archive", note=note), "JUDGED", note)
+                    ledger.link(winner, "replaces", loser.id, ruling.why)
+                    done.archived.append(loser.id)
         return done
 
     def consolidate(self, writer: Consolidator, *, limit: int | None = None) -> rewriting.Rewritten:
         """Let lessons be merged, replaced or discarded by who can write; he works outside any transaction."""
         done = rewriting.Rewritten()
         self._index.refresh()
-        with self._store.reading() as view:
-            considered = view.decided(self._index.bank, rewriting.CONSIDERED)
+        with self._store.reading(self._index.bank) as view:
+            considered = view.decided(rewriting.CONSIDERED)
         answers = []
         for record, near in rewriting.asked(self._index, considered, self._options, limit):
             try:
@@ -192,7 +184,8 @@ class Operations:
     ) -> None:
         options = self._options
         governing = Governing(ledger, options)
-        stored = self._stored(ledger, {episode.source for episode, _, _ in brought if episode.source})
+        sources = {episode.source for episode, _, _ in brought if episode.source}
+        stored = {one.source: one for one in ledger.transaction.episodes(sources)}
         ledger.expect(candidate.key for some in candidates for candidate in some)
         for (episode, verdict, own), some in zip(brought, candidates, strict=True):
             known = stored.get(episode.source)
@@ -210,7 +203,7 @@ class Operations:
                 self._retired_at = ledger.now
                 governing.retire()
             governing.touched()
-        for source in sorted({episode.source for episode, _, _ in brought if episode.source}):
+        for source in sorted(sources):
             ledger.keep(stored[source])
 
     def _credit(self, ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
@@ -237,27 +230,20 @@ class Operations:
         now: float,
     ) -> StoredEpisode:
         """The episode as replay needs it; one source has one, with all that it taught of late."""
-        taught = list(dict.fromkeys([*(known.records if known else ()), *touched]))[-MAX_TAUGHT:]
-        facts = dict(episode.facts) if _sound(episode.facts) else {}
-        stored = StoredEpisode(
-            source=clean(episode.source, 200),
+        task, told = episode.task, episode.lessons[: self._options.max_per_episode]
+        known = known or StoredEpisode(episode.source, now, task)
+        facts = dict(episode.facts) if not _unsound(episode.facts) else {}
+        stored = replace(
+            known,
             at=now,
-            task=MemoryTask(clean(episode.task.query, MAX_QUERY), {}, clean(episode.task.skill, 64)),
-            lessons=tuple(
-                Lesson(lesson.type, clean(lesson.content, MAX_CONTENT))
-                for lesson in episode.lessons[: self._options.max_per_episode]
-            ),
-            transcript=clean(episode.transcript, MAX_TRANSCRIPT) or (known.transcript if known else ""),
-            facts=facts or (known.facts if known else {}),
-            verdicts=known.verdicts if known else (),
-            records=tuple(taught),
+            task=MemoryTask(clean(task.query, MAX_QUERY), {}, clean(task.skill, 64)),
+            lessons=tuple(Lesson(lesson.type, clean(lesson.content, MAX_CONTENT)) for lesson in told),
+            transcript=clean(episode.transcript, MAX_TRANSCRIPT) or known.transcript,
+            facts=facts or known.facts,
+            records=tuple(dict.fromkeys([*known.records, *touched]))[-MAX_TAUGHT:],
             provenance={clean(str(k), 64): clean(str(v), 200) for k, v in episode.provenance.items()},
         )
         return replay.with_verdict(stored, verdict)
-
-    def _stored(self, ledger: Ledger, sources: set[str]) -> dict[str, StoredEpisode]:
-        found = ledger.transaction.view.episodes(self._index.bank, sources) if sources else []
-        return {episode.source: episode for episode in found}
 
     # Before a transaction -----------------------------------------------------------------------------------------
 
@@ -268,10 +254,10 @@ class Operations:
 
         ``unsure`` are texts that a model wrote, each with why it is not to be believed at once.
         """
-        decided = [self._decide(*one, outcome, most, unsure) for one in brought]
+        weighed = [self._admitted(*one, outcome, most, unsure) for one in brought]
         asked = [
             f"{' '.join(clean(episode.task.query, MAX_QUERY).split())} {lesson.content}"
-            for (episode, _, _), admitted in zip(brought, decided, strict=True)
+            for (episode, _, _), admitted in zip(brought, weighed, strict=True)
             for lesson, _ in admitted.values()
         ]
         vectors = iter(self._embedder.embed(asked) if asked else ())
@@ -280,10 +266,10 @@ class Operations:
                 Candidate(lesson, d.state or "provisional", d.trust, key, next(vectors), d.note, d.screened)
                 for key, (lesson, d) in admitted.items()
             ]
-            for admitted in decided
+            for admitted in weighed
         ]
 
-    def _decide(
+    def _admitted(
         self,
         episode: MemoryEpisode,
         verdict: Verdict,
@@ -295,17 +281,9 @@ class Operations:
         """Which lessons may be stored, by key, and what is decided on each."""
         admitted: dict[str, tuple[Lesson, Decision]] = {}
         for lesson in episode.lessons:
-            if lesson.type not in TYPES:
-                outcome.note(
-                    f"A lesson of the type '{lesson.type}' was left out: there are {', '.join(TYPES)}."
-                )
-                continue
             bounded = replace(lesson, content=clean(lesson.content, MAX_CONTENT))
-            if not _sound(bounded.effect):
-                outcome.note("A lesson whose effect is no sound JSON was left out.")
-                continue
-            if wrong := _wrong_numbers(bounded.effect or {}):
-                outcome.note(f"A lesson was left out whose effect has {wrong}.")
+            if wrong := _wrong(bounded):
+                outcome.note(f"A lesson was left out: {wrong}.")
                 continue
             decision = admit(
                 bounded,
@@ -328,15 +306,14 @@ class Operations:
     # Replay -------------------------------------------------------------------------------------------------------
 
     def _doubtful(self, limit: int | None, but: str) -> list[StoredEpisode]:
-        with self._store.reading() as view:
-            bank = self._index.bank
-            records = view.records(bank, ["provisional", "active"])
-            contested = view.conflicts(bank, [record.id for record in records])
+        with self._store.reading(self._index.bank) as view:
+            records = view.records(["provisional", "active"])
+            contested = view.conflicts({record.id for record in records})
             doubtful = replay.doubtful(records, contested, self._options)
             sources = [source for source in replay.episodes_behind(doubtful) if source != but]
             if limit is not None:
                 sources = sources[: 8 * limit]
-            found = {episode.source: episode for episode in view.episodes(bank, sources)}
+            found = {episode.source: episode for episode in view.episodes(sources)}
         # What was looked at least often comes first, so that no episode is judged over and over.
         places = {source: place for place, source in enumerate(sources) if source in found}
         order = sorted(places, key=lambda source: (len(found[source].verdicts), places[source]))
@@ -344,7 +321,7 @@ class Operations:
 
     def _revise(self, source: str, verdict: Verdict, done: Replayed) -> None:
         with self.writing("replay") as ledger:
-            episode = next(iter(ledger.transaction.view.episodes(self._index.bank, [source])), None)
+            episode = next(iter(ledger.transaction.episodes([source])), None)
             if episode is None:
                 return  # forgotten meanwhile
             for record in ledger.transaction.records(ids=episode.records):
@@ -376,18 +353,23 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
     return found
 
 
-def _wrong_numbers(effect: Mapping[str, Any]) -> str:
-    """What cannot be about the numbers of an effect, "" for nothing."""
+def _wrong(lesson: Lesson) -> str:
+    """What keeps a lesson from being stored, whoever says it; "" for nothing."""
+    if lesson.type not in TYPES:
+        return f"there is no type '{lesson.type}', only {', '.join(TYPES)}"
+    if why := _unsound(lesson.effect):
+        return f"its effect is no sound JSON ({why})"
     for name, lowest in (("value", -LARGEST), ("sd", 0.0), ("count", 0.0)):
-        number = effect.get(name, lowest)
+        number = (lesson.effect or {}).get(name, lowest)
         if not isinstance(number, int | float) or not lowest <= number <= LARGEST:
-            return f"{name} {str(number)[:40]}"
+            return f"its effect has {name} {str(number)[:40]}"
     return ""
 
 
-def _sound(data: Any) -> bool:
+def _unsound(data: Any) -> str:
+    """Why data cannot be kept as JSON, "" where it can."""
     try:
         dump(dict(data or {})).encode()
-    except (TypeError, ValueError, RecursionError):
-        return False
-    return True
+    except (TypeError, ValueError, RecursionError) as error:
+        return str(error)
+    return ""

@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import lru_cache
 from operator import attrgetter
 from typing import Any
 
@@ -94,8 +93,6 @@ _JSON_COLUMNS = tuple(COLUMNS.index(name) for name in ("verifier", "signature", 
 _NUMBERS = tuple(COLUMNS.index(name) for name in ("confidence", "quality", "created", "updated", "used"))
 _COUNTS = tuple(COLUMNS.index(name) for name in ("count", "usage", "recalled"))
 _SIGNATURE, _EFFECT = COLUMNS.index("signature"), COLUMNS.index("effect")
-_SHORT = 1000
-"""Characters of what is remembered to be sound JSON."""
 _VALUES = attrgetter(*COLUMNS)
 TYPES = tuple({"float": float, "int": int}.get(str(field.type), str) for field in fields(Record))
 _CODEC = json.JSONEncoder(sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -111,11 +108,6 @@ _DECODER = json.JSONDecoder(parse_constant=_no_constant)
 def dump(data: Any) -> str:
     """JSON with sorted keys: the same data give the same text. Raises ``ValueError`` for NaN and infinity."""
     return _CODEC.encode(data)
-
-
-def load(text: str) -> Any:
-    """JSON without NaN and infinity; raises ``ValueError`` for anything else."""
-    return _DECODER.decode(text)
 
 
 def load_object(text: str) -> dict[str, Any]:
@@ -143,21 +135,12 @@ def damage_of(row: tuple[Any, ...]) -> str:
         text = row[i]
         if text == "{}" or (not text and i == _EFFECT):
             continue
-        damage = (_damage_of_json if len(text) < _SHORT else _damage_of_json.__wrapped__)(i, text)
-        if damage:
-            return damage
-    return ""
-
-
-@lru_cache(maxsize=8192)
-def _damage_of_json(i: int, text: str) -> str:
-    """What is wrong with column ``i``; a record is looked at several times from when it is read until it is stored."""
-    try:
-        data = load_object(text)
-        if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
-            return "signature holds what is no number"
-    except (ValueError, TypeError, RecursionError) as error:
-        return f"{COLUMNS[i]} is no sound JSON ({error})"
+        try:
+            data = load_object(text)
+            if i == _SIGNATURE and not all(math.isfinite(float(value)) for value in data.values()):
+                return "signature holds what is no number"
+        except (ValueError, TypeError, RecursionError) as error:
+            return f"{COLUMNS[i]} is no sound JSON ({error})"
     return ""
 
 

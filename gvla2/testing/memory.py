@@ -23,7 +23,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.rows import Entry, Rows
 from gvla2.memory.records import Record, dump
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
@@ -108,7 +108,7 @@ def candidates(
     embedder: Embedder | None = None,
     now: float = 0.0,
     **columns: Sequence[Any],
-) -> RowCandidates:
+) -> Candidates:
     """Records in RAM, as a bank would offer them: for the tests of a retriever.
 
     ``vectors`` (N, D) are unit rows; without them the ``embedder`` makes them (the static one by default).
@@ -151,10 +151,10 @@ def candidates(
             for i, content in enumerate(contents)
         ]
     )
-    return RowCandidates(rows, ("active",), now)
+    return Candidates(rows, ("active",), now)
 
 
-def _five_records() -> tuple[RowCandidates, NDArray[np.float32]]:
+def _five_records() -> tuple[Candidates, NDArray[np.float32]]:
     """Five records, of which two are about the built-in task, and a vector near to those two."""
     table = np.random.default_rng(5).normal(size=(6, 16)).astype(np.float32)
     table[[0, 1]] = table[5] + 0.1 * table[[0, 1]]
@@ -208,7 +208,7 @@ def check_retriever(retriever: Retriever) -> None:
         found = [r.row for r in rows]
         require(found == [r.row for r in again], f"rank() of {what}: asked twice, it answers differently.")
         require(len(set(found)) == len(found), f"rank() of {what}: a row comes twice: {found}.")
-        require(all(0 <= r < len(records.ids) for r in found), f"rank() of {what}: no such row: {found}.")
+        require(all(0 <= r < len(records) for r in found), f"rank() of {what}: no such row: {found}.")
         scores = [r.score for r in rows]
         require(np.isfinite(scores).all(), f"rank() of {what}: scores must be finite, got {scores}.")
         require(scores == sorted(scores, reverse=True), f"rank() of {what}: best first, got {scores}.")

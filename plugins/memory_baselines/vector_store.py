@@ -109,7 +109,7 @@ class VectorStore:
         key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
         told = replace(lesson, content=clean(lesson.content, LONGEST))
         fresh = new_record(self.bank, told, "active", "own", key, episode, verdict, tx.now)
-        known = tx.view.by_keys(self.bank, [key]).get(key)
+        known = tx.by_keys([key]).get(key)
         if known is not None:
             return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False
         home = dump({**fresh.provenance_json(), "entry": name, "place": place})
@@ -120,7 +120,9 @@ class VectorStore:
         rev = self._store.rev(self.bank)
         if rev == self._rev:
             return
-        for change in self._store.changes(self.bank, self._rev):
+        with self._store.reading(self.bank) as view:
+            changes = view.changes(self._rev)
+        for change in changes:
             self._vectors.pop(change.record.id, None)
             self._records.pop(change.record.id, None)
             if change.record.state in _SERVED:

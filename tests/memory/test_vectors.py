@@ -11,6 +11,7 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.interop.exporting import export_path
 from gvla2.memory.interop.importing import import_path
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 
 class Counting:
@@ -47,9 +48,9 @@ def path(tmp_path: Path) -> Path:
 
 
 def models(path: Path) -> set[str]:
-    with Store.open(path) as store, store.reading() as view:
-        assert store.verify("default") == []
-        return {row.model for row in view.vector_rows("default")}
+    with Store.open(path) as store, store.reading("default") as view:
+        assert look(store, "default").verify() == []
+        return {row.model for row in view.vector_rows()}
 
 
 def test_what_was_learnt_is_not_embedded_again(path: Path) -> None:
@@ -77,5 +78,5 @@ def test_nobody_named_leaves_them_and_whoever_chooses_follows_the_bank(path: Pat
     assert models(path) == {"a"}
     with KnowledgeBank(path, bank="other", embedder=Choosing("none")) as bank:
         bank.admit("Wipe the rim.", task="clean the cup", trusted=True)
-    with Store.open(path) as store, store.reading() as view:
-        assert view.model("other") == "new"
+    with Store.open(path) as store, store.reading("other") as view:
+        assert view.model() == "new"

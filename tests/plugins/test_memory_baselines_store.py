@@ -9,6 +9,7 @@ from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
 from gvla2_plugins.memory_baselines.vector_store import Draft, VectorStore
+from tests.memory.looking import look
 
 GOOD = Verdict.from_criteria({"done": 1.0})
 POOR = Verdict.from_criteria({"done": 0.7})
@@ -109,7 +110,7 @@ def test_others_changes_are_followed_and_restarts_survived(store: Store):
         "this depth succeeded",
     ]
     assert len(shelf(store)) == 1
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []
 
 
 class Coarse:
@@ -143,7 +144,7 @@ def test_texts_of_any_kind_can_be_asked_and_kept(store: Store, text: str):
     assert kept.nearest(text, 3) == []
     kept.add([Draft((lesson(text or "-"),))], episode(text), GOOD, actor="t")
     assert all(np.isfinite(found.similarity) for found in kept.nearest(text, 3))
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []
 
 
 def test_nothing_to_keep_leaves_no_trace(store: Store):

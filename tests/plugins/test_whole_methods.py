@@ -16,6 +16,7 @@ from gvla2.plugins import load_plugins
 from gvla2.testing.component import check_component
 from gvla2_plugins import memory_baselines
 from gvla2_plugins.memory_baselines.reasoning_bank import item_of
+from tests.memory.looking import look
 
 METHODS = {component.name: component for component in memory_baselines.gvla2_memories()}
 GOOD = Verdict.from_criteria({"done": 1.0})
@@ -76,7 +77,7 @@ def test_what_was_learnt_survives_a_restart_in_a_bank_of_its_own(name: str, buil
     assert context.text.endswith(CLOSING)
     with Store.open(url) as store:
         assert store.banks() == [name]
-        assert store.verify(name) == []
+        assert look(store, name).verify() == []
 
 
 @pytest.mark.parametrize("name", METHODS)

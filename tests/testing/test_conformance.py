@@ -270,10 +270,10 @@ def test_bad_memories_are_caught(memory: Bad, message: str):
     ("rank", "message"),
     [
         (lambda t, c, q: ([Ranked(9, 1.0, {"a": 1.0})], ""), "no such row"),
-        (lambda t, c, q: ([Ranked(i, i, {"a": i}) for i in range(len(c.ids))], ""), "best first"),
-        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})] * min(2, len(c.ids)), ""), "comes twice"),
-        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})][: len(c.ids)], "unsure"), "returns no rows"),
-        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 0.2})][: len(c.ids)], ""), "terms sum to 0.2"),
+        (lambda t, c, q: ([Ranked(i, i, {"a": i}) for i in range(len(c))], ""), "best first"),
+        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})] * min(2, len(c)), ""), "comes twice"),
+        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 1.0})][: len(c)], "unsure"), "returns no rows"),
+        (lambda t, c, q: ([Ranked(0, 1.0, {"a": 0.2})][: len(c)], ""), "terms sum to 0.2"),
         (lambda t, c, q: ([], None), "must be str"),
         (
             lambda t, c, q: ([Ranked(int(np.argmax(c.cosine(q))), 1.0, {"a": 1.0})], ""),

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -87,7 +88,7 @@ class Setting:
                             ]
                         )
                     self.tell(0.5 * part.stop / count, f"{part.stop:,} records stored")
-                store.snapshot(path)
+            whole_copy(str(made), path)
             vectors.flush()
             for left in self.folder.glob(f"filling-{count}.db*"):
                 left.unlink()
@@ -101,9 +102,8 @@ class Setting:
     @contextmanager
     def copied(self, count: int, options: BankOptions | None = None) -> Iterator[KnowledgeBank]:
         """An open bank with that many records, which may be changed; gone afterwards."""
-        url, copy = self.filled(count), self.folder / f"copy-{count}.db"
-        with Store.open(url) as store:
-            store.snapshot(copy)
+        copy = self.folder / f"copy-{count}.db"
+        whole_copy(self.filled(count), copy)
         try:
             with KnowledgeBank(f"sqlite:///{copy}", options=options, clock=lambda: NOW) as bank:
                 yield bank
@@ -117,6 +117,12 @@ class Setting:
 
     def _vectors(self, count: int) -> Path:
         return self.folder / f"vectors-{count}.npy"
+
+
+def whole_copy(url: str, path: Path) -> None:
+    """Write a consistent copy of a SQLite database, without its log."""
+    with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as connection:
+        connection.execute("VACUUM INTO ?", (str(path),))
 
 
 def admissions(count: int, seed: int) -> list[Admission]:

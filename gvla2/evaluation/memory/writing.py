@@ -19,6 +19,7 @@ from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import middle, spent
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.records import Record
+from gvla2.memory.storage.audit import audit
 from gvla2.memory.storage.store import Put, Store
 
 PATIENCE = 8.0
@@ -77,7 +78,8 @@ def puts(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         batched = len(many) / (time.perf_counter() - began)
         rev = middle(spent(store.rev, ["default"] * setting.count(5000, 500)))
         began = time.perf_counter()
-        problems = len(store.verify("default"))
+        with store.reading("default") as view:
+            problems = len(audit(view))
         verified = time.perf_counter() - began
     lessons = [PeerLesson.of(record) for record in records]
     appended = [_append(setting.folder / "appended.jsonl", lessons[:size], 1)]

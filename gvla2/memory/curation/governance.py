@@ -89,7 +89,7 @@ class Governing:
         limit = self._options.retire_days
         held = self._ledger.index.candidates(("active",), now=self._ledger.now)
         for place in np.flatnonzero((held.ages >= limit) & (held.usage == 0)).tolist():
-            record = self._ledger.get(held.ids[place])
+            record = self._ledger.get(held.record(place).id)
             if (
                 record is None
                 or record.state != "active"

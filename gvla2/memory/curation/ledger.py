@@ -82,10 +82,10 @@ class Ledger:
     def expect(self, keys: Iterable[str]) -> None:
         """Look these dedup keys up together, as :meth:`by_key` is going to be asked for them."""
         wanted = [key for key in dict.fromkeys(keys) if key not in self._by_key]
-        found = self.transaction.view.by_keys(self.transaction.bank, wanted)
+        found = self.transaction.by_keys(wanted)
         self._by_key |= dict.fromkeys(wanted) | found
         ids = [record.id for record in found.values()]
-        self._origins |= {id: [] for id in ids} | self.transaction.view.origins(self.transaction.bank, ids)
+        self._origins |= {id: [] for id in ids} | self.transaction.origins(ids)
 
     def by_key(self, key: str) -> Record | None:
         """The record that says the same."""
@@ -99,7 +99,7 @@ class Ledger:
     def origins(self, id: str) -> list[str]:
         """Who brought the evidence behind a record, decided changes too."""
         if id not in self._origins:
-            stored = self.transaction.view.origins(self.transaction.bank, [id])
+            stored = self.transaction.origins([id])
             self._origins[id] = stored.get(id, [])
         return [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id and put.origin)]
 
@@ -111,7 +111,7 @@ class Ledger:
     def links(self, id: str) -> list[Link]:
         """The record's links, decided ones too."""
         own = [tie for tie in self._ties if id in (tie.source, tie.target)]
-        stored = self.transaction.view.links(self.transaction.bank, [id])
+        stored = self.transaction.links([id])
         return stored + [Link(tie.source, tie.kind, tie.target, self.now) for tie in own]
 
     def nearest(

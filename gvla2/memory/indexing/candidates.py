@@ -1,9 +1,9 @@
-"""The candidates that a bank offers to its retriever: columns over the rows of the states that it serves."""
+"""What a bank offers to its retriever: columns over the rows of the states that it serves."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,18 @@ from gvla2.memory.records import Record
 SECONDS_PER_DAY = 86_400.0
 
 
-class RowCandidates:
-    """:class:`gvla2.memory.contracts.Candidates` over rows in RAM; ``now`` is in seconds since the epoch."""
+class Candidates:
+    """The N records that a retriever ranks, as parallel columns; row i is the same record in each of them.
+
+    ``confidence``: kappa in [0, 1]; ``ages``: days since the last update, never negative; ``usage``: credited uses;
+    ``conflicts``: how many records contradict each; ``outcomes``: places in ``OUTCOMES``, how each was verified;
+    ``types``: places in ``TYPES``; ``programs``: which carry a program as their effect.
+
+    Columns are read-only and hold until the index behind them changes: use them within one call of ``rank``, keep
+    none. What costs time to look up for every record (texts, signatures) comes by row, on demand.
+    :func:`gvla2.testing.candidates` builds small ones for the tests of a retriever. ``now`` is in seconds since the
+    epoch.
+    """
 
     def __init__(self, rows: Rows, states: Sequence[str], now: float) -> None:
         self._rows = rows
@@ -24,14 +34,15 @@ class RowCandidates:
         # None where every row is served: then columns need no copying.
         self._order: NDArray[np.intp] | None = None if self._served.all() else np.flatnonzero(self._served)
         self._asked: tuple[str, NDArray[np.float64]] | None = None
-        self.ids: Sequence[str] = _Ids(self)
-        self.confidence: NDArray[np.float64] = self._column("confidence")
-        self.ages: NDArray[np.float64] = np.maximum(now - self._column("updated"), 0.0) / SECONDS_PER_DAY
-        self.usage: NDArray[np.int64] = self._column("usage")
-        self.conflicts: NDArray[np.int64] = self._column("conflicts")
-        self.outcomes: NDArray[np.int8] = self._column("outcome")
-        self.types: NDArray[np.int8] = self._column("type")
-        self.programs: NDArray[np.bool_] = self._column("program")
+        self.confidence: NDArray[np.float64] = self._column("confidence")  # (N,)
+        self.ages: NDArray[np.float64] = (
+            np.maximum(now - self._column("updated"), 0.0) / SECONDS_PER_DAY
+        )  # (N,)
+        self.usage: NDArray[np.int64] = self._column("usage")  # (N,)
+        self.conflicts: NDArray[np.int64] = self._column("conflicts")  # (N,)
+        self.outcomes: NDArray[np.int8] = self._column("outcome")  # (N,)
+        self.types: NDArray[np.int8] = self._column("type")  # (N,)
+        self.programs: NDArray[np.bool_] = self._column("program")  # (N,)
 
     def __len__(self) -> int:
         return len(self._served) if self._order is None else len(self._order)
@@ -64,11 +75,7 @@ class RowCandidates:
 
     def record(self, row: int) -> Record:
         """The whole record of a row."""
-        return self._rows.records[self.physical(row)]
-
-    def physical(self, row: int) -> int:
-        """Where a candidate is among all rows."""
-        return row if self._order is None else int(self._order[row])
+        return self._rows.records[row if self._order is None else int(self._order[row])]
 
     def content(self, row: int) -> str:
         """What the record says."""
@@ -90,24 +97,3 @@ class RowCandidates:
     def _pick(self, column: NDArray[Any]) -> NDArray[Any]:
         """(N,) of a column over all rows."""
         return column if self._order is None else column.take(self._order)
-
-
-class _Ids(Sequence[str]):
-    """Ids by row, without a list of all of them."""
-
-    def __init__(self, candidates: RowCandidates) -> None:
-        self._candidates = candidates
-
-    def __len__(self) -> int:
-        return len(self._candidates)
-
-    @overload
-    def __getitem__(self, row: int) -> str: ...
-    @overload
-    def __getitem__(self, row: slice) -> list[str]: ...
-    def __getitem__(self, row: int | slice) -> str | list[str]:
-        if isinstance(row, slice):
-            return [self[i] for i in range(*row.indices(len(self)))]
-        if not -len(self) <= row < len(self):
-            raise IndexError(row)
-        return self._candidates.record(int(row) % len(self)).id

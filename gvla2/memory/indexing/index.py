@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.rows import SERVED, STATES, Entry, Rows
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
@@ -53,10 +53,11 @@ class Index:
         if rev == self.rev:
             return
         if rev < self.rev:  # another database took the place of the one known
-            self._rows, self.rev = Rows(self._dimension), 0
+            self._rows.clear()
+            self.rev = 0
         if rev > self.rev:
-            with self._store.reading() as view:
-                rev, changes = view.rev(self.bank), view.changes(self.bank, self.rev)
+            with self._store.reading(self.bank) as view:
+                rev, changes = view.rev, view.changes(self.rev)
             self.apply(changes)
         self.rev = rev
 
@@ -64,39 +65,29 @@ class Index:
         """Store the vectors that had to be made, where the bank can be written; not within a transaction."""
         made, self._made = self._made, []
         if made:
-            with suppress(MemoryStoreError):
-                self._store.save_vectors(self.bank, self._embedder.model, made)
+            with suppress(MemoryStoreError), self._store.writing(self.bank, actor="index", now=0.0) as t:
+                t.save_vectors(self._embedder.model, made)
 
     def apply(self, changes: Iterable[Change]) -> None:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
-        dropped: list[str] = []
-        kept: list[Change] = []
-        for change in changes:
-            record = change.record
-            known = record.state in STATES and record.type in TYPES and record.outcome in OUTCOMES
-            if known and not change.forgotten:
-                kept.append(change)
-            else:
-                dropped.append(record.id)
+        listed = list(changes)
+        kept = [one for one in listed if _held(one.record)]
         vectors = self._vectors(kept)
         try:
-            self._rows.drop(dropped)
-            self._rows.put(
-                [
-                    Entry(change.record, vector, change.conflicts)
-                    for change, vector in zip(kept, vectors, strict=True)
-                ]
-            )
+            self._rows.drop([one.record.id for one in listed if not _held(one.record)])
+            entries = zip(kept, vectors, strict=True)
+            self._rows.put([Entry(one.record, vector, one.conflicts) for one, vector in entries])
         except BaseException:
-            self._rows, self.rev = Rows(self._dimension), 0  # half applied: read all of it again
+            self._rows.clear()  # half applied: read all of it again
+            self.rev = 0
             raise
 
-    def candidates(self, states: Sequence[str] = SERVED, *, now: float | None = None) -> RowCandidates:
+    def candidates(self, states: Sequence[str] = SERVED, *, now: float | None = None) -> Candidates:
         """The records of these states, as a retriever ranks them.
 
         ``now`` is what ages are counted to, in seconds since the epoch (the machine's clock by default).
         """
-        return RowCandidates(self._rows, states, time.time() if now is None else now)
+        return Candidates(self._rows, states, time.time() if now is None else now)
 
     def nearest(
         self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED
@@ -156,6 +147,11 @@ class Index:
             if not changes[i].model or (self._replace and changes[i].model != model):
                 self._made.append((changes[i].record, sound))
         return [vector for vector in found if vector is not None]
+
+
+def _held(record: Record) -> bool:
+    """Whether an index holds such a record: one that is neither archived nor forgotten, of kinds that are known."""
+    return record.state in STATES and record.type in TYPES and record.outcome in OUTCOMES
 
 
 def _sound(vector: NDArray[np.float32] | None, dimension: int) -> bool:

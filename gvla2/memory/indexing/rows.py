@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from array import array
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -11,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import OUTCOMES, TYPES
-from gvla2.memory.indexing.postings import Postings
 from gvla2.memory.indexing.terms import terms
 from gvla2.memory.records import Record
 
@@ -33,6 +33,8 @@ COLUMNS: dict[str, type[np.generic]] = {
     "program": np.bool_,
 }
 _DEAD = 1024
+UNSEEN = 10
+"""Records that a bank is taken to have more than it has: in a small bank every word would be rare."""
 T = TypeVar("T", bound=np.generic)
 
 
@@ -45,6 +47,46 @@ class Entry:
     conflicts: int = 0
 
 
+class Postings:
+    """An inverted index of sets of terms; rows are numbered by the caller, and each is added once.
+
+    What is computed is BM25 with k1 = 0: each term of the query that a row has counts by its idf, once. A lesson or a
+    turn of a conversation is a sentence or two, in which a word said twice says no more and length means little: on
+    LoCoMo's evidence turns, recall@10 of half BM25 and half cosine is .64 with k1 = 0 and .56 to .60 with k1 = 1.2
+    (static vectors; both divided by the most that the query allows, so that scores of different queries compare).
+    """
+
+    def __init__(self) -> None:
+        self._rows: dict[str, array[int]] = {}
+
+    def add(self, row: int, terms: Iterable[str]) -> None:
+        """A row has these distinct terms."""
+        for term in terms:
+            held = self._rows.get(term)
+            if held is None:
+                self._rows[term] = array("i", (row,))
+            else:
+                held.append(row)
+
+    def coverage(self, query: Iterable[str], served: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """(N,) share in [0, 1] of the query's information in each row: the sum of idf of the terms that it has.
+
+        Statistics are those of the rows that are ``served`` (N,); what the others get means nothing.
+        """
+        found = np.zeros(len(served))
+        documents = int(np.count_nonzero(served)) + UNSEEN
+        total = 0.0
+        for term in query:
+            held = self._rows.get(term)
+            # A view of an array keeps it from growing, so it must not outlive this call.
+            rows = np.frombuffer(held, np.int32) if held else np.zeros(0, np.int32)
+            holders = int(np.count_nonzero(served[rows]))
+            idf = math.log(1 + (documents - holders + 0.5) / (holders + 0.5))
+            total += idf
+            found[rows] += idf
+        return found / total if total else found
+
+
 class Rows:
     """Growable columns; a changed text gets a new row, dead rows go when they are too many.
 
@@ -52,13 +94,18 @@ class Rows:
     """
 
     def __init__(self, dimension: int) -> None:
+        self._dimension = dimension
+        self.clear()
+
+    def clear(self) -> None:
+        """Hold nothing any more."""
         self.records: list[Record] = []  # dead ones, too
         self.row_of: dict[str, int] = {}
         self.skills: dict[str, int] = {"": 0}
         self.columns: dict[str, NDArray[Any]] = {name: np.zeros(0, kind) for name, kind in COLUMNS.items()}
         self.numbers: dict[str, NDArray[np.float64]] = {}
         self.postings = Postings()
-        self._vectors = np.zeros((0, dimension), np.float32)
+        self._vectors = np.zeros((0, self._dimension), np.float32)
 
     def __len__(self) -> int:
         return len(self.row_of)
@@ -79,7 +126,10 @@ class Rows:
                 self._describe(row, entry)
         self._append(new)
         if len(self.records) - len(self) > _DEAD + len(self) // 2:
-            self._compact()
+            held, conflicts = sorted(self.row_of.values()), self.columns["conflicts"]
+            kept = [Entry(self.records[row], self._vectors[row], int(conflicts[row])) for row in held]
+            self.clear()
+            self._append(kept)
 
     def drop(self, ids: Sequence[str]) -> None:
         """Forget these records; unknown ids are passed over."""
@@ -138,28 +188,15 @@ class Rows:
             if name in self.numbers:
                 self.numbers[name][row] = value
 
-    def _compact(self) -> None:
-        """Rid all columns of dead rows; the others keep their order."""
-        kept = np.flatnonzero(self.column("state") >= 0)
-        new_row = np.full(len(self.records), -1, np.int32)
-        new_row[kept] = np.arange(len(kept), dtype=np.int32)
-        self.postings.compact(new_row)
-        self._vectors = self._vectors[kept]
-        self.columns = {name: column[kept] for name, column in self.columns.items()}
-        numbers = {name: column[kept] for name, column in self.numbers.items()}
-        self.numbers = {name: column for name, column in numbers.items() if not np.isnan(column).all()}
-        self.records = [self.records[row] for row in kept.tolist()]
-        self.row_of = {record.id: row for row, record in enumerate(self.records)}
 
-
-def _grown(array: NDArray[T], rows: int, fill: float = 0) -> NDArray[T]:
-    """``array`` itself where it has at least ``rows`` rows, else a copy with room for half as many more.
+def _grown(column: NDArray[T], rows: int, fill: float = 0) -> NDArray[T]:
+    """``column`` itself where it has at least ``rows`` rows, else a copy with room for half as many more.
 
     New rows hold ``fill``.
     """
-    if len(array) >= rows:
-        return array
-    room = max(rows, len(array) + len(array) // 2, 16)
-    larger = np.full((room, *array.shape[1:]), fill, array.dtype)
-    larger[: len(array)] = array
+    if len(column) >= rows:
+        return column
+    room = max(rows, len(column) + len(column) // 2, 16)
+    larger = np.full((room, *column.shape[1:]), fill, column.dtype)
+    larger[: len(column)] = column
     return larger

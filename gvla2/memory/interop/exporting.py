@@ -31,8 +31,8 @@ def export_path(
 
     Raises :class:`OutputError` when the path is taken or cannot be written; nothing is left there then.
     """
-    with store.reading() as view:
-        everything, links = view.records(bank), view.links(bank)
+    with store.reading(bank) as view:
+        everything, links = view.records(), view.links()
     shown = [record for record in everything if states is None or record.state in states]
     targets: dict[tuple[str, str], list[str]] = {}
     for link in links:

@@ -62,7 +62,7 @@ def import_path(
     ids: dict[str, str] = {}
     new: dict[str, Entry] = {}
     with store.writing(bank, actor=actor, now=at) as tx:
-        stored = tx.view.by_keys(bank, {entry.record.dedup_key for entry in entries})
+        stored = tx.by_keys({entry.record.dedup_key for entry in entries})
         for entry in entries:
             record = entry.record
             there = stored.get(record.dedup_key)

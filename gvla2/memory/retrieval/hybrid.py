@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import TYPES, Candidates, MemoryTask, Ranked
+from gvla2.memory.contracts import TYPES, MemoryTask, Ranked
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.terms import questions, words
 from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions
@@ -39,7 +40,7 @@ class HybridRetriever:
         the task's are left out, where both are known.
         """
         options = self._options
-        if not len(candidates.ids):
+        if not len(candidates):
             return (), "The bank is empty."
         if not questions(task.query):
             return (), "The query has no word to search by."
@@ -85,7 +86,7 @@ class HybridRetriever:
         Constraints, hints and the programs of each language have places of their own: a planner reads programs of one
         language, which those of another must not crowd out.
         """
-        options, ids, row = self._options, candidates.ids, rows.tolist()
+        options, row = self._options, rows.tolist()
         programs = candidates.programs[rows]
         constraints = (candidates.types[rows] == _CONSTRAINT) & ~programs
         taken: list[int] = []
@@ -98,7 +99,7 @@ class HybridRetriever:
             if len(some) > _LOOKED_AT:
                 some = some[np.argpartition(-scores[some], _LOOKED_AT)[:_LOOKED_AT]]
             groups: dict[str, list[int]] = {}
-            for i in sorted(some.tolist(), key=lambda i: (-scores[i], ids[row[i]])):
+            for i in sorted(some.tolist(), key=lambda i: (-scores[i], candidates.record(row[i]).id)):
                 name = str((candidates.effect(row[i]) or {}).get("language")) if programs[i] else ""
                 if name not in groups and len(groups) == _LANGUAGES:
                     continue
@@ -108,7 +109,7 @@ class HybridRetriever:
                 elif len(group) >= most and not name:
                     break
             taken += [i for group in groups.values() for i in group]
-        return sorted(taken, key=lambda i: (-scores[i], ids[row[i]]))
+        return sorted(taken, key=lambda i: (-scores[i], candidates.record(row[i]).id))
 
     def _same(self, one: int, other: int, candidates: Candidates) -> bool:
         """Whether two records say the same; the numbers of their effects aside, which one of them wins with."""
@@ -119,7 +120,7 @@ class HybridRetriever:
 
     def _fitting(self, task: MemoryTask, candidates: Candidates) -> NDArray[np.bool_]:
         """(N,) whether all that is essential of the scene is near enough, where both know it."""
-        fits = np.ones(len(candidates.ids), np.bool_)
+        fits = np.ones(len(candidates), np.bool_)
         for name in self._options.essential:
             asked = task.signature.get(name, math.nan)
             if math.isfinite(asked):
@@ -134,8 +135,9 @@ class HybridRetriever:
         options = self._options
         evidence = cosine + options.words_count * lexical
         nearest = int(np.argmax(np.where(allowed, evidence, -np.inf)))
+        id = candidates.record(nearest).id
         return (
-            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {candidates.ids[nearest]}, has "
+            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has "
             f"cosine {cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
             f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is asked, or {options.min_words:.0%} of the "
             "words)."

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, MemoryContext, MemoryItem, MemoryTask, Retriever
-from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.injection_patterns import sanitised
 from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.rendering import render
@@ -27,14 +27,14 @@ class Hit:
 
 def recall(
     task: MemoryTask,
-    candidates: RowCandidates,
+    candidates: Candidates,
     retriever: Retriever,
     embedder: Embedder,
     options: BankOptions,
     bank: str,
 ) -> MemoryContext:
     """The most reliable of the candidates, or none with the reason."""
-    if not len(candidates.ids):
+    if not len(candidates):
         return MemoryContext(abstained=f"The bank '{bank}' holds no verified knowledge yet.")
     asked = bounded(task)
     ranked, reason = retriever.rank(asked, candidates, embedder.embed([asked.query])[0])
@@ -46,14 +46,14 @@ def recall(
 
 def search(
     task: MemoryTask,
-    served: RowCandidates,
-    candidates: RowCandidates,
+    served: Candidates,
+    candidates: Candidates,
     retriever: Retriever,
     embedder: Embedder,
     k: int,
 ) -> list[Hit]:
     """What a recall would show of the ``served``, with its score; then the nearest of all others, and by what."""
-    if not len(candidates.ids) or k < 1:
+    if not len(candidates) or k < 1:
         return []
     asked = bounded(task)
     vector = embedder.embed([asked.query])[0]
@@ -62,7 +62,7 @@ def search(
     known = {hit.record.id for hit in hits}
     lexical, cosine = candidates.lexical(asked.query), candidates.cosine(vector)
     text = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
-    for row in sorted(range(len(text)), key=lambda i: (-text[i], candidates.ids[i]))[: k + len(known)]:
+    for row in sorted(range(len(text)), key=lambda i: (-text[i], candidates.record(i).id))[: k + len(known)]:
         record = candidates.record(row)
         if record.id not in known and text[row] > 0:
             terms = {

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import OUTCOMES, TYPES, Candidates
+from gvla2.memory.contracts import OUTCOMES, TYPES
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.terms import terms
 from gvla2.memory.retrieval.options import ScoreWeights
 

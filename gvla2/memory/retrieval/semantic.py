@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
+from gvla2.memory.contracts import MemoryTask, Ranked
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.retrieval.options import SemanticOptions
 
 
@@ -21,7 +22,7 @@ class SemanticRetriever:
         self, task: MemoryTask, candidates: Candidates, query_embedding: NDArray[np.float32]
     ) -> tuple[Sequence[Ranked], str]:
         """The ``top_k`` rows of largest cosine (equal ones by id)."""
-        if not len(candidates.ids):
+        if not len(candidates):
             return (), "The bank is empty."
         if not query_embedding.any():
             return (), "The query has no vector to search by."
@@ -31,5 +32,5 @@ class SemanticRetriever:
             return (), "The retriever is told to find none (top_k)."
         least = np.partition(cosines, len(cosines) - k)[len(cosines) - k]
         near = np.flatnonzero(cosines >= least).tolist()  # with all that tie for the last place
-        best = sorted(near, key=lambda row: (-cosines[row], candidates.ids[row]))[:k]
+        best = sorted(near, key=lambda row: (-cosines[row], candidates.record(row).id))[:k]
         return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""

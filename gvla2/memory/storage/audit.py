@@ -1,26 +1,35 @@
-"""Is a bank what its events say? Every way in which it may have been damaged or tampered with, named."""
+"""Is a bank what its events say? Every way in which it may have been damaged or tampered with, named; and mended."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from sqlalchemy import delete, insert
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Embedder
-from gvla2.memory.records import COLUMNS, FORGOTTEN, damage_of
-from gvla2.memory.storage.episodes import StoredEpisode
-from gvla2.memory.storage.events import GENESIS, Event, chain_hash, episode_digest, payload_digest
-from gvla2.memory.storage.forgetting import PENDING
-from gvla2.memory.storage.rebuilding import Folding
+from gvla2.memory.records import COLUMNS, FORGOTTEN, as_json, damage_of, dump, numbered
+from gvla2.memory.storage.events import (
+    GENESIS,
+    Event,
+    Folding,
+    StoredEpisode,
+    chain_hash,
+    episode_digest,
+    payload_digest,
+)
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
 from gvla2.memory.storage.view import View, vector_of
+from gvla2.memory.storage.writing import link_row
 
-_TOGETHER = 1024
 _OWN = 0.99
 """Cosine from which a vector is that of a text, whatever the order of additions."""
+_WHY = "the rows were not what the events say"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,52 +44,36 @@ class Problem:
         return f"{self.where} {self.id}: {self.what}." if self.id else f"{self.where}: {self.what}."
 
 
-def audit(view: View, bank: str, head: str = "") -> list[Problem]:
-    """All problems of a bank; ``head`` is "SEQ:HASH" of an event that it must have."""
+def audit(view: View, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
+    """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing.
+
+    ``head`` is "SEQ:HASH" of an event, as the bank's statistics had them once and somebody kept elsewhere: with it, a
+    chain whose end was cut off, or that was written anew, is found as well. With an ``embedder``, vectors of its model
+    that were not made of what their records say, as after a swap, are named, too.
+    """
     folding = Folding()
-    problems = list(_chain(view, bank, folding))
-    problems += _kept_head(view, bank, head) if head else ()
-    problems += _records(view, bank, folding)
-    problems += _vectors(view, bank)
-    problems += _links(view, bank, folding)
-    problems += _episodes(view, bank, folding)
+    problems = list(_chain(view, folding))
+    problems += _kept_head(view, head) if head else ()
+    problems += _records(view, folding)
+    problems += _vectors(view)
+    named = {problem.id for problem in problems if problem.where in ("record", "vector")}
+    problems += _foreign_vectors(view, embedder, named) if embedder else ()
+    stored, due = {(x.source, x.kind, x.target): x.at for x in view.links()}, folding.ties
+    for key in sorted(key for key in {*stored, *due} if stored.get(key) != due.get(key)):
+        kind = "it differs from" if key in stored and key in due else "it is not in both rows and"
+        problems.append(Problem("link", " ".join(key), f"{kind} events"))
+    problems += _episodes(view, folding)
     if view.meta(PENDING):
         problems.append(Problem("file", "", "bytes of what was forgotten may be left in it: compact it"))
     return problems
 
 
-def foreign_vectors(view: View, bank: str, embedder: Embedder) -> list[Problem]:
-    """The vectors of the embedder's model that were not made of what their records say, as after a swap.
-
-    Only who has the embedder can tell.
-    """
-    rows = [
-        row
-        for row in view.vector_rows(bank)
-        if row.model == embedder.model and row.state not in (None, FORGOTTEN)
-    ]
-    problems = []
-    for start in range(0, len(rows), _TOGETHER):
-        some = {row.id: vector_of(row.dimension, row.vector) for row in rows[start : start + _TOGETHER]}
-        records = [record for record in view.records(bank, ids=some) if some[record.id] is not None]
-        made = (
-            np.asarray(embedder.embed([record.text for record in records])) if records else np.zeros((0, 1))
-        )
-        for record, own in zip(records, made, strict=True):
-            stored = np.asarray(some[record.id])
-            length = np.linalg.norm(stored) * np.linalg.norm(own)
-            alike = stored.shape == own.shape and float(stored @ own) >= _OWN * length
-            if own.any() and not (alike and length > 0):
-                problems.append(Problem("vector", record.id, "it was not made of what the record says"))
-    return problems
-
-
-def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
+def _chain(view: View, folding: Folding) -> Iterator[Problem]:
     """Walk the events: numbers, hashes, digests, times; fold them on the way."""
     prev, seq, rev, at = GENESIS, 0, 0, -math.inf
     erased: list[Event] = []
     forgotten: dict[str, int] = {}
-    for event in view.stream_events(bank):
+    for event in view.events():
         where = str(event.seq)
         if event.seq != seq + 1:
             yield Problem("chain", where, f"events {seq + 1} to {event.seq - 1} are missing")
@@ -96,14 +89,13 @@ def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
             yield Problem("event", where, "it is older than the event before it")
         if event.action.partition(":")[0] == "forget":
             forgotten[event.record] = event.seq
-        wrong = folding.apply(event)
-        if wrong:
+        if wrong := folding.apply(event):
             yield Problem("event", where, wrong)
         prev, seq, rev, at = event.hash, event.seq, event.rev, event.at
     for event in erased:
         if max(forgotten.get(event.record, 0), forgotten.get(event.target, 0)) <= event.seq:
             yield Problem("event", str(event.seq), "it was erased, and nothing was forgotten afterwards")
-    head = view.head(bank)
+    head = view.head
     if head is not None and (head.rev, head.seq, head.hash) != (rev, seq, prev):
         told = f"event {head.seq}" if head.seq != seq else "another hash or number of its transaction"
         yield Problem("chain", "", f"it ends with event {seq}, the bank's own row says {told}")
@@ -111,23 +103,20 @@ def _chain(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
         yield Problem("chain", "", "the bank's own row is missing")
 
 
-def _kept_head(view: View, bank: str, head: str) -> Iterable[Problem]:
+def _kept_head(view: View, head: str) -> Iterator[Problem]:
     """Whether the chain still has an event that was its last once."""
-    place, colon, hash_ = head.strip().partition(":")
-    if not colon or not place.isdecimal() or not hash_:
+    place, _, hash_ = head.strip().partition(":")
+    if not place.isdecimal() or not hash_:
         raise MemoryStoreError(
             f"{head!r} is no head of a chain: give SEQ:HASH, as the statistics of a bank have them."
         )
-    seq = int(place)
-    events = view.events(bank, seq - 1, 1) if seq else []
-    if not events or events[0].seq != seq:
-        yield Problem(
-            "chain", place, "the head that was kept elsewhere is missing: the end of the chain was cut off"
-        )
-    elif events[0].hash != hash_:
-        yield Problem(
-            "chain", place, "it is another than the head that was kept elsewhere: the chain was written anew"
-        )
+    event = next(view.events(int(place) - 1), None)
+    if event is None or event.seq != int(place):
+        told = "the head that was kept elsewhere is missing: the end of the chain was cut off"
+        yield Problem("chain", place, told)
+    elif event.hash != hash_:
+        told = "it is another than the head that was kept elsewhere: the chain was written anew"
+        yield Problem("chain", place, told)
 
 
 def _hash(event: Event) -> str:
@@ -137,13 +126,12 @@ def _hash(event: Event) -> str:
         return ""
 
 
-def _records(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
+def _records(view: View, folding: Folding) -> Iterator[Problem]:
     missing = set(folding.rows)
-    for row in view.rows(bank):
+    for row in view.rows():
         id = str(row.id)
         missing.discard(id)
-        damage = damage_of(tuple(row))
-        if damage:
+        if damage := damage_of(tuple(row)):
             yield Problem("record", id, f"damaged: {damage}")
         elif id not in folding.rows:
             yield Problem("record", id, "no event created it")
@@ -156,40 +144,77 @@ def _records(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
         yield Problem("record", id, "the events have it, the rows do not")
 
 
-def _vectors(view: View, bank: str) -> Iterable[Problem]:
-    models = view.models(bank)
-    for row in view.vector_rows(bank):
-        id, model, dimension, stored, state = tuple[Any, ...](row)
+def _vectors(view: View) -> Iterator[Problem]:
+    for row in view.vector_rows():
+        id, _, dimension, stored, state = tuple[Any, ...](row)
         if state in (None, FORGOTTEN):
             yield Problem("vector", id, "it belongs to no record")
         elif vector_of(dimension, stored) is None:
             yield Problem("vector", id, "damaged: not finite, or of another length than it says")
-        elif models.get(model) != dimension:
-            yield Problem("vector", id, f"{dimension} numbers, others of '{model}' have {models.get(model)}")
 
 
-def _links(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
-    stored = {(link.source, link.kind, link.target): link.at for link in view.links(bank)}
-    for key in sorted({*stored, *folding.links}):
-        if stored.get(key) != folding.links.get(key):
-            kind = (
-                "it differs from" if key in stored and key in folding.links else "it is not in both rows and"
-            )
-            yield Problem("link", " ".join(key), f"{kind} events")
+def _foreign_vectors(view: View, embedder: Embedder, named: Collection[str]) -> Iterator[Problem]:
+    """Only who has the embedder can tell."""
+    model = embedder.model
+    held = [
+        x for x in view.changes() if x.model == model and x.vector is not None and x.record.id not in named
+    ]
+    for change, own in zip(held, embedder.embed([x.record.text for x in held]) if held else (), strict=True):
+        stored = np.asarray(change.vector)
+        length = np.linalg.norm(stored) * np.linalg.norm(own)
+        alike = stored.shape == own.shape and float(stored @ own) >= _OWN * length > 0
+        if own.any() and not alike:
+            yield Problem("vector", change.record.id, "it was not made of what the record says")
 
 
-def _episodes(view: View, bank: str, folding: Folding) -> Iterable[Problem]:
+def _episodes(view: View, folding: Folding) -> Iterable[Problem]:
     missing = set(folding.episodes)
-    for row in view.episode_rows(bank):
-        source, at, data = row.source, row.at, row.data
-        missing.discard(source)
+    for row in view.episode_rows():
+        missing.discard(row.source)
         try:
-            StoredEpisode.from_json(source, at, data)
-            digest = episode_digest(at, data)
-        except (ValueError, TypeError, AttributeError, RecursionError) as error:
-            yield Problem("episode", str(source), f"damaged: {error}")
+            StoredEpisode.from_json(row.source, row.at, row.data)
+        except ValueError as error:
+            yield Problem("episode", str(row.source), f"damaged: {error}")
             continue
-        if folding.episodes.get(source) != digest:
-            yield Problem("episode", source, "it is not what was stored")
+        if folding.episodes.get(row.source) != episode_digest(row.at, row.data):
+            yield Problem("episode", row.source, "it is not what was stored")
     for source in sorted(missing):
         yield Problem("episode", source, "the events have it, the rows do not")
+
+
+# Mending ------------------------------------------------------------------------------------------------------------
+
+
+def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str], list[str]]:
+    """Make rows, vectors and links that were changed behind the bank's back what its events say.
+
+    Gives the ids of the records that were made again, and of the rows that no event created: those are forgotten.
+    Vectors that are damaged, or foreign to the ``embedder``, are made again when the bank is asked next. What was
+    stored of episodes cannot be had again. Raises :class:`MemoryStoreError` where the events were changed, too.
+    """
+    problems = audit(t, embedder=embedder)
+    if changed := [problem for problem in problems if problem.where in ("chain", "event")]:
+        raise MemoryStoreError(
+            f"The bank '{t.bank}' cannot be repaired: its events were changed, too ({changed[0]}). Restore the "
+            "database from a copy."
+        )
+    folding = t.rebuilt()
+    due = {record.id: record for record in folding.whole()}
+    wrong = {problem.id for problem in problems if problem.where in ("record", "vector")}
+    # All rows go first, for any of them may hold the dedup key of another, or of a tombstone.
+    t.delete(RECORD, "id", wrong & due.keys())
+    t.delete(VECTOR, "id", wrong)
+    forgotten = t.forget(*sorted(wrong - due.keys()), why=_WHY)
+    stored = set(t.links())
+    if odd := stored ^ set(folding.links):
+        t.sql.execute(delete(LINK).where(LINK.c.bank == t.bank))
+        if folding.links:
+            t.sql.execute(insert(LINK), [{"bank": t.bank, **link_row(link)} for link in folding.links])
+    wrong |= {end for link in odd for end in (link.source, link.target)}
+    again = [numbered(due[id], due[id].version + 1, t.rev) for id in sorted(wrong & due.keys())]
+    # The event of each changes nothing: every index reads the record anew.
+    t.delete(RECORD, "id", [one.id for one in again])
+    if again:
+        t.sql.execute(insert(RECORD), [as_json(one) for one in again])
+    t.tell(t.event("repair", one.id, "", _WHY, change=dump({})) for one in again)
+    return [one.id for one in again], forgotten

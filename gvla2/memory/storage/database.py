@@ -7,93 +7,51 @@ What SQLite and PostgreSQL do each in their own way is in :mod:`gvla2.memory.sto
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, func, insert, select
+from sqlalchemy import URL, Connection, Engine, create_engine, insert
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import NullPool, QueuePool
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.storage.addresses import parsed
 from gvla2.memory.storage.tables import META, SCHEMA_VERSION, TABLES
 
-AT_ONCE = 2000
-"""Rows of a stream that are held at once."""
 
+class Database(ABC):
+    """Connections to one database; ``name`` is the file or address, as messages say it, without a password.
 
-class Dialect(Protocol):
-    """What is a database's own."""
-
-    name: str
-    """The file or address, as messages say it; without a password."""
-    reading: str
-    """The statement that begins a consistent view."""
-
-    def engine(self) -> Engine:
-        """Connections on which only explicit BEGINs open transactions, and a commit is on the disk."""
-        ...
-
-    def begin(self, connection: Connection, bank: str) -> None:
-        """Begin a transaction that keeps other writers of the bank out."""
-        ...
-
-    def check(self) -> None:
-        """Before a commit: raises :class:`MemoryStoreError` where the change would be lost."""
-        ...
-
-    def scrub(self, connection: Connection) -> None:
-        """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
-        ...
-
-    def size(self, connection: Connection) -> int:
-        """Bytes on disk."""
-        ...
-
-    def copy(self, connection: Connection, path: Path) -> None:
-        """Write a consistent copy to a new file."""
-        ...
-
-    def explained(self, error: BaseException) -> MemoryStoreError:
-        """What went wrong, and what to do."""
-        ...
-
-
-class Database:
-    """Connections to one database. Idle ones are kept and hold no lock; each thread works on one of its own, and a
-    forked process on new ones. Every failure is a :class:`~gvla2.errors.MemoryStoreError`.
+    Idle connections are kept and hold no lock; each thread works on one of its own, and a forked process on new ones.
+    Every failure is a :class:`~gvla2.errors.MemoryStoreError`.
     """
 
-    def __init__(self, dialect: Dialect) -> None:
-        self._dialect = dialect
-        self._engine, self._pid, self._closed = dialect.engine(), os.getpid(), False
+    begin_reading: str
+    """The statement that begins a consistent view."""
 
-    @classmethod
-    def open(cls, address: str | Path, busy_seconds: float, create: bool = True) -> Database:
-        """The database at an address, created where there is none and ``create`` is set."""
-        url = parsed(address)
-        dialect: Dialect
-        if url.drivername == "sqlite":
-            from gvla2.memory.storage.sqlite import SqliteDialect
+    def __init__(self, name: str, engine: Engine) -> None:
+        self.name, self.engine = name, engine
+        self._pid, self._closed = os.getpid(), False
 
-            dialect = SqliteDialect(Path(str(url.database)), busy_seconds, create)
-            return cls(dialect)
-        from gvla2.memory.storage.postgres import PostgresDialect
+    @abstractmethod
+    def begin(self, connection: Connection, bank: str) -> None:
+        """Begin a transaction that keeps other writers of the bank out."""
 
-        database = cls(PostgresDialect(url, busy_seconds))
-        try:
-            database._prepare(create)
-        except BaseException:
-            database.close()
-            raise
-        return database
+    def check(self) -> None:  # noqa: B027  # a server's database cannot be replaced while it is open
+        """Before a commit: raises :class:`MemoryStoreError` where the change would be lost."""
 
-    @property
-    def name(self) -> str:
-        """The file or address, as messages say it; without a password."""
-        return self._dialect.name
+    @abstractmethod
+    def scrub(self) -> None:
+        """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
+
+    @abstractmethod
+    def size(self) -> int:
+        """Bytes on disk."""
+
+    @abstractmethod
+    def explained(self, error: BaseException) -> MemoryStoreError:
+        """What went wrong, and what to do."""
 
     @contextmanager
     def connection(self) -> Iterator[Connection]:
@@ -102,23 +60,23 @@ class Database:
             raise MemoryStoreError(f"The memory {self.name} was closed.")
         if self._pid != os.getpid():
             # After a fork, the parent's connections must be neither used nor closed here.
-            self._engine.dispose(close=False)
+            self.engine.dispose(close=False)
             self._pid = os.getpid()
         try:
-            with self._engine.connect() as connection:
+            with self.engine.connect() as connection:
                 yield connection
         except (SQLAlchemyError, OSError, UnicodeError) as error:
-            raise self._dialect.explained(error) from error
+            raise self.explained(error) from error
         except Exception as error:
             if type(error).__module__ in ("sqlite3", "psycopg.errors", "psycopg"):
-                raise self._dialect.explained(error) from error
+                raise self.explained(error) from error
             raise
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """A consistent view, held until the end of the block."""
         with self.connection() as connection:
-            connection.exec_driver_sql(self._dialect.reading)
+            connection.exec_driver_sql(self.begin_reading)
             with _ended(connection):
                 yield connection
 
@@ -126,47 +84,15 @@ class Database:
     def writing(self, bank: str) -> Iterator[Connection]:
         """A transaction that keeps other writers of the bank out from its start; an exception undoes all of it."""
         with self.connection() as connection:
-            self._dialect.begin(connection, bank)
+            self.begin(connection, bank)
             with _ended(connection):
                 yield connection
-                self._dialect.check()
-
-    def scrub(self) -> None:
-        """Overwrite what was deleted, so that no byte of it is left in the database's files; gives space back."""
-        with self.connection() as connection:
-            self._dialect.scrub(connection)
-
-    def size(self) -> int:
-        """Bytes on disk."""
-        with self.connection() as connection:
-            return self._dialect.size(connection)
-
-    def snapshot(self, path: Path) -> None:
-        """Write a consistent copy to a new file."""
-        with self.connection() as connection:
-            self._dialect.copy(connection, path)
+                self.check()
 
     def close(self) -> None:
         """Close all connections; safe to call twice."""
         self._closed = True
-        self._engine.dispose(close=self._pid == os.getpid())
-
-    def _prepare(self, create: bool) -> None:
-        """Create the tables of a server once among all processes, or see that they can be used."""
-        with self.writing("") as connection:
-            there = set(self._engine.dialect.get_table_names(connection))
-            if there.isdisjoint(table.name for table in TABLES):
-                if not create:
-                    raise MemoryStoreError(f"There is no memory in {self.name} yet: it has no tables.")
-                create_tables(connection)
-                return
-            stated = select(META.c.value).where(META.c.key == "schema")
-            version = connection.execute(stated).scalar() if META.name in there else None
-        if META.name not in there:
-            raise MemoryStoreError(
-                f"The database {self.name} has a table 'memory' of something else: choose another one."
-            )
-        refuse_version(self.name, str(version))
+        self.engine.dispose(close=self._pid == os.getpid())
 
 
 def create_tables(connection: Connection) -> None:
@@ -199,11 +125,6 @@ def engine_of(url: URL, *, pooled: bool = True, **options: Any) -> Engine:
     return create_engine(url, isolation_level="AUTOCOMMIT", skip_autocommit_rollback=True, **pool, **options)
 
 
-def streamed(connection: Connection, query: Any) -> Any:
-    """The rows of a query, a few at a time."""
-    return connection.execute(query, execution_options={"stream_results": True, "max_row_buffer": AT_ONCE})
-
-
 def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
     """An INSERT that replaces the row of the same keys."""
     if connection.dialect.name == "sqlite":
@@ -213,13 +134,6 @@ def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
     statement = into(table)
     changed = {c.name: statement.excluded[c.name] for c in table.columns if c.name not in keys}
     return statement.on_conflict_do_update(index_elements=list(keys), set_=changed)
-
-
-def count_of(connection: Connection, table: Any, bank: str) -> int:
-    """How many rows of a bank a table has."""
-    return int(
-        connection.execute(select(func.count()).select_from(table).where(table.c.bank == bank)).scalar_one()
-    )
 
 
 @contextmanager

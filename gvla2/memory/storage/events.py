@@ -1,10 +1,12 @@
-"""The chain of events: every decision about a bank, from which its rows can be built again.
+"""What a bank's tables hold beside records: the chain of events, links, and the episodes that were learnt from.
+
+Every decision about a bank is an event, and from the events its rows can be built again.
 
 An event has a header (seq, rev, at, actor, action, record, target) and a payload (why, scores, change, origin).
 ``digest = H(salt, payload)`` and ``hash = H(prev, header, digest)``: forgetting erases salt and payload, the chain
 still holds. What ``change`` holds, by action:
 
-* ``link:KIND`` and ``unlink:KIND``: nothing; ``record`` and ``target`` are the ends.
+* ``link:KIND``: nothing; ``record`` and ``target`` are the ends.
 * ``forget``: the tombstone of a record; nothing where ``record`` names an episode.
 * ``forget:part``: other events of the record were erased, as they told of one that was forgotten; the whole record.
 * ``episode``: ``{"episode": digest, "source": source}`` of the JSON saved under a source. ``record`` is a random
@@ -16,17 +18,20 @@ still holds. What ``change`` holds, by action:
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from gvla2.memory.records import dump, load_object
+from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, clean, dump, load_object
 
 GENESIS = ""
 """What the first event of a bank has for ``prev``."""
 
-RESERVED = frozenset({"link", "unlink", "forget", "episode"})
+RESERVED = frozenset({"link", "forget", "episode"})
 """Actions that the store itself writes."""
+MAX_TRANSCRIPT = 200_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,10 +75,6 @@ class Event:
         """Whether the payload was forgotten."""
         return not self.salt
 
-    def scores_json(self) -> dict[str, float]:
-        """The scores that led to the decision."""
-        return load_object(self.scores) if self.scores else {}
-
     def change_json(self) -> dict[str, Any]:
         """What changed, see the module."""
         return load_object(self.change) if self.change else {}
@@ -109,10 +110,137 @@ def episode_digest(at: float, data: str) -> str:
     return hashlib.sha256(dump([at, data]).encode()).hexdigest()
 
 
-def difference(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, list[Any]]:
-    """``{field: [before, after]}`` of what differs, version and rev aside."""
-    return {
-        name: [before[name], value]
-        for name, value in after.items()
-        if name not in ("version", "rev") and before[name] != value
-    }
+@dataclass
+class Folding:
+    """A bank while its events are applied one by one; ``episodes`` are the digests of its episodes by source."""
+
+    rows: dict[str, dict[str, Any]] = field(default_factory=dict)
+    ties: dict[tuple[str, str, str], float] = field(default_factory=dict)
+    episodes: dict[str, str] = field(default_factory=dict)
+    _tied: dict[str, set[tuple[str, str, str]]] = field(default_factory=dict)
+    _sources: dict[str, str] = field(default_factory=dict)
+    _blurred: set[str] = field(default_factory=set)
+    """Records of which an event was erased: what comes after it need not fit, until one has the whole record."""
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The records where the events have led up to now, by id."""
+        return tuple(record for record in self.whole() if record.state != FORGOTTEN)
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links, by source, kind and target."""
+        return tuple(Link(*key, at) for key, at in sorted(self.ties.items()))
+
+    def whole(self) -> list[Record]:
+        """The records, tombstones too, by id."""
+        return [Record(**row) for _, row in sorted(self.rows.items()) if set(row) == set(COLUMNS)]
+
+    def apply(self, event: Event) -> str:
+        """Apply the next event; says what does not fit, "" for nothing."""
+        verb, _, kind = event.action.partition(":")
+        if verb == "link":
+            key = (event.record, kind, event.target)
+            self.ties[key] = event.at
+            for end in (event.record, event.target):
+                self._tied.setdefault(end, set()).add(key)
+                self._touch(end, event.rev)
+            return ""
+        if verb == "forget" and not kind:  # even if it was erased, as forgetting the same id once more does
+            for key in self._tied.pop(event.record, ()):
+                self.ties.pop(key, None)
+                for end in {key[0], key[2]} - {event.record}:
+                    self._tied[end].discard(key)
+                    self._touch(end, event.rev)
+        if event.erased:
+            self._blurred.add(event.record)
+            return ""
+        try:
+            change = event.change_json()
+        except (ValueError, RecursionError):
+            return "what changed is no sound JSON"
+        if verb == "episode":
+            source = self._sources[event.record] = str(change.get("source", event.record))
+            self.episodes[source] = str(change.get("episode"))
+            return ""
+        if verb == "forget" and not change:
+            self.episodes.pop(self._sources.get(event.record, event.record), None)
+            return ""
+        return self._change(event, change) if event.change else ""
+
+    def _touch(self, end: str, rev: int) -> None:
+        """An end of a link counts as changed; one that is not there (forgotten) does not."""
+        row = self.rows.get(end)
+        if row is not None and row["state"] != FORGOTTEN:
+            row["rev"] = rev
+
+    def _change(self, event: Event, change: dict[str, Any]) -> str:
+        if isinstance(change.get("id"), str):
+            self.rows[event.record] = change
+            self._blurred.discard(event.record)
+            return ""
+        row, blurred = self.rows.get(event.record), event.record in self._blurred
+        if row is None:
+            return "" if blurred else "it changes a record that was never created"
+        wrong = ""
+        for name, pair in change.items():
+            if name not in row or not isinstance(pair, list) or len(pair) != 2:
+                return "it does not say from what to what"
+            if row[name] != pair[0] and not blurred:
+                wrong = f"{name} was not what it says before"
+            row[name] = pair[1]
+        row["version"] += 1
+        row["rev"] = event.rev
+        return wrong
+
+
+@dataclass(frozen=True)
+class StoredEpisode:
+    """An episode as replay needs it. ``source`` identifies it in its bank; saving it again replaces it.
+
+    ``at`` is seconds since the epoch; ``facts`` are named JSON observations (an exit status); ``verdicts`` those
+    given up to now, the first one first; ``records`` the ids of the records that it taught: forgetting one of them
+    forgets the episode, too.
+    """
+
+    source: str
+    at: float
+    task: MemoryTask
+    lessons: tuple[Lesson, ...] = ()
+    transcript: str = ""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    verdicts: tuple[Verdict, ...] = ()
+    records: tuple[str, ...] = ()
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def to_json(self) -> str:
+        """Canonical JSON without ``source`` and ``at``; raises ``ValueError`` or ``TypeError`` for unsound facts."""
+        data = asdict(self) | {"transcript": clean(self.transcript, MAX_TRANSCRIPT)}
+        del data["source"], data["at"]
+        return dump(data).encode("utf-8", "replace").decode()
+
+    @classmethod
+    def from_json(cls, source: object, at: object, text: object) -> StoredEpisode:
+        """The episode of :meth:`to_json`; raises ``ValueError`` for anything else."""
+        try:
+            data = load_object(str(text))
+            if not isinstance(source, str) or not isinstance(at, float) or not math.isfinite(at):
+                raise ValueError("no source or no time")
+            return cls(
+                source=source,
+                at=at,
+                task=MemoryTask(**_frozen(data["task"])),
+                lessons=tuple(Lesson(**_frozen(lesson)) for lesson in data["lessons"]),
+                transcript=str(data["transcript"]),
+                facts=dict(data["facts"]),
+                verdicts=tuple(Verdict(**_frozen(verdict)) for verdict in data["verdicts"]),
+                records=tuple(data["records"]),
+                provenance=dict(data["provenance"]),
+            )
+        except (KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise ValueError(f"not an episode: {error}") from error
+
+
+def _frozen(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Lists as the tuples that they were."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}

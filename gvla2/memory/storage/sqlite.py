@@ -20,7 +20,7 @@ from urllib.parse import quote
 from sqlalchemy import URL, Connection, Engine
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.storage.database import create_tables, engine_of, refuse_version
+from gvla2.memory.storage.database import Database, create_tables, engine_of, refuse_version
 
 if sys.platform != "win32":
     import fcntl
@@ -30,28 +30,43 @@ BESIDE = ("-wal", "-shm", "-journal")
 _READ_ONLY = "The memory {} is read-only. Make it writable, or choose another file."
 _EMPTY_LOG = "PRAGMA wal_checkpoint(TRUNCATE)"
 _SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG)
+_HINTS = {
+    ("locked", "busy"): "Another process holds it: wait for it, or choose another file.",
+    (
+        "readonly",
+        "unable to open",
+        "Permission",
+    ): "It, or its folder, is gone or not writable: choose another file.",
+    (
+        "not a database",
+        "malformed",
+    ): "It is corrupt and was left as it is: restore it from a copy, or choose another file.",
+    ("full",): "Nothing of the change was stored: make room, and try again.",
+    (
+        "disk I/O",
+    ): "Nothing of the change was stored: is the disk full or failing, or is there a limit on files?",
+}
 
 
-class SqliteDialect:
-    """A :class:`gvla2.memory.storage.database.Dialect` in one file, made ready at ``path`` (created if ``create``).
+class SqliteDatabase(Database):
+    """One file, made ready at ``path`` (created if ``create``).
 
-    Waits for other processes at most ``busy_seconds`` at a time. A file that cannot be written is read.
+    Waits for other processes at most ``busy_seconds`` at a time. A file that cannot be written is read. Connections
+    never bring a deleted file back.
     """
 
-    reading = "BEGIN"
+    begin_reading = "BEGIN"
 
-    def __init__(self, path: Path, busy_seconds: float, create: bool = True) -> None:
-        self._path, self._busy_seconds, self.name = path, busy_seconds, str(path)
-        with _explained(path):
-            self._writable = _prepare(path, busy_seconds, create)
+    def __init__(self, path: Path, busy_seconds: float, create: bool) -> None:
+        self._path, self._busy_seconds = path, busy_seconds
+        try:
+            self._prepare(create)
             self._identity = _identity(path)
-
-    def engine(self) -> Engine:
-        """Connections that never bring a deleted file back."""
-        if self._writable:
-            return _engine(self._path, "mode=rw", self._busy_seconds)
-        # Without a log beside it, which cannot be made, nobody is writing just now: that is seen anew each time.
-        return _engine(self._path, "", self._busy_seconds)
+        except MemoryStoreError:
+            raise
+        except Exception as error:
+            raise self.explained(error) from error
+        super().__init__(str(path), self._engine())
 
     def begin(self, connection: Connection, bank: str) -> None:
         """Take the write lock: a transaction that reads first and writes later would fail under contention.
@@ -84,68 +99,144 @@ class SqliteDialect:
                 "stored: put it back, and open it again."
             )
 
-    def scrub(self, connection: Connection) -> None:
+    def scrub(self) -> None:
         """Write the file anew without what was deleted, and empty the write-ahead log."""
         self._refuse_read_only()
-        raw: Any = connection.connection.dbapi_connection
-        try:
-            for step in _SCRUB:
-                answer = raw.execute(step).fetchone()
-                if step == _EMPTY_LOG and answer and answer[0]:
-                    raise MemoryStoreError(
-                        f"The memory {self._path} cannot be cleaned now: another process is reading it."
-                    )
-        finally:
-            raw.execute("PRAGMA secure_delete=OFF")
+        with self.connection() as connection:
+            raw: Any = connection.connection.dbapi_connection
+            try:
+                for step in _SCRUB:
+                    answer = raw.execute(step).fetchone()
+                    if step == _EMPTY_LOG and answer and answer[0]:
+                        raise MemoryStoreError(
+                            f"The memory {self._path} cannot be cleaned now: another process is reading it."
+                        )
+            finally:
+                raw.execute("PRAGMA secure_delete=OFF")
 
-    def size(self, connection: Connection) -> int:
+    def size(self) -> int:
         """Bytes of the file and its log."""
         files = [self._path, self._path.with_name(self._path.name + "-wal")]
         return sum(file.stat().st_size for file in files if file.exists())
 
-    def copy(self, connection: Connection, path: Path) -> None:
-        """Write a consistent copy, aside first, so that there is a whole one or none."""
-        aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            if path.exists():
-                raise MemoryStoreError(f"{path} exists, and a copy replaces nothing. Choose another path.")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            connection.exec_driver_sql("VACUUM INTO ?", (str(aside),))
-            aside.rename(path)
-        finally:
-            aside.unlink(missing_ok=True)
-
     def explained(self, error: BaseException) -> MemoryStoreError:
-        """What went wrong with the file."""
-        return _explanation(self._path, error)
+        """What SQLite or the file system said, with the file, and what to do."""
+        said = str(getattr(error, "orig", None) or error)
+        hint = next((f" {hint}" for words, hint in _HINTS.items() if any(w in said for w in words)), "")
+        return MemoryStoreError(f"The memory {self._path} cannot be used: {said}.{hint}")
 
     def _refuse_read_only(self) -> None:
         if not self._writable:
             raise MemoryStoreError(_READ_ONLY.format(self._path))
 
+    def _address(self, mode: str = "") -> str:
+        """How to open the file: not creating it, and changing nothing of one that may not be changed.
 
-# The file -----------------------------------------------------------------------------------------------------------
+        Without a log beside it, which cannot be made then, nobody is writing just now: that is seen anew each time.
+        """
+        if not mode and not self._writable:
+            beside = [self._path.with_name(self._path.name + suffix) for suffix in BESIDE]
+            mode = "mode=ro" if any(path.exists() for path in beside) else "immutable=1"
+        return f"file:{quote(str(self._path))}?{mode or 'mode=rw'}"
 
+    def _engine(self, mode: str = "") -> Engine:
+        """Connections to the file; those for reading alone are not kept."""
 
-def _engine(path: Path, mode: str, busy_seconds: float) -> Engine:
-    """``mode`` "" is one of the modes for reading, whichever the moment allows; such connections are not kept."""
+        def connect() -> sqlite3.Connection:
+            address, wait = self._address(mode), self._busy_seconds
+            raw = sqlite3.connect(
+                address,
+                uri=True,
+                timeout=wait,
+                isolation_level=None,
+                check_same_thread=False,
+                cached_statements=256,
+            )
+            # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
+            raw.text_factory = _text_or_bytes
+            if self._writable:
+                raw.execute("PRAGMA journal_mode=WAL")
+            raw.execute("PRAGMA synchronous=FULL")
+            return raw
 
-    def connect() -> sqlite3.Connection:
-        how = mode or ("mode=ro" if _in_use(path) else "immutable=1")
-        raw = sqlite3.connect(
-            f"file:{quote(str(path))}?{how}",
-            uri=True,
-            timeout=busy_seconds,
-            isolation_level=None,
-            check_same_thread=False,
-            cached_statements=256,
+        return engine_of(
+            URL.create("sqlite", database=str(self._path)), pooled=self._writable, creator=connect
         )
-        # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
-        raw.text_factory = _text_or_bytes
-        raw.execute("PRAGMA synchronous=FULL")
-        return raw
 
-    return engine_of(URL.create("sqlite", database=str(path)), pooled=bool(mode), creator=connect)
+    # The file -----------------------------------------------------------------------------------------------------
+
+    def _prepare(self, create: bool) -> None:
+        """Make sure that the file holds the memory's tables, creating them once among all processes.
+
+        Raises for a file that is locked, corrupt, of another schema, or the database of something else, and for one
+        without any tables unless ``create``; all of them are left as they are.
+        """
+        path = self._path
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a device or a pipe"
+            raise MemoryStoreError(
+                f"The memory {path} cannot be used: it is {what}. Give the path of a file."
+            )
+        # An administrator who takes all write bits away means it, for root as well.
+        self._writable = not path.exists() or bool(
+            path.stat().st_mode & 0o222 and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)
+        )
+        if self._usable():
+            return
+        what = "empty" if path.exists() else "absent"
+        if not create:
+            raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
+        if not self._writable:
+            raise MemoryStoreError(f"{_READ_ONLY.format(path)} It is {what}.")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with self._creation_lock():
+            if not self._usable():
+                engine = self._engine("mode=rwc")
+                with engine.connect() as connection:
+                    connection.exec_driver_sql("BEGIN IMMEDIATE")
+                    create_tables(connection)
+                    connection.exec_driver_sql("COMMIT")
+                engine.dispose()
+
+    def _usable(self) -> bool:
+        """Whether the file has our tables; False for one that is absent or empty. Raises for all others."""
+        path = self._path
+        if not path.exists() or path.stat().st_size == 0:
+            return False
+        with closing(sqlite3.connect(self._address(), uri=True, timeout=self._busy_seconds)) as connection:
+            names = {
+                row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+            }
+            if not names:
+                return False
+            if "memory_meta" not in names:
+                raise MemoryStoreError(f"{path} is the database of something else: choose another file.")
+            found = connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone()
+            health = connection.execute("PRAGMA quick_check(1)").fetchone()
+        if health is None or health[0] != "ok":
+            raise MemoryStoreError(f"The memory {path} is corrupt: {health[0] if health else 'unreadable'}.")
+        refuse_version(str(path), str(found[0]) if found and "memory" in names else "none")
+        return True
+
+    @contextmanager
+    def _creation_lock(self) -> Iterator[None]:
+        """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
+        if sys.platform == "win32":
+            yield  # SQLite's own locks are all there is
+            return
+        with self._path.with_name(f".{self._path.name}.lock").open("a") as handle:
+            deadline = time.monotonic() + self._busy_seconds
+            while True:
+                try:
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError as error:
+                    if time.monotonic() > deadline:
+                        raise MemoryStoreError(
+                            f"The memory {self._path} is being created by another process."
+                        ) from error
+                    time.sleep(0.01)
+            yield  # closing the file lets go of the lock
 
 
 def _text_or_bytes(stored: bytes) -> str | bytes:
@@ -161,143 +252,3 @@ def _identity(path: Path) -> tuple[int, int]:
     except FileNotFoundError:
         return (0, 0)
     return (found.st_dev, found.st_ino)
-
-
-def _prepare(path: Path, busy_seconds: float, create: bool) -> bool:
-    """Make sure that ``path`` holds the memory's tables, creating them once among all processes.
-
-    Returns whether the bank can be written; what cannot is left as it is, to the byte. Raises
-    :class:`MemoryStoreError` for a file that is locked, corrupt, of another schema, or the database of something
-    else, and for one without any tables unless ``create``.
-    """
-    # An administrator who takes all write bits away means it, for root as well.
-    if path.exists() and not path.is_dir():
-        bits = path.stat().st_mode & 0o222
-        if not (bits and os.access(path, os.W_OK) and os.access(path.parent, os.W_OK)):
-            if not _usable(path, busy_seconds):
-                raise MemoryStoreError(f"{_READ_ONLY.format(path)} It is empty.")
-            return False
-    if _usable(path, busy_seconds) and _logs_ahead(path):
-        return True
-    if not create and not _usable(path, busy_seconds):
-        what = "empty" if path.exists() else "absent"
-        raise MemoryStoreError(f"There is no memory in {path} yet: it is {what}.")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with _creation_lock(path, busy_seconds):
-        if not _usable(path, busy_seconds):
-            _create(path, busy_seconds)
-        if not _logs_ahead(path):
-            with closing(sqlite3.connect(path, timeout=busy_seconds)) as connection:
-                connection.execute("PRAGMA journal_mode=WAL")
-    return True
-
-
-def _usable(path: Path, busy_seconds: float) -> bool:
-    """Whether the file has our tables; False for one that is absent or empty. Raises for all others."""
-    if not path.exists():
-        return False
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "a device or a pipe"
-        raise MemoryStoreError(f"The memory {path} cannot be used: it is {what}. Give the path of a file.")
-    if path.stat().st_size == 0:
-        return False
-    # Looking must not change a file that is then refused, nor leave a write-ahead log beside it, as reading does
-    # unless the file is said to be immutable. It is not if others have it open; they leave a log beside it, too.
-    stated = None
-    if not _in_use(path):
-        try:
-            stated = _version(path, "immutable=1", busy_seconds)
-        except (sqlite3.Error, MemoryStoreError):
-            if not _in_use(path):
-                raise
-    if stated is None or _in_use(path):
-        stated = _version(path, "mode=ro", busy_seconds)
-    if stated:
-        refuse_version(str(path), stated)
-    return bool(stated)
-
-
-def _in_use(path: Path) -> bool:
-    """Whether a log lies beside the file: somebody has it open, or crashed and left something to recover."""
-    return any(path.with_name(path.name + suffix).exists() for suffix in BESIDE)
-
-
-def _version(path: Path, mode: str, busy_seconds: float) -> str:
-    """What a file says of its tables, "" for no tables; raises for a corrupt file, and for one of something else."""
-    address = f"file:{quote(str(path))}?{mode}"
-    with closing(sqlite3.connect(address, uri=True, timeout=busy_seconds)) as connection:
-        names = {row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-        if not names:
-            return ""
-        if "memory_meta" not in names:
-            raise MemoryStoreError(f"{path} is the database of something else: choose another file.")
-        found = connection.execute("SELECT value FROM memory_meta WHERE key = 'schema'").fetchone()
-        health = connection.execute("PRAGMA quick_check(1)").fetchone()
-        if health is None or health[0] != "ok":
-            raise MemoryStoreError(f"The memory {path} is corrupt: {health[0] if health else 'unreadable'}.")
-        return str(found[0]) if found and "memory" in names else "none"
-
-
-def _logs_ahead(path: Path) -> bool:
-    """Whether the file is in the mode where readers and a writer don't block one another; its header says so."""
-    with path.open("rb") as handle:
-        return handle.read(20)[18:20] == b"\x02\x02"
-
-
-def _create(path: Path, busy_seconds: float) -> None:
-    with closing(sqlite3.connect(path, timeout=busy_seconds)) as connection:
-        connection.execute("PRAGMA journal_mode=WAL")
-    engine = _engine(path, "mode=rw", busy_seconds)
-    with engine.connect() as connection_:
-        connection_.exec_driver_sql("BEGIN IMMEDIATE")
-        create_tables(connection_)
-        connection_.exec_driver_sql("COMMIT")
-    engine.dispose()
-
-
-@contextmanager
-def _creation_lock(path: Path, busy_seconds: float) -> Iterator[None]:
-    """One process at a time: switching a new file to write-ahead logging does not wait for others by itself."""
-    if sys.platform == "win32":
-        yield  # SQLite's own locks are all there is
-        return
-    with path.with_name(f".{path.name}.lock").open("a") as handle:
-        deadline = time.monotonic() + busy_seconds
-        while True:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError as error:
-                if time.monotonic() > deadline:
-                    raise MemoryStoreError(
-                        f"The memory {path} is being created by another process."
-                    ) from error
-                time.sleep(0.01)
-        yield  # closing the file lets go of the lock
-
-
-@contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """Turn what SQLite and the file system say into a :class:`MemoryStoreError` that names the file."""
-    try:
-        yield
-    except MemoryStoreError:
-        raise
-    except Exception as error:
-        raise _explanation(path, error) from error
-
-
-def _explanation(path: Path, error: BaseException) -> MemoryStoreError:
-    said = str(getattr(error, "orig", None) or error)
-    hint = ""
-    if "locked" in said or "busy" in said:
-        hint = " Another process holds it: wait for it, or choose another file."
-    elif "readonly" in said or isinstance(error, PermissionError) or "unable to open" in said:
-        hint = " It, or its folder, is gone or not writable: choose another file."
-    elif "not a database" in said or "malformed" in said:
-        hint = " It is corrupt and was left as it is: restore it from a copy, or choose another file."
-    elif "full" in said:
-        hint = " Nothing of the change was stored: make room, and try again."
-    elif "disk I/O" in said:
-        hint = " Nothing of the change was stored: is the disk full or failing, or is there a limit on files?"
-    return MemoryStoreError(f"The memory {path} cannot be used: {said}.{hint}")

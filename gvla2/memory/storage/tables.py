@@ -1,6 +1,4 @@
-"""The memory's tables, declared once for SQLite and PostgreSQL. What events hold is told in
-:mod:`gvla2.memory.storage.events`.
-"""
+"""The memory's tables, declared once for SQLite and PostgreSQL, column for column what the dataclasses hold."""
 
 from __future__ import annotations
 
@@ -12,8 +10,10 @@ from gvla2.memory.records import COLUMNS
 from gvla2.memory.records import TYPES as RECORD_TYPES
 from gvla2.memory.storage.events import EVENT_COLUMNS
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """Version of the tables, kept in ``memory_meta``; any other is refused."""
+PENDING = "scrub"
+"""Key of ``memory_meta`` while bytes of something forgotten may be left in the files: a random token."""
 METADATA = MetaData()
 
 _FLOAT = Float(53)
@@ -25,19 +25,15 @@ def _column(name: str, kind: Any = Text, *, key: bool = False) -> Column[Any]:
 
 
 META = Table("memory_meta", METADATA, _column("key", key=True), _column("value"))
-"""Facts about the database: ``schema``, and ``scrub`` while forgotten bytes may be in its files."""
+"""Facts about the database: ``schema``, and :data:`PENDING`."""
 
 BANK = Table(
     "memory_bank",
     METADATA,
     _column("bank", key=True),
-    _column("rev", BigInteger),
-    _column("seq", BigInteger),
-    _column("hash"),
-    _column("at", _FLOAT),
-    _column("models"),
+    *(_column(name, _NUMBERED.get(name, Text)) for name in ("rev", "seq", "hash", "at")),
 )
-"""A bank and the head of its chain. Who writes to it advances this row. ``models``: JSON, vector lengths by model."""
+"""A bank and the head of its chain. Who writes to it advances this row."""
 
 RECORD = Table(
     "memory",
@@ -49,13 +45,12 @@ RECORD = Table(
     UniqueConstraint("bank", "dedup_key"),
     Index("memory_by_rev", "bank", "rev"),
 )
-"""Records, column for column. JSON columns are text, so that one damaged row cannot spoil a query."""
+"""Records. JSON columns are text, so that one damaged row cannot spoil a query."""
 
 VECTOR = Table(
     "memory_vector",
     METADATA,
-    _column("bank", key=True),
-    _column("id", key=True),
+    *(_column(name, key=True) for name in ("bank", "id")),
     _column("model"),
     _column("dimension", BigInteger),
     _column("vector", LargeBinary),
@@ -77,24 +72,18 @@ EVENT = Table(
     *(_column(name, _NUMBERED.get(name, Text), key=name in ("bank", "seq")) for name in EVENT_COLUMNS),
     Index("memory_event_by_record", "bank", "record"),
 )
-"""The chain of decisions, column for column an :class:`gvla2.memory.storage.events.Event`."""
+"""The chain of decisions, see :mod:`gvla2.memory.storage.events`."""
 
 EPISODE = Table(
     "memory_episode",
     METADATA,
-    _column("bank", key=True),
-    _column("source", key=True),
+    *(_column(name, key=True) for name in ("bank", "source")),
     _column("name"),
     _column("at", _FLOAT),
     _column("data"),
 )
-"""What replay verifies again: the JSON of a :class:`gvla2.memory.storage.episodes.StoredEpisode`. ``name`` is a random
+"""What replay verifies again: the JSON of a :class:`gvla2.memory.storage.events.StoredEpisode`. ``name`` is a random
 one, by which events speak of it: what stands in their headers, as the source would, could never be forgotten.
 """
 
-TAUGHT = Table("memory_taught", METADATA, *(_column(name, key=True) for name in ("bank", "record", "source")))
-"""Which episode taught which record, for forgetting; derived from the episodes."""
-
 TABLES: tuple[Table, ...] = tuple(METADATA.sorted_tables)
-BANKED: tuple[Table, ...] = tuple(table for table in TABLES if table is not META)
-"""The tables whose rows belong to a bank."""

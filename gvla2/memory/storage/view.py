@@ -4,25 +4,22 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Connection, Row, Select, func, select
+from sqlalchemy import Connection, Row, Select, func, or_, select
 
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of, load_object
-from gvla2.memory.storage.database import count_of, streamed
-from gvla2.memory.storage.episodes import StoredEpisode
-from gvla2.memory.storage.events import Event, Link
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of
+from gvla2.memory.storage.events import Event, Folding, Link, StoredEpisode
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, META, RECORD, VECTOR
 
 _STATE = COLUMNS.index("state")
-_CHUNK = 500
-"""How many ids one query names."""
-_MANY = 20 * _CHUNK
-"""From so many ids on, those of a whole bank are counted at once."""
+_TOGETHER = 500
+"""How many ids one query names, and how many rows of a stream are held at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,190 +43,188 @@ class Change:
 
 
 class View:
-    """All banks of a database at one instant. Damaged rows are passed over; ``Store.verify`` names them."""
+    """A bank at one instant. Damaged rows are passed over; :func:`~gvla2.memory.storage.audit.audit` names them."""
 
-    def __init__(self, connection: Connection) -> None:
-        self._sql = connection
+    def __init__(self, sql: Connection, bank: str) -> None:
+        self.sql, self.bank = sql, bank
 
-    def banks(self) -> list[str]:
-        """Names of the banks that anything was ever written to."""
-        return sorted(self._sql.execute(select(BANK.c.bank)).scalars())
-
-    def head(self, bank: str) -> Row[Any] | None:
+    @cached_property
+    def head(self) -> Row[Any] | None:
         """The bank's own row. (rev, seq, hash), kept elsewhere, prove later that the end was not cut off."""
-        return self._sql.execute(select(BANK).where(BANK.c.bank == bank)).one_or_none()
+        return self.sql.execute(select(BANK).where(BANK.c.bank == self.bank)).one_or_none()
 
-    def rev(self, bank: str) -> int:
+    @property
+    def rev(self) -> int:
         """The number of the bank's last transaction, 0 for none."""
-        return int(self._sql.execute(select(BANK.c.rev).where(BANK.c.bank == bank)).scalar() or 0)
+        return int(self.head.rev) if self.head else 0
 
-    def models(self, bank: str) -> dict[str, int]:
-        """The length of the vectors of each embedding model; {} where that is damaged."""
-        row = self.head(bank)
-        try:
-            return {name: int(length) for name, length in load_object(str(row.models)).items()} if row else {}
-        except (ValueError, TypeError):
-            return {}
-
-    def model(self, bank: str) -> str:
+    def model(self) -> str:
         """The embedding model of a vector of the bank, "" where it has none."""
-        query = select(VECTOR.c.model).where(VECTOR.c.bank == bank).limit(1)
-        return str(self._sql.execute(query).scalar() or "")
+        return str(self.sql.execute(self._of(VECTOR, VECTOR.c.model).limit(1)).scalar() or "")
 
     def meta(self, key: str) -> str:
         """A fact about the database itself, "" where it is not stated."""
-        return str(self._sql.execute(select(META.c.value).where(META.c.key == key)).scalar() or "")
+        return str(self.sql.execute(select(META.c.value).where(META.c.key == key)).scalar() or "")
 
     # Records ------------------------------------------------------------------------------------------------------
 
-    def get(self, bank: str, id: str) -> Record | None:
+    def get(self, id: str) -> Record | None:
         """The record, None where there is none, or a damaged or forgotten one."""
-        return next(iter(self.records(bank, ids=[id])), None)
+        return next(iter(self.records(ids=[id])), None)
 
-    def by_keys(self, bank: str, keys: Collection[str]) -> dict[str, Record]:
+    def by_keys(self, keys: Collection[str]) -> dict[str, Record]:
         """The records of dedup keys, by key."""
-        rows = self._chunked(select(RECORD).where(RECORD.c.bank == bank), RECORD.c.dedup_key, keys)
+        rows = self._named(self._of(RECORD), RECORD.c.dedup_key, keys)
         return {record.dedup_key: record for row in rows if (record := sound(row)) is not None}
 
-    def owners(self, bank: str, keys: Collection[str]) -> dict[str, str]:
-        """Which rows have these dedup keys, damaged ones too: key by id."""
-        query = select(RECORD.c.id, RECORD.c.dedup_key).where(RECORD.c.bank == bank)
-        return {row.id: row.dedup_key for row in self._chunked(query, RECORD.c.dedup_key, keys)}
-
     def records(
-        self, bank: str, states: Sequence[str] | None = None, ids: Collection[str] | None = None
+        self, states: Sequence[str] | None = None, ids: Collection[str] | None = None
     ) -> list[Record]:
         """The records in these states, with these ids (all by default; never forgotten ones), by id."""
-        found = [record for row in self.rows(bank, states, ids) if (record := sound(row)) is not None]
+        found = [record for row in self.rows(states, ids) if (record := sound(row)) is not None]
         return sorted(found, key=lambda record: record.id)
 
     def rows(
-        self, bank: str, states: Sequence[str] | None = None, ids: Collection[str] | None = None
+        self, states: Sequence[str] | None = None, ids: Collection[str] | None = None
     ) -> Iterator[Row[Any]]:
         """The stored rows, damaged or not, tombstones too."""
-        query = select(RECORD).where(RECORD.c.bank == bank)
-        if states is not None:
-            query = query.where(RECORD.c.state.in_(states))
-        yield from self._chunked(query, RECORD.c.id, ids)
+        query = self._of(RECORD)
+        return self._named(
+            query if states is None else query.where(RECORD.c.state.in_(states)), RECORD.c.id, ids
+        )
 
-    def changes(self, bank: str, since: int) -> list[Change]:
+    def changes(self, since: int = 0) -> list[Change]:
         """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
         found = []
-        for row in self._sql.execute(query.where(RECORD.c.bank == bank, RECORD.c.rev > since)):
-            model, length, stored = row[0], row[1], row[2]
+        for row in self.sql.execute(query.where(RECORD.c.bank == self.bank, RECORD.c.rev > since)):
             record = sound(row[3:], forgotten=True)
             if record is not None:
-                found.append((record, vector_of(length, stored), model or ""))
+                found.append((record, vector_of(row[1], row[2]), row[0] or ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
-        against = self.conflicts(bank, [entry[0].id for entry in found])
-        return [Change(record, vector, model, against.get(record.id, 0)) for record, vector, model in found]
+        against = self.conflicts({record.id for record, _, _ in found})
+        return [Change(record, vector, model, against[record.id]) for record, vector, model in found]
 
-    def vector_rows(self, bank: str) -> Iterator[Row[Any]]:
+    def vector_rows(self) -> Iterator[Row[Any]]:
         """(id, model, dimension, bytes, state of the record or None) of the stored vectors."""
         joined = VECTOR.outerjoin(RECORD, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         columns = (VECTOR.c.id, VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD.c.state)
-        yield from streamed(self._sql, select(*columns).select_from(joined).where(VECTOR.c.bank == bank))
+        return self._streamed(select(*columns).select_from(joined).where(VECTOR.c.bank == self.bank))
 
     # Links --------------------------------------------------------------------------------------------------------
 
-    def conflicts(self, bank: str, ids: Collection[str]) -> dict[str, int]:
+    def conflicts(self, ids: Set[str]) -> Counter[str]:
         """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
-        end a link names; those with none left out.
+        end a link names.
         """
-        query = select(LINK.c.source, LINK.c.kind, LINK.c.target).where(LINK.c.bank == bank)
-        query = query.where(LINK.c.kind.in_(("conflict", "suspicion", "dismissed")))
-        few = ids if len(ids) <= _MANY else None
-        rows = set(self._chunked(query, LINK.c.source, few))
-        if few is not None:
-            rows |= set(self._chunked(query, LINK.c.target, few))
         pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
-        for row in rows:
-            pairs[row.kind].add(frozenset((row.source, row.target)))
-        wanted = set(ids)
-        ends = [id for pair in pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"]) for id in pair]
-        return dict(Counter(id for id in ends if id in wanted))
+        for link in self.links(ids if len(ids) < 20 * _TOGETHER else None):
+            if link.kind in pairs:
+                pairs[link.kind].add(frozenset((link.source, link.target)))
+        held = pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"])
+        return Counter(id for pair in held for id in pair if id in ids)
 
-    def links(self, bank: str, ids: Collection[str] | None = None) -> list[Link]:
+    def links(self, ids: Collection[str] | None = None) -> list[Link]:
         """The links of the bank, or those that name one of these records on either end; by source, kind, target."""
-        query = select(LINK.c.source, LINK.c.kind, LINK.c.target, LINK.c.at).where(LINK.c.bank == bank)
-        rows = set(self._chunked(query, LINK.c.source, ids))
-        if ids is not None:
-            rows |= set(self._chunked(query, LINK.c.target, ids))
-        return [Link(*row) for row in sorted(tuple[Any, ...](row) for row in rows)]
+        query = self._of(LINK, LINK.c.source, LINK.c.kind, LINK.c.target, LINK.c.at)
+        ends = (LINK.c.source, LINK.c.target) if ids is not None else (LINK.c.source,)
+        return [
+            Link(*row) for row in sorted({tuple(row) for end in ends for row in self._named(query, end, ids)})
+        ]
 
     # Events and episodes ------------------------------------------------------------------------------------------
 
-    def events(self, bank: str, since: int = 0, limit: int | None = None) -> list[Event]:
-        """The events with seq > ``since``, oldest first, at most ``limit``."""
-        query = select(EVENT).where(EVENT.c.bank == bank, EVENT.c.seq > since)
-        return [Event(*row) for row in self._sql.execute(query.order_by(EVENT.c.seq).limit(limit))]
-
-    def stream_events(self, bank: str, until: float = math.inf) -> Iterator[Event]:
-        """The events of a bank up to a time (seconds since the epoch), oldest first, a few at a time."""
-        query = select(EVENT).where(EVENT.c.bank == bank)
+    def events(self, since: int = 0, until: float = math.inf) -> Iterator[Event]:
+        """The events with seq > ``since``, up to a time (seconds since the epoch), oldest first, a few at a time."""
+        query = self._of(EVENT).where(EVENT.c.seq > since)
         if until != math.inf:
             query = query.where(EVENT.c.at <= until)
-        return (Event(*row) for row in streamed(self._sql, query.order_by(EVENT.c.seq)))
+        return (Event(*tuple[Any, ...](row)) for row in self._streamed(query.order_by(EVENT.c.seq)))
 
-    def history(self, bank: str, id: str) -> list[Event]:
+    def history(self, id: str) -> list[Event]:
         """The events about one record (or one episode's source), oldest first."""
-        named = select(EPISODE.c.name).where(EPISODE.c.bank == bank, EPISODE.c.source == id)
-        names = [id, *self._sql.execute(named).scalars()]
-        query = select(EVENT).where(EVENT.c.bank == bank, EVENT.c.record.in_(names))
-        return [Event(*row) for row in self._sql.execute(query.order_by(EVENT.c.seq))]
+        names = self._of(EPISODE, EPISODE.c.name).where(EPISODE.c.source == id)
+        query = self._of(EVENT).where(or_(EVENT.c.record == id, EVENT.c.record.in_(names)))
+        return [Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq))]
 
-    def decided(self, bank: str, action: str) -> set[str]:
+    def as_of(self, time: float) -> list[Record]:
+        """The records as they were at ``time`` (seconds since the epoch), by id, without what was forgotten since."""
+        return list(self.rebuilt(time).records)
+
+    def rebuilt(self, until: float = math.inf) -> Folding:
+        """Records and links from the events alone; canonical JSON equal to the rows' byte for byte."""
+        folding = Folding()
+        for event in self.events(until=until):
+            folding.apply(event)
+        return folding
+
+    def decided(self, action: str) -> set[str]:
         """Ids of the records that a decision of this name was made about."""
-        query = select(EVENT.c.record).where(EVENT.c.bank == bank, EVENT.c.action == action)
-        return set(self._sql.execute(query.distinct()).scalars())
+        query = self._of(EVENT, EVENT.c.record).where(EVENT.c.action == action)
+        return set(self.sql.execute(query.distinct()).scalars())
 
-    def origins(self, bank: str, ids: Collection[str]) -> dict[str, list[str]]:
+    def origins(self, ids: Collection[str]) -> dict[str, list[str]]:
         """Who brought the evidence behind each of these records, oldest first; those with none left out."""
-        query = select(EVENT.c.record, EVENT.c.origin).where(EVENT.c.bank == bank, EVENT.c.origin != "")
+        query = self._of(EVENT, EVENT.c.record, EVENT.c.origin).where(EVENT.c.origin != "")
         found: dict[str, list[str]] = {}
-        for row in self._chunked(query.order_by(EVENT.c.seq), EVENT.c.record, ids):
+        for row in self._named(query.order_by(EVENT.c.seq), EVENT.c.record, ids):
             found.setdefault(row.record, []).append(row.origin)
         return found
 
-    def episodes(self, bank: str, sources: Collection[str] | None = None) -> list[StoredEpisode]:
+    def episodes(self, sources: Collection[str] | None = None) -> list[StoredEpisode]:
         """The stored episodes, of these sources or all, by time and source."""
         found = []
-        for row in self.episode_rows(bank, sources):
+        for row in self.episode_rows(sources):
             try:
                 found.append(StoredEpisode.from_json(row.source, row.at, row.data))
-            except (ValueError, TypeError, AttributeError, RecursionError):
-                continue  # damaged: verify names it
+            except ValueError:
+                continue  # damaged: the audit names it
         return sorted(found, key=lambda episode: (episode.at, episode.source))
 
-    def episode_rows(self, bank: str, sources: Collection[str] | None = None) -> Iterator[Row[Any]]:
+    def episode_rows(self, sources: Collection[str] | None = None) -> Iterator[Row[Any]]:
         """The rows of the stored episodes, damaged or not."""
-        yield from self._chunked(select(EPISODE).where(EPISODE.c.bank == bank), EPISODE.c.source, sources)
+        return self._named(self._of(EPISODE), EPISODE.c.source, sources)
 
-    def counts(self, bank: str) -> dict[str, Any]:
-        """Numbers about a bank."""
-        grouped = {}
-        for name in ("state", "type"):
-            column = RECORD.c[name]
-            query = select(column, func.count()).where(RECORD.c.bank == bank).group_by(column)
-            if name == "type":
-                query = query.where(RECORD.c.state != FORGOTTEN)
-            grouped[f"{name}s"] = {str(key): int(n) for key, n in sorted(self._sql.execute(query).all())}
+    def counts(self) -> dict[str, Any]:
+        """Numbers about the bank: records by state and type, how much of all else, and the head of its chain."""
+        count, known = func.count(), RECORD.c.state != FORGOTTEN
+        states = self._of(RECORD, RECORD.c.state, count).group_by(RECORD.c.state)
+        types = self._of(RECORD, RECORD.c.type, count).where(known).group_by(RECORD.c.type)
+        grouped = {
+            name: {str(key): int(n) for key, n in sorted(self.sql.execute(query).all())}
+            for name, query in (("states", states), ("types", types))
+        }
         tables = {"vectors": VECTOR, "links": LINK, "events": EVENT, "episodes": EPISODE}
-        counted = {name: count_of(self._sql, table, bank) for name, table in tables.items()}
-        head = self.head(bank)
-        rev, seq, hash_ = (head.rev, head.seq, head.hash) if head else (0, 0, "")
-        return {**grouped, **counted, "rev": rev, "seq": seq, "hash": hash_}
+        counted = {
+            name: int(self.sql.execute(self._of(table, count)).scalar_one()) for name, table in tables.items()
+        }
+        seq, hash_ = (self.head.seq, self.head.hash) if self.head else (0, "")
+        return {**grouped, **counted, "rev": self.rev, "seq": seq, "hash": hash_}
 
-    def _chunked(self, query: Select[Any], column: Any, wanted: Collection[str] | None) -> Iterator[Row[Any]]:
+    # Queries ------------------------------------------------------------------------------------------------------
+
+    def _of(self, table: Any, *columns: Any) -> Select[Any]:
+        """Of the bank's rows of a table all columns, or these."""
+        return select(*columns or (table,)).where(table.c.bank == self.bank)
+
+    def _named(self, query: Select[Any], column: Any, wanted: Collection[str] | None) -> Iterator[Row[Any]]:
         """The rows of a query, those whose ``column`` is among the ``wanted``, asked for a few at a time."""
         if wanted is None:
-            yield from self._sql.execute(query)
+            yield from self._streamed(query)
             return
-        ordered = sorted(set(wanted))
-        for start in range(0, len(ordered), _CHUNK):
-            yield from self._sql.execute(query.where(column.in_(ordered[start : start + _CHUNK]))).all()
+        for some in parts(wanted):
+            yield from self.sql.execute(query.where(column.in_(some))).all()
+
+    def _streamed(self, query: Select[Any]) -> Iterator[Row[Any]]:
+        options = {"stream_results": True, "max_row_buffer": _TOGETHER}
+        yield from self.sql.execute(query, execution_options=options)
+
+
+def parts(values: Iterable[Any]) -> Iterator[list[Any]]:
+    """Distinct values in order, a few at a time: as many as one statement may name."""
+    ordered = sorted(set(values))
+    return (ordered[start : start + _TOGETHER] for start in range(0, len(ordered), _TOGETHER))
 
 
 def sound(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
@@ -241,7 +236,12 @@ def sound(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
 
 def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:
     """The (D,) vector of stored bytes, None where they are damaged: another length, or no finite numbers."""
-    if not isinstance(stored, bytes) or not isinstance(length, int) or len(stored) != 4 * length:
+    if (
+        not isinstance(stored, bytes)
+        or not stored
+        or not isinstance(length, int)
+        or len(stored) != 4 * length
+    ):
         return None
     vector = np.frombuffer(stored, dtype="<f4")
     return vector if np.isfinite(vector).all() else None

@@ -13,6 +13,8 @@ from postgres_server import postgres
 from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting
+from gvla2.memory.records import Record
+from gvla2.memory.storage.audit import audit
 from gvla2.memory.storage.store import Store
 
 PROCESSES = 8
@@ -31,8 +33,7 @@ def writers(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         job = {"do": "crowd", "kind": "bank", "place": url, "processes": PROCESSES, "each": size}
         answer = in_processes(job)
         with Store.open(url) as store:
-            stored = {record.id: record for record in store.records(BANK)}
-            problems = len(store.verify(BANK))
+            stored, problems = stored_and_problems(store)
     ids = [id for id, _ in answer["said"]]
     raised = stored.pop(SHARED).count - 1
     lost = len(set(ids) - stored.keys()) + max(len(ids) - raised, 0)
@@ -49,6 +50,12 @@ def writers(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
             float(np.percentile(waited, 99)), setting.plain.name, peer[2], note=note, n=PROCESSES * size
         ),
     }
+
+
+def stored_and_problems(store: Store) -> tuple[dict[str, Record], int]:
+    """What is stored, by id, and how many problems an audit finds."""
+    with store.reading(BANK) as view:
+        return {record.id: record for record in view.records()}, len(audit(view))
 
 
 def _of(setting: Setting, count: int, whole: int, peer: float, note: str) -> Figure:
@@ -79,8 +86,7 @@ def kills(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
         job = {"do": "kills", "kind": "bank", "place": url, "times": size, "seed": setting.seed}
         said = {id for id, _ in in_processes(job)["said"]}
         with Store.open(url) as store:
-            stored = {record.id for record in store.records(BANK)}
-            problems = len(store.verify(BANK))
+            stored, problems = stored_and_problems(store)
     setting.tell(0.7, "the bank's are done")
     folder = setting.folder / "plain-kills"
     folder.mkdir(exist_ok=True)
@@ -90,7 +96,7 @@ def kills(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     note = f"{len(said):,} acknowledged by {size} writers, the peer's {len(told):,}; {problems} problems afterwards"
     return {
         "kills_lost": Figure(
-            float(len(said - stored)), setting.plain.name, float(len(told - kept)), note=note
+            float(len(said - stored.keys())), setting.plain.name, float(len(told - kept)), note=note
         )
     }
 

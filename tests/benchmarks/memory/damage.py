@@ -12,7 +12,7 @@ import numpy as np
 
 from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.plain_peer import FILE
-from gvla2.evaluation.memory.setting import NOW, Setting
+from gvla2.evaluation.memory.setting import NOW, Setting, whole_copy
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record
@@ -29,8 +29,7 @@ def quarantine(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
     records = setting.records(size)
     damaged = {record.id: KINDS[i % len(KINDS)] for i, record in enumerate(records[::10])}
     path = setting.folder / "damaged.db"
-    with Store.open(setting.filled(size)) as store:
-        store.snapshot(path)
+    whole_copy(setting.filled(size), path)
     with closing(sqlite3.connect(path)) as connection, connection:
         for id, kind in damaged.items():
             _spoil(connection, id, kind)

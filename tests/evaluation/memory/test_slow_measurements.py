@@ -16,7 +16,7 @@ from gvla2.evaluation.memory.figure import Figure, NotMeasuredError
 from gvla2.evaluation.memory.peers import PeerLesson
 from gvla2.evaluation.memory.plain_peer import FILE, PlainPeer
 from gvla2.evaluation.memory.setting import Setting
-from gvla2.memory.storage.store import Store
+from gvla2.memory.bank import KnowledgeBank
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_damage_is_named_and_the_rest_is_served(setting: Setting, monkeypatch: p
     assert figures["quarantine_served"].value == figures["quarantine_named"].value == 100
     assert figures["quarantine_shown"].value == 0
     assert figures["quarantine_served"].peer_value == 0, "one damaged line stops the peer"
-    monkeypatch.setattr(Store, "verify", lambda self, bank, *, head="": [])
+    monkeypatch.setattr(KnowledgeBank, "verify", lambda self, *, head="": [])
     assert damage.quarantine(setting, 50, "")["quarantine_named"].value < 50
 
 

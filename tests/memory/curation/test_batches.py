@@ -13,6 +13,7 @@ from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
 from gvla2.memory.indexing.index import STATES, Index
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import ids_of, look
 
 Open = Callable[..., KnowledgeBank]
 GOOD = Verdict.from_criteria({"done": 0.9}, verifier="v")
@@ -64,7 +65,7 @@ def columns(index: Index) -> dict[str, Any]:
             index.vector(index.rows([id])[0]).tobytes(),
             [column[place].item() for column in (held.confidence, held.ages, held.usage, held.conflicts)],
         )
-        for place, id in enumerate(held.ids)
+        for place, id in enumerate(ids_of(held))
     }
 
 
@@ -108,7 +109,7 @@ def test_an_index_follows_what_was_decided_as_if_it_were_read_anew(tmp_path: Pat
             now[0] += 86400
             if place % 3 == 2:
                 bank.govern()
-            assert columns(bank._index) == columns(Index(store, "default", StaticEmbedder()))
+            assert columns(bank.index) == columns(Index(store, "default", StaticEmbedder()))
         states = store.stats("default")["states"]
         assert states["archive"] > 0
         assert states["active"] <= 40
@@ -131,8 +132,8 @@ def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verd
             assert transaction.link(first, "noted", second, why="one")
             assert not transaction.link(first, "noted", second)
             transaction.decide("LOOKED", first)
-            assert [event.action for event in transaction.view.history("default", first)][-2:] == [
+            assert [event.action for event in transaction.history(first)][-2:] == [
                 "link:noted", "LOOKED",
             ]  # fmt: skip
-        assert store.verify("default") == []
-        assert json.loads(store.events("default")[-1].scores) == {}
+        assert look(store, "default").verify() == []
+        assert json.loads(look(store, "default").events()[-1].scores) == {}

@@ -147,7 +147,7 @@ def test_the_budget_holds_however_much_comes_in(open_bank: Open, verdicts: Any, 
         bank.admit_many(items[start : start + 30], trusted=True)
         assert len(bank.records(["active", "summary"])) <= 40
         assert len(bank.records(["provisional"])) <= 15
-        assert len(bank._index) <= 55  # what is archived takes no room in memory
+        assert len(bank.index) <= 55  # what is archived takes no room in memory
     assert len(bank.records()) == 210  # nothing was deleted
     assert bank.verify() == []
 

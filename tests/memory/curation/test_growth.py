@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from gvla2.memory.contracts import Lesson
+from tests.memory.looking import look
 
 Open = Callable[..., Any]
 CUP = "lift the cup"
@@ -138,5 +139,5 @@ def test_sources_are_the_same_however_they_are_written(open_bank: Open, verdicts
                for w, s in (("cup", "a"), ("pan", "a\0"), ("jar", "\0"))]  # fmt: skip
     assert len(bank.admit_many(lessons, trusted=True).added) == 3
     assert sorted(r.sources() for r in bank.records()) == [(), ("a",), ("a",)]
-    (episode,) = bank._store.episodes("default")
+    (episode,) = look(bank.store, "default").episodes()
     assert len(episode.records) == 2

@@ -12,6 +12,7 @@ from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Put, Store
+from tests.memory.looking import ids_of, look
 
 EMBEDDER = StaticEmbedder()
 NOW = 1.8e9
@@ -35,7 +36,7 @@ def put(store: Store, records: list[Record], *, vectors: bool = True, model: str
 
 
 def stored(store: Store, id: str) -> Record:
-    (record,) = store.records("default", ids=[id])
+    (record,) = look(store, "default").records(ids=[id])
     return record
 
 
@@ -50,9 +51,9 @@ def same(index: Index, store: Store, query: str = "pick up the red cube near the
     other = fresh(store)
     vector = EMBEDDER.embed([query])[0]
     one, two = index.candidates(now=NOW), other.candidates(now=NOW)
-    assert sorted(one.ids) == sorted(two.ids)
-    place = {id: i for i, id in enumerate(two.ids)}
-    order = [place[id] for id in one.ids]
+    assert sorted(ids_of(one)) == sorted(ids_of(two))
+    place = {id: i for i, id in enumerate(ids_of(two))}
+    order = [place[id] for id in ids_of(one)]
     for name in ("confidence", "ages", "usage", "conflicts", "outcomes", "types", "programs"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name)[order])
     np.testing.assert_allclose(one.lexical(query), two.lexical(query)[order], atol=1e-12)
@@ -63,14 +64,14 @@ def same(index: Index, store: Store, query: str = "pick up the red cube near the
     other_near, other_cosines = other.nearest(vector, 5)
     assert [index.record(r) for r in near] == [other.record(r) for r in other_near]
     np.testing.assert_allclose(cosines, other_cosines, atol=1e-6)
-    assert [one.record(i) for i in range(len(one.ids))] == [two.record(i) for i in order]
+    assert [one.record(i) for i in range(len(ids_of(one)))] == [two.record(i) for i in order]
 
 
 def test_it_follows_every_kind_of_change(store: Store) -> None:
     put(store, lessons(60, now=NOW))
     index = fresh(store)
     assert len(index) == 60
-    ids = list(index.candidates().ids)
+    ids = list(ids_of(index.candidates()))
     first = stored(store, ids[0])
     changes = [
         replace(first, usage=7, confidence=0.1, updated=NOW + 5),
@@ -83,26 +84,26 @@ def test_it_follows_every_kind_of_change(store: Store) -> None:
     put(store, lessons(20, 99, now=NOW))
     index.refresh()
     same(index, store)
-    served = list(index.candidates().ids)
+    served = list(ids_of(index.candidates()))
     assert ids[2] not in served
     assert ids[3] not in served
-    assert ids[3] in index.candidates(("provisional",)).ids
+    assert ids[3] in ids_of(index.candidates(("provisional",)))
     assert index.rows(["no such id", ids[2]]) == []
     put(store, [replace(stored(store, ids[2]), state="active")])
     index.refresh()
-    assert ids[2] in index.candidates().ids
+    assert ids[2] in ids_of(index.candidates())
     same(index, store)
 
 
 def test_links_count_as_conflicts_on_both_ends(store: Store) -> None:
     put(store, lessons(3, now=NOW))
     index = fresh(store)
-    ids = list(index.candidates().ids)
+    ids = list(ids_of(index.candidates()))
     with store.writing("default", actor="test", now=NOW) as transaction:
         transaction.link(ids[0], "conflict", ids[1])
         transaction.link(ids[2], "merged", ids[1])
     index.refresh()
-    assert dict(zip(index.candidates().ids, index.candidates().conflicts.tolist(), strict=True)) == {
+    assert dict(zip(ids_of(index.candidates()), index.candidates().conflicts.tolist(), strict=True)) == {
         ids[0]: 1, ids[1]: 1, ids[2]: 0,
     }  # fmt: skip
 
@@ -114,7 +115,7 @@ def test_forgotten_records_leave_the_index(store: Store) -> None:
     with store.writing("default", actor="test", now=NOW) as transaction:
         transaction.forget(records[0].id, why="asked to")
     index.refresh()
-    assert records[0].id not in index.candidates().ids
+    assert records[0].id not in ids_of(index.candidates())
     same(index, store)
 
 
@@ -126,7 +127,7 @@ def test_programs_are_told_apart(store: Store) -> None:
         [replace(records[0], effect=program), replace(records[1], effect='{"kind":"prior"}'), records[2]],
     )
     candidates = fresh(store).candidates()
-    told = dict(zip(candidates.ids, candidates.programs.tolist(), strict=True))
+    told = dict(zip(ids_of(candidates), candidates.programs.tolist(), strict=True))
     assert told == {records[0].id: True, records[1].id: False, records[2].id: False}
 
 
@@ -175,7 +176,7 @@ def test_nearest_is_exact(store: Store) -> None:
 
 def test_an_empty_bank(store: Store) -> None:
     index = fresh(store)
-    assert len(index.candidates().ids) == 0
+    assert len(ids_of(index.candidates())) == 0
     assert index.candidates().lexical("cube").shape == (0,)
     assert index.candidates().cosine(EMBEDDER.embed(["cube"])[0]).shape == (0,)
     assert len(index.nearest(EMBEDDER.embed(["cube"])[0], 3)[0]) == 0

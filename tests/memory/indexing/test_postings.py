@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.memory.indexing.postings import UNSEEN, Postings
+from gvla2.memory.indexing.rows import UNSEEN, Postings
 
 TERMS = st.frozensets(st.sampled_from(["red", "cube", "push", "lamp", "würfel", "拿起"]), max_size=6)
 
@@ -32,20 +32,16 @@ def test_by_hand() -> None:
     assert Postings().coverage(["x"], np.zeros(0, np.bool_)).shape == (0,)
 
 
-@given(st.lists(TERMS, min_size=1, max_size=12), TERMS, st.sets(st.integers(0, 11)), st.booleans())
+@given(st.lists(TERMS, min_size=1, max_size=12), TERMS, st.sets(st.integers(0, 11)))
 @settings(max_examples=150, deadline=None)
 def test_statistics_are_those_of_the_rows_served(
-    texts: list[frozenset[str]], query: frozenset[str], hidden: set[int], compacted: bool
+    texts: list[frozenset[str]], query: frozenset[str], hidden: set[int]
 ) -> None:
     postings = Postings()
     for row, text in enumerate(texts):
         postings.add(row, text)
     served = np.array([row not in hidden for row in range(len(texts))])
     expected = plain(query, [text for row, text in enumerate(texts) if served[row]])
-    if compacted:
-        postings.compact(np.where(served, np.cumsum(served) - 1, -1).astype(np.int32))
-        found = postings.coverage(query, np.ones(int(served.sum()), np.bool_))
-    else:
-        found = postings.coverage(query, served)[served]
+    found = postings.coverage(query, served)[served]
     np.testing.assert_allclose(found, expected, atol=1e-12)
     postings.add(len(served), query)  # what was looked at may grow

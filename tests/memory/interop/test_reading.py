@@ -10,6 +10,7 @@ import pytest
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.interop.importing import import_path, read_path
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 GOOD = {"memory_id": "good", "content": "Hold the rim.", "state": "active", "source_status": "success"}
 HUGE = ["1" + "0" * 400, "-1" + "0" * 400, "1e999", "-1e999", "9" * 250 + "e99"]
@@ -23,7 +24,7 @@ def test_odd_numbers_stop_nothing(tmp_path: Path, name: str, number: str):
     file.write_text(f"{odd}\n{json.dumps(GOOD)}\n")
     with Store.open(tmp_path / "m.db") as store:
         assert len(import_path(store, "b", file, now=1.8e9).added) == 2
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes with names are POSIX's")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
-from gvla2.memory.indexing.candidates import RowCandidates
+from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.rows import Entry, Rows
 from gvla2.memory.indexing.terms import questions, terms
 from gvla2.memory.retrieval.hybrid import HybridRetriever
@@ -38,9 +38,9 @@ def signature_distance(first: Mapping[str, float], second: Mapping[str, float]) 
     return sum(abs(a - b) / max(abs(a), abs(b), 1e-9) for a, b in shared) / len(shared)
 
 
-def reference(task: MemoryTask, bank: RowCandidates, options: HybridOptions) -> list[tuple[int, float]]:
+def reference(task: MemoryTask, bank: Candidates, options: HybridOptions) -> list[tuple[int, float]]:
     """All reliable rows with S, best first, one row and one word at a time; no row counts as said twice."""
-    count = len(bank.ids)
+    count = len(bank)
     records = [bank.record(i) for i in range(count)]
     texts = [terms(record.text) for record in records]
 
@@ -71,11 +71,12 @@ def reference(task: MemoryTask, bank: RowCandidates, options: HybridOptions) -> 
     best = max((relevance for _, relevance in found), default=1.0)
     scored = [(i, relevance / best + prior(task, bank, i, options.weights)) for i, relevance in found]
     return sorted(
-        (entry for entry in scored if entry[1] >= options.min_score), key=lambda e: (-e[1], bank.ids[e[0]])
+        (entry for entry in scored if entry[1] >= options.min_score),
+        key=lambda e: (-e[1], bank.record(e[0]).id),
     )
 
 
-def prior(task: MemoryTask, bank: RowCandidates, i: int, weights: ScoreWeights) -> float:
+def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> float:
     """S of a record without its relevance."""
     record, age, usage = bank.record(i), float(bank.ages[i]), int(bank.usage[i])
     avoidance = record.type == "failure_avoidance"
@@ -102,13 +103,13 @@ def prior(task: MemoryTask, bank: RowCandidates, i: int, weights: ScoreWeights) 
     )
 
 
-def corpus(size: int, seed: int) -> RowCandidates:
+def corpus(size: int, seed: int) -> Candidates:
     records = lessons(size, seed, now=NOW)
     vectors = EMBEDDER.embed([r.text for r in records])
     rows = Rows(256)
     dice = random.Random(seed)
     rows.put([Entry(r, v, int(dice.random() < 0.2)) for r, v in zip(records, vectors, strict=True)])
-    return RowCandidates(rows, ("active", "summary"), NOW)
+    return Candidates(rows, ("active", "summary"), NOW)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -168,7 +169,7 @@ def test_the_few_places_hold_the_best_of_a_large_bank() -> None:
         assert [r.row for r in short] == [r.row for r in ordered if r.row in kept]
 
 
-def rank(query: str, bank: RowCandidates, skill: str = "", **options: Any) -> tuple[list[Ranked], str]:
+def rank(query: str, bank: Candidates, skill: str = "", **options: Any) -> tuple[list[Ranked], str]:
     retriever = HybridRetriever(HybridOptions(**options))
     ranked, reason = retriever.rank(MemoryTask(query, skill=skill), bank, EMBEDDER.embed([query])[0])
     return list(ranked), reason

@@ -1,6 +1,5 @@
 """Which names a bank may have, and that the library keeps to it."""
 
-import sqlite3
 from pathlib import Path
 
 import pytest
@@ -40,14 +39,3 @@ def test_names_that_would_mislead(name: str, tmp_path: Path):
         pytest.raises(MemoryStoreError, match="cannot be the name of a bank"),
     ):
         bank.admit(Lesson("tool_usage", "Hold the rim."), GOOD, task="lift", trusted=True)
-
-
-def test_a_bank_that_has_another_name_already_can_be_used(tmp_path: Path):
-    url = f"sqlite:///{tmp_path / 'm.db'}"
-    with KnowledgeBank(url) as bank:
-        bank.admit(Lesson("tool_usage", "Hold the rim."), GOOD, task="lift", trusted=True)
-    with sqlite3.connect(tmp_path / "m.db") as raw:
-        raw.execute("UPDATE memory_bank SET bank = 'my bank'")
-    raw.close()
-    with KnowledgeBank(url, bank="my bank") as bank:
-        assert bank.admit(Lesson("tool_usage", "Turn the lid."), GOOD, task="open", trusted=True).added

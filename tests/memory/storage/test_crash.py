@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 NOW = 1.8e9
 WRITER = """
@@ -67,13 +68,13 @@ def test_processes_fill_a_new_bank_at_once(url: str) -> None:
         said |= acknowledged(out)
     assert len(said) == processes * each
     with Store.open(url) as store:
-        records = {r.id: r for r in store.records("b")}
+        records = {r.id: r for r in look(store, "b").records()}
         assert records.pop("shared").count == processes * each  # no update was lost either
         assert set(records) == set(said)
         assert sorted(r.rev for r in records.values()) == list(range(1, processes * each + 1))
-        assert len(store.events("b")) == 2 * processes * each
-        assert store.verify("b") == []
-        assert len(store.changes("b", 0)) == processes * each + 1
+        assert len(look(store, "b").events()) == 2 * processes * each
+        assert look(store, "b").verify() == []
+        assert len(look(store, "b").changes(0)) == processes * each + 1
 
 
 def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
@@ -91,11 +92,11 @@ def test_what_was_acknowledged_survives_kill_9(url: str) -> None:
         process.wait(10)
         process.stdout.close()
     with Store.open(url) as store:
-        stored = {r.id for r in store.records("b")}
+        stored = {r.id for r in look(store, "b").records()}
         assert len(said) >= rounds
         assert said <= stored
         assert len(stored - said) <= rounds + 1  # stored and not yet said, one a round; and the shared one
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="this system cannot limit the size of files")
@@ -110,8 +111,8 @@ def test_a_full_disk_undoes_one_transaction_and_no_more(sqlite_url: str, tmp_pat
     said = set(acknowledged(out))
     with Store.open(sqlite_url) as store:
         assert said
-        assert {r.id for r in store.records("b")} == {*said, "shared"}
-        assert store.verify("b") == []
+        assert {r.id for r in look(store, "b").records()} == {*said, "shared"}
+        assert look(store, "b").verify() == []
         with store.writing("b", actor="later", now=NOW) as t:
             assert t.get("shared").count == len(said)
             t.decide("there is room again")

@@ -11,6 +11,7 @@ import pytest
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store, StoredEpisode
+from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
@@ -20,39 +21,43 @@ Make = Callable[..., Record]
 def fill(store: Store, make: Make) -> None:
     """Five events: two records, a change, a link, an episode; and a decision."""
     with store.writing("b", actor="learn", now=NOW) as t:
-        first = t.put(make("1", content="lift 15 cm"), action="add", why="new", scores={"match": 0.2})
+        first = t.put(
+            make("1", content="lift 15 cm"),
+            action="add",
+            why="new",
+            scores={"match": 0.2, "odd": float("nan")},
+        )
         t.put(make("2"), action="add")
     with store.writing("b", actor="learn", now=NOW + 1) as t:
         t.put(replace(first, count=2, content="lift 20 cm"), action="merge", why="same surface")
         t.link("1", "conflict", "2", why="15 against 5")
     with store.writing("b", actor="learn", now=NOW + 2) as t:
-        t.save_episode(StoredEpisode("run/1", NOW + 2, MemoryTask("q"), transcript="it moved"))
-        t.decide("discard", "2", why="known already", scores={"match": 0.97, "odd": float("nan")})
+        t.save_episodes([StoredEpisode("run/1", NOW + 2, MemoryTask("q"), transcript="it moved")])
+        t.decide("discard", "2", why="known already")
 
 
 def test_history_says_who_what_why_before_and_after(store: Store, record: Make) -> None:
     fill(store, record)
-    created, merged, linked = store.history("b", "1")
+    created, merged, linked = look(store, "b").history("1")
     assert (created.actor, created.action, created.why, created.at) == ("learn", "add", "new", NOW)
-    assert created.scores_json() == {"match": 0.2}
+    assert created.scores == '{"match":0.2}'
     assert created.change_json()["content"] == "lift 15 cm"
     assert merged.change_json() == {"count": [1, 2], "content": ["lift 15 cm", "lift 20 cm"]}
     assert (linked.action, linked.target, linked.rev) == ("link:conflict", "2", 2)
-    events = store.events("b")
+    events = look(store, "b").events()
     assert [e.seq for e in events] == [1, 2, 3, 4, 5, 6]
-    assert store.events("b", since=4) == events[4:]
-    assert store.events("b", since=1, limit=2) == events[1:3]
-    assert (events[5].action, events[5].scores_json(), events[5].change) == ("discard", {"match": 0.97}, "")
+    assert look(store, "b").events(since=4) == events[4:]
+    assert (events[5].action, events[5].change) == ("discard", "")
 
 
 def test_the_past_and_the_rows_from_events_alone(store: Store, record: Make) -> None:
     fill(store, record)
-    assert [r.content for r in store.as_of("b", NOW)] == ["lift 15 cm", "what 2 says"]
-    assert [r.content for r in store.as_of("b", NOW + 1)] == ["lift 20 cm", "what 2 says"]
-    assert store.as_of("b", NOW - 1) == []
+    assert [r.content for r in look(store, "b").as_of(NOW)] == ["lift 15 cm", "what 2 says"]
+    assert [r.content for r in look(store, "b").as_of(NOW + 1)] == ["lift 20 cm", "what 2 says"]
+    assert look(store, "b").as_of(NOW - 1) == []
     stored, rebuilt = stored_and_rebuilt(store)
     assert stored == rebuilt
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []
 
 
 TAMPERING = {
@@ -134,11 +139,11 @@ def test_tampering_is_found_out(sqlite_url: str, tmp_path: Path, record: Make, h
     statements, expected = TAMPERING[how]
     with Store.open(sqlite_url) as store:
         fill(store, record)
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other, other:
             for statement in statements.split(";"):
                 other.execute(statement)
-        found = [str(problem) for problem in store.verify("b")]
+        found = [str(problem) for problem in look(store, "b").verify()]
         for sentence in expected:
             assert any(problem.startswith(sentence) for problem in found), found
 
@@ -147,10 +152,10 @@ def test_banks_have_chains_of_their_own(store: Store, record: Make) -> None:
     fill(store, record)
     with store.writing("c", actor="x", now=NOW - 50) as t:
         t.put(record("1", bank="c"), action="add")
-    assert [(e.bank, e.seq, e.at) for e in store.events("c")] == [("c", 1, NOW - 50)]
-    assert store.verify("b") == []
-    assert store.verify("c") == []
-    assert store.verify("nobody's") == []
+    assert [(e.bank, e.seq, e.at) for e in look(store, "c").events()] == [("c", 1, NOW - 50)]
+    assert look(store, "b").verify() == []
+    assert look(store, "c").verify() == []
+    assert look(store, "nobody's").verify() == []
 
 
 def test_forgetting_the_same_id_again_leaves_others_as_they_were(store: Store, record: Make) -> None:
@@ -163,5 +168,5 @@ def test_forgetting_the_same_id_again_leaves_others_as_they_were(store: Store, r
     with store.writing("b", actor="a", now=NOW) as t:
         t.put(record("b"), action="add")
         t.forget("b")
-    assert [r.rev for r in store.records("b")] == [1]
-    assert store.verify("b") == []
+    assert [r.rev for r in look(store, "b").records()] == [1]
+    assert look(store, "b").verify() == []

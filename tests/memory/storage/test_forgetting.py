@@ -14,6 +14,7 @@ from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, MemoryTask
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Put, Store, StoredEpisode
+from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
@@ -36,7 +37,7 @@ def fill(store: Store, make: Make, vector: np.ndarray) -> None:
         t.link("r2", "replaces", "s", why=f"instead of {SECRET}")
         for source, told in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
             lessons = (Lesson("tool_usage", SECRET if source != "run/u" else "harmless"),)
-            t.save_episode(StoredEpisode(source, NOW, MemoryTask("q"), lessons, records=told))
+            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), lessons, records=told)])
 
 
 def holders(folder: Path, text: str = SECRET) -> list[str]:
@@ -69,17 +70,17 @@ def test_forgetting_on_either_database(store: Store, record: Make, vector: np.nd
 
 
 def check_forgotten(store: Store, rev: int) -> None:
-    assert store.verify("b") == []
-    assert len(store.records("b")) == 40
-    assert store.links("b") == []
-    assert [e.source for e in store.episodes("b")] == ["run/u"]
+    assert look(store, "b").verify() == []
+    assert len(look(store, "b").records()) == 40
+    assert look(store, "b").links() == []
+    assert [e.source for e in look(store, "b").episodes()] == ["run/u"]
     stored, rebuilt = stored_and_rebuilt(store)
     assert stored == rebuilt
-    assert [r.id for r in store.as_of("b", NOW)] == [r.id for r in store.records("b")]
-    changes = {c.record.id: c for c in store.changes("b", rev)}
+    assert [r.id for r in look(store, "b").as_of(NOW)] == [r.id for r in look(store, "b").records()]
+    changes = {c.record.id: c for c in look(store, "b").changes(rev)}
     assert {id: c.forgotten for id, c in changes.items()} == {"r1": False, "r2": False, "s": True}
     assert (changes["s"].record.content, changes["s"].vector) == ("", None)
-    *before, last = store.history("b", "s")
+    *before, last = look(store, "b").history("s")
     assert all(e.erased and not e.change and not e.why for e in before)
     assert (last.action, last.why, last.actor) == ("forget", "asked for", "owner")
 
@@ -89,14 +90,14 @@ def test_the_same_may_be_learnt_again(store: Store, record: Make, put: Callable[
     with store.writing("b", actor="owner", now=NOW) as t:
         t.forget("1")
         assert t.get("1") is None
-        assert t.view.by_keys("b", [first.dedup_key]) == {}
+        assert t.by_keys([first.dedup_key]) == {}
     again = put(record("1"))
     assert again.version == 3
-    assert store.records("b") == [again]
-    assert store.verify("b") == []
+    assert look(store, "b").records() == [again]
+    assert look(store, "b").verify() == []
     with store.writing("b", actor="owner", now=NOW) as t:
         assert t.forget("1")
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []
     assert store.stats("b")["states"] == {"forgotten": 1}
 
 
@@ -108,7 +109,7 @@ def test_a_damaged_record_can_be_forgotten(sqlite_url: str, tmp_path: Path, reco
             other.execute("UPDATE memory SET provenance = '{'")
         with store.writing("b", actor="a", now=NOW) as t:
             assert t.forget("1")
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
         assert holders(tmp_path) == []
 
 
@@ -127,12 +128,12 @@ def test_bytes_that_a_reader_holds_up_are_owned_up_to_and_go_later(
                 store.writing("b", actor="owner", now=NOW) as t,
             ):
                 t.forget("s")
-            assert [str(p) for p in store.verify("b")] == [
+            assert [str(p) for p in look(store, "b").verify()] == [
                 "file: bytes of what was forgotten may be left in it: compact it."
             ]
-            assert SECRET not in {r.content for r in store.records("b")}
+            assert SECRET not in {r.content for r in look(store, "b").records()}
         store.compact()
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
         assert holders(tmp_path) == []
 
 
@@ -145,21 +146,21 @@ def test_many_at_once_are_forgotten_as_one_by_one(sqlite_url: str, tmp_path: Pat
                 [Put(record(id, content=f"{SECRET} {id}", provenance=sources % id), "add") for id in ids]
             )
             for source, told in (("run/all", ()), *((f"run/{id}", ()) for id in ids), ("told", ids[20:22])):
-                t.save_episode(
-                    StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(told))
+                t.save_episodes(
+                    [StoredEpisode(source, NOW, MemoryTask("q"), transcript=SECRET, records=tuple(told))]
                 )
-            t.save_episode(StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",)))
-            t.save_episode(StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],)))
+            t.save_episodes([StoredEpisode("kept", NOW, MemoryTask("q"), records=("r99",))])
+            t.save_episodes([StoredEpisode("torn", NOW, MemoryTask(SECRET), records=(ids[30],))])
             for one, other in itertools.pairwise(ids):
                 t.link(one, "conflict", other, why=SECRET)
         with closing(sqlite3.connect(tmp_path / "memory.db")) as other_connection, other_connection:
             other_connection.execute("UPDATE memory_episode SET data = data || '}' WHERE source = 'torn'")
         with store.writing("b", actor="owner", now=NOW) as t:
             assert all(t.forget(id) for id in ids)
-        assert [e.source for e in store.episodes("b")] == ["kept"]
+        assert [e.source for e in look(store, "b").episodes()] == ["kept"]
         assert holders(tmp_path) == []
-        assert store.verify("b") == []
-        forgotten = [e.record for e in store.events("b") if e.action == "forget"]
+        assert look(store, "b").verify() == []
+        forgotten = [e.record for e in look(store, "b").events() if e.action == "forget"]
         assert len(forgotten) == len(set(forgotten)) == 40 + 43
 
 
@@ -173,5 +174,5 @@ def test_what_is_learnt_again_at_once_keeps_its_links(
         t.forget("1")
         t.put(record("1"), action="add")
         t.link("2", "conflict", "1", why="anew")
-    assert [e.why for e in store.history("b", "2") if e.action == "link:conflict"] == ["", "anew"]
-    assert store.verify("b") == []
+    assert [e.why for e in look(store, "b").history("2") if e.action == "link:conflict"] == ["", "anew"]
+    assert look(store, "b").verify() == []

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import pytest
 
 from gvla2.memory.records import Record, dump
-from gvla2.memory.storage.chain import ERASED
+from gvla2.memory.storage.forgetting import ERASED
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.tables import EVENT
+from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
 NOW = 1.8e9
@@ -16,10 +17,12 @@ Make = Callable[..., Record]
 
 def check_sound(store: Store, *words: str) -> None:
     """The chain holds, the rows are what it says, and no event has these words."""
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []
     stored, rebuilt = stored_and_rebuilt(store)
     assert stored == rebuilt
-    said = [text for event in store.events("b") for text in (*event.payload, event.record, event.target)]
+    said = [
+        text for event in look(store, "b").events() for text in (*event.payload, event.record, event.target)
+    ]
     assert not [text for text in said for word in words if word in text]
 
 
@@ -46,14 +49,16 @@ def test_a_summary_goes_with_its_member_and_the_others_speak_again(
         assert t.forget("m-A")
     assert t.forgotten == ["m-A", "summary-1"]
     assert t.also == ["The summary summary-1 told it and was forgotten; active again: m-B, m-C, m-D."]
-    assert [(r.id, r.state, r.note) for r in store.records("b")] == [(f"m-{x}", "active", "") for x in "BCD"]
+    assert [(r.id, r.state, r.note) for r in look(store, "b").records()] == [
+        (f"m-{x}", "active", "") for x in "BCD"
+    ]
     check_sound(store, "PASTEA")
 
 
 def test_members_forgotten_together_leave_nothing(store: Store, summed_up: list[Record]) -> None:
     with store.writing("b", actor="owner", now=NOW + 1) as t:
-        assert len(t.forget_many([member.id for member in summed_up])) == 4
-    assert store.records("b") == []
+        assert len(t.forget(*[member.id for member in summed_up])) == 4
+    assert look(store, "b").records() == []
     check_sound(store, "PASTE", "polish")
 
 
@@ -88,13 +93,13 @@ def test_a_record_that_took_in_another_is_freed_of_its_wording(
         t.link("grand-1", "merged", "heir-1")
     with store.writing("b", actor="a", now=NOW + 1) as t:
         assert t.forget("taken-1")
-    grand, left = store.records("b")
+    grand, left = look(store, "b").records()
     assert (grand.id, grand.query) == ("grand-1", "tidy up\nfold the towel")
     assert (left.query, left.sources(), left.count) == ("fold the towel", ("run/1",), 2)
     assert left.verifier_json()["reasons"] == []
     assert "freed of its wording" in t.also[0]
-    with store.reading() as view:
-        assert view.origins("b", ["heir-1"]) == {"heir-1": ["own:run/1"]}
+    with store.reading("b") as view:
+        assert view.origins(["heir-1"]) == {"heir-1": ["own:run/1"]}
     check_sound(store, "PATIENT", "ZEBRA")
 
 
@@ -108,8 +113,8 @@ def test_evidence_that_does_not_name_what_was_forgotten_still_counts(
         t.link("heir-1", "merged", "taken-1")
     with store.writing("b", actor="a", now=NOW) as t:
         assert t.forget("taken-1")
-    with store.reading() as view:
-        assert view.origins("b", ["heir-1"]) == {"heir-1": ["own:run/1", "foreign:lab"]}
+    with store.reading("b") as view:
+        assert view.origins(["heir-1"]) == {"heir-1": ["own:run/1", "foreign:lab"]}
     check_sound(store, "SECRET")
 
 
@@ -122,7 +127,7 @@ def test_instructions_that_are_the_heirs_own_stay(
         t.link("heir-1", "merged", "taken-1")
     with store.writing("b", actor="a", now=NOW) as t:
         assert t.forget("taken-1")
-    (left,) = store.records("b")
+    (left,) = look(store, "b").records()
     assert (left.query, left.sources(), left.version) == (heir.query, heir.sources(), 1)
     assert t.also == []
 
@@ -133,4 +138,6 @@ def test_erasing_without_forgetting_is_still_found(
     put(record("1"))
     with store._database.writing("b") as sql:
         sql.execute(EVENT.update().values(ERASED))
-    assert "event 1: it was erased, and nothing was forgotten afterwards." in map(str, store.verify("b"))
+    assert "event 1: it was erased, and nothing was forgotten afterwards." in map(
+        str, look(store, "b").verify()
+    )

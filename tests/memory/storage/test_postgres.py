@@ -10,6 +10,7 @@ import pytest
 from gvla2.errors import ConfigurationError, MemoryStoreError, MissingDependencyError
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 NOW = 1.8e9
 Make = Callable[..., Record]
@@ -24,7 +25,7 @@ def test_a_reader_that_has_seen_a_rev_has_seen_all_before_it(postgres_url: str, 
         def poll() -> None:
             since = 0
             while not done.is_set() or store.rev("b") > since:
-                for change in store.changes("b", since):
+                for change in look(store, "b").changes(since):
                     since = max(since, change.record.rev)
                     seen[change.record.id] = change.record.rev
 
@@ -49,7 +50,7 @@ def test_writers_of_one_bank_wait_and_those_of_others_do_not(postgres_url: str, 
     with Store.open(postgres_url) as first, Store.open(postgres_url, busy_seconds=0.2) as second:
         with first.writing("b", actor="a", now=NOW) as t:
             t.put(record("1"), action="add")
-            assert second.records("b") == []
+            assert look(second, "b").records() == []
             with second.writing("c", actor="a", now=NOW) as other:
                 other.put(record("1", bank="c"), action="add")
             with (
@@ -57,7 +58,7 @@ def test_writers_of_one_bank_wait_and_those_of_others_do_not(postgres_url: str, 
                 second.writing("b", actor="a", now=NOW),
             ):
                 pass
-        assert [r.id for r in second.records("b")] == ["1"]
+        assert [r.id for r in look(second, "b").records()] == ["1"]
 
 
 def test_a_lost_connection_fails_once_and_is_replaced(postgres_url: str, record: Make) -> None:

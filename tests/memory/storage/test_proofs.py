@@ -10,6 +10,7 @@ from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 GOOD = Verdict.from_criteria({"done": 1.0})
 
@@ -43,8 +44,8 @@ def test_an_end_that_was_cut_off_is_found_by_a_head_kept_elsewhere(sqlite_url: s
         "(SELECT seq, rev, at, hash FROM memory_event WHERE seq = 2);",
     )
     with Store.open(sqlite_url) as store:
-        assert store.verify("default") == []
-        assert [str(p) for p in store.verify("default", head=head)] == [
+        assert look(store, "default").verify() == []
+        assert [str(p) for p in look(store, "default").verify(head=head)] == [
             "chain 3: the head that was kept elsewhere is missing: the end of the chain was cut off."
         ]
 
@@ -62,15 +63,15 @@ def test_a_source_is_in_no_header_and_goes(sqlite_url: str, tmp_path: Path) -> N
             MemoryTask("q"), (Lesson("procedural_hint", "Fold it."),), source=source.lower()
         )
         bank.learn(other, GOOD)
-        store = bank._store
+        store = bank.store
         assert [e.action for e in bank.history(source)] == ["episode", "episode"]
         names = {e.record for e in bank.history(source)}
         assert all(name.startswith("episode-") for name in names)
-        assert not [e for e in store.events("default") if "SMITH" in e.record + e.target]
+        assert not [e for e in look(store, "default").events() if "SMITH" in e.record + e.target]
         (taught,) = [r.id for r in bank.records() if "mail" in r.content]
         assert bank.forget(taught)
         assert [p.name for p in tmp_path.iterdir() if b"SMITH" in p.read_bytes()] == []
         assert bank.history(source) == []
-        assert [e.source for e in store.episodes("default")] == [source.lower()]
-        assert {e.record for e in store.events("default") if e.action == "forget"} == {taught, *names}
+        assert [e.source for e in look(store, "default").episodes()] == [source.lower()]
+        assert {e.record for e in look(store, "default").events() if e.action == "forget"} == {taught, *names}
         assert bank.verify() == []

@@ -1,8 +1,6 @@
 """A bank that cannot be written can be read; one that is taken away while it is open takes nothing in."""
 
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
+from tests.memory.looking import look
 
 NOW = 1.8e9
 GOOD = Verdict.from_criteria({"done": 1.0})
@@ -40,16 +39,13 @@ def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path)
                 Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True
             ),
             lambda: bank.forget(record.id),
-            bank.compact,
+            bank.store.compact,
         ):
             with pytest.raises(MemoryStoreError, match=r"is read-only\. Make it writable"):
                 change()
         assert bank.records() == [record]
-        bank._store.snapshot(tmp_path / "elsewhere" / "copy.db")
     assert filled.read_bytes() == before
-    assert [path for path in sorted(tmp_path.iterdir()) if path.name != "elsewhere"] == beside
-    with Store.open(f"sqlite:///{tmp_path / 'elsewhere' / 'copy.db'}") as copy:
-        assert copy.records("default") == [record]
+    assert sorted(tmp_path.iterdir()) == beside
 
 
 def test_a_reader_sees_what_a_writer_has_in_its_log(filled: Path, sqlite_url: str) -> None:
@@ -57,7 +53,7 @@ def test_a_reader_sees_what_a_writer_has_in_its_log(filled: Path, sqlite_url: st
         writer.admit(Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True)
         filled.chmod(0o444)
         with Store.open(sqlite_url) as reader:
-            assert len(reader.records("default")) == 2
+            assert len(look(reader, "default").records()) == 2
 
 
 def test_a_read_only_bank_that_would_have_to_be_changed_first_is_refused(tmp_path: Path) -> None:
@@ -109,7 +105,7 @@ def test_a_connection_never_brings_a_deleted_file_back(filled: Path, sqlite_url:
     with Store.open(sqlite_url) as store:
         filled.unlink()
         with pytest.raises(MemoryStoreError, match="unable to open database file"):
-            store.records("default")
+            look(store, "default").records()
     assert not filled.exists()
 
 
@@ -118,24 +114,6 @@ def test_devices_and_pipes_are_named(tmp_path: Path) -> None:
     for path in ("/dev/null", tmp_path / "pipe"):
         with pytest.raises(MemoryStoreError, match="it is a device or a pipe"):
             Store.open(f"sqlite:///{path}")
-
-
-def test_a_snapshot_that_fails_leaves_nothing(filled: Path, sqlite_url: str, tmp_path: Path) -> None:
-    program = (
-        "import resource, sys\n"
-        "from gvla2.memory.storage.store import Store\n"
-        "store = Store.open(sys.argv[1])\n"
-        "store.rev('default')  # opens the log, which is larger\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))\n"
-        "store.snapshot(sys.argv[2])\n"
-    )
-    folder = tmp_path / "copies"
-    done = subprocess.run(
-        [sys.executable, "-c", program, sqlite_url, str(folder / "copy.db")], capture_output=True, text=True
-    )
-    assert "MemoryStoreError" in done.stderr
-    assert "limit on files" in done.stderr
-    assert list(folder.iterdir()) == []
 
 
 def test_a_clock_beyond_all_calendars_is_refused(store: Store, record: Make) -> None:
@@ -147,4 +125,4 @@ def test_a_clock_beyond_all_calendars_is_refused(store: Store, record: Make) -> 
             pass
     with store.writing("b", actor="a", now=253402300799.0) as t:
         t.put(record("1"), action="add")
-    assert store.verify("b") == []
+    assert look(store, "b").verify() == []

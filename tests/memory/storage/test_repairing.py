@@ -10,7 +10,9 @@ from gvla2.errors import MemoryStoreError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.memory.records import COLUMNS, Record
+from gvla2.memory.storage.audit import repair
 from gvla2.memory.storage.store import Put, Store
+from tests.memory.looking import look
 
 GOOD = Verdict.from_criteria({"done": 1.0})
 SAID = (
@@ -39,8 +41,8 @@ def tampered(tmp_path: Path) -> Callable[..., KnowledgeBank]:
 
 
 def repaired(bank: KnowledgeBank):
-    with bank._store.writing("default", actor="test", now=2e9) as tx:
-        return tx.repair()
+    with bank.store.writing("default", actor="test", now=2e9) as tx:
+        return repair(tx)
 
 
 @pytest.mark.parametrize(
@@ -60,15 +62,15 @@ def repaired(bank: KnowledgeBank):
 def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path):
     with tampered(statement) as bank:
         assert bank.verify() != []
-        before = bank._store.rebuild("default").records
+        before = look(bank.store, "default").rebuilt().records
         done = repaired(bank)
         assert bank.verify() == []
-        assert done.records
+        assert done[0]
         assert {r.content for r in bank.records()} == set(SAID)
         for old, new in zip(before, bank.records(), strict=True):
             assert {n for n in COLUMNS if getattr(old, n) != getattr(new, n)} <= {"version", "rev"}
         assert {hit.record.content for hit in bank.search("lift the cup or turn the lid")} <= set(SAID)
-        assert bank.history(done.records[0])[-1].action == "repair"
+        assert bank.history(done[0][0])[-1].action == "repair"
         assert bank.verify() == []
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as again:
         assert {item.content for item in again.recall("lift the cup").items} <= set(SAID)
@@ -84,7 +86,7 @@ def test_a_row_that_nobody_created_is_forgotten(tampered):
         "FROM memory WHERE content LIKE 'Turn%'"
     ) as bank:
         assert any(hit.record.id == "hint-evil" for hit in bank.search("throw the cup")) or bank.verify()
-        assert repaired(bank).forgotten == ("hint-evil",)
+        assert repaired(bank)[1] == ["hint-evil"]
         assert bank.verify() == []
         assert {r.content for r in bank.records()} == set(SAID)
 
@@ -93,7 +95,7 @@ def test_a_sound_bank_is_left_alone(tampered):
     with tampered() as bank:
         rev = bank.stats()["rev"]
         done = repaired(bank)
-        assert (done.records, done.forgotten, bank.stats()["rev"]) == ((), (), rev)
+        assert (done, bank.stats()["rev"]) == (([], []), rev)
 
 
 @pytest.mark.parametrize(
@@ -157,16 +159,18 @@ def test_dedup_keys_that_were_moved(store: Store, record: Callable[..., Record],
     with store.writing("b", actor="test", now=1.8e9) as tx:
         tx.put_many([Put(record(id), "add") for id in "1234"])
         tx.forget("4")
-    before = store.rebuild("b")
+    before = look(store, "b").rebuilt()
     with store._database.writing("b") as raw:
         for statement in statements:
             assert raw.exec_driver_sql(statement).rowcount
-    assert store.verify("b")
+    assert look(store, "b").verify()
     with store.writing("b", actor="test", now=1.9e9) as tx:
-        assert tx.repair().records
-    assert store.verify("b") == []
-    assert {r.id: r.dedup_key for r in store.records("b")} == {id: f"key of {id}" for id in "123"}
-    assert [(r.id, r.content) for r in store.records("b")] == [(r.id, r.content) for r in before.records]
+        assert repair(tx)[0]
+    assert look(store, "b").verify() == []
+    assert {r.id: r.dedup_key for r in look(store, "b").records()} == {id: f"key of {id}" for id in "123"}
+    assert [(r.id, r.content) for r in look(store, "b").records()] == [
+        (r.id, r.content) for r in before.records
+    ]
 
 
 @pytest.mark.parametrize(
@@ -182,12 +186,12 @@ def test_rows_of_either_database(store: Store, record: Callable[..., Record], st
     with store.writing("b", actor="test", now=1.8e9) as tx:
         tx.put_many([Put(record("1"), "add"), Put(record("2"), "add")])
         tx.link("1", "conflict", "2")
-    before = [(r.id, r.content) for r in store.records("b")]
+    before = [(r.id, r.content) for r in look(store, "b").records()]
     with store._database.writing("b") as raw:
         assert raw.exec_driver_sql(statement).rowcount
-    assert store.verify("b")
+    assert look(store, "b").verify()
     with store.writing("b", actor="test", now=1.9e9) as tx:
-        assert tx.repair().records
-    assert store.verify("b") == []
-    assert [(r.id, r.content) for r in store.records("b")] == before
-    assert len(store.links("b")) == 1
+        assert repair(tx)[0]
+    assert look(store, "b").verify() == []
+    assert [(r.id, r.content) for r in look(store, "b").records()] == before
+    assert len(look(store, "b").links()) == 1

@@ -12,6 +12,7 @@ from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import PENDING
 from gvla2.memory.storage.store import Put, Store
 from gvla2.memory.storage.tables import META
+from tests.memory.looking import look
 
 resource = pytest.importorskip("resource", reason="this system limits no files")
 NOW = 1.8e9
@@ -31,7 +32,7 @@ def fill(store: Store, make: Make) -> None:
 
 def forget(store: Store, *ids: str) -> list[bool]:
     with store.writing("b", actor="owner", now=NOW) as t:
-        return [t.forget(id) for id in ids]
+        return [bool(t.forget(id)) for id in ids]
 
 
 @contextmanager
@@ -57,12 +58,12 @@ def test_a_disk_that_gets_full_meanwhile(sqlite_url: str, tmp_path: Path, record
         assert str(path) in said
         assert "gvla2 memory compact" in said
         assert "Nothing" not in said
-        assert not {"secret-1", "secret-2"} & {r.id for r in store.records("b")}
-        assert [p.where for p in store.verify("b")] == ["file"]
+        assert not {"secret-1", "secret-2"} & {r.id for r in look(store, "b").records()}
+        assert [p.where for p in look(store, "b").verify()] == ["file"]
         assert holders(tmp_path)
         assert forget(store, "secret-1") == [False]  # again: it is gone, and now its bytes are, too
         assert holders(tmp_path) == []
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
 
 
 def test_a_disk_that_was_full_before(sqlite_url: str, tmp_path: Path, record: Make) -> None:
@@ -71,9 +72,9 @@ def test_a_disk_that_was_full_before(sqlite_url: str, tmp_path: Path, record: Ma
         store.compact()
         with files_up_to(10), pytest.raises(MemoryStoreError, match="Nothing of the change was stored"):
             forget(store, "secret-1")
-        assert "secret-1" in {r.id for r in store.records("b")}
+        assert "secret-1" in {r.id for r in look(store, "b").records()}
         assert forget(store, "secret-1") == [True]
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
 
 
 def test_a_server_that_others_read_says_so_and_is_cleaned_later(postgres_url: str, record: Make) -> None:
@@ -85,9 +86,9 @@ def test_a_server_that_others_read_says_so_and_is_cleaned_later(postgres_url: st
             reader.execute("SELECT COUNT(*) FROM memory").fetchone()
             with pytest.raises(MemoryStoreError, match=r"secret-1: forgotten.*lock timeout.*memory compact"):
                 forget(store, "secret-1")
-        assert [p.where for p in store.verify("b")] == ["file"]
+        assert [p.where for p in look(store, "b").verify()] == ["file"]
         store.compact()
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
 
 
 def test_somebody_elses_forgetting_stays_noted(
@@ -105,9 +106,11 @@ def test_somebody_elses_forgetting_stays_noted(
 
         monkeypatch.setattr(store._database, "scrub", meanwhile)
         forget(store, "secret-1")
-        assert [p.where for p in store.verify("b")] == ["file"]  # who began before that clears nothing
+        assert [p.where for p in look(store, "b").verify()] == [
+            "file"
+        ]  # who began before that clears nothing
         store.compact()
-        assert store.verify("b") == []
+        assert look(store, "b").verify() == []
 
 
 def test_a_link_to_the_file_is_the_file(tmp_path: Path, record: Make) -> None:

@@ -1,0 +1,284 @@
+"""Writing to a bank: rows, and the events that say why, on the head of its chain; whole or nothing."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import Connection, Row, Table, bindparam, delete, insert, update
+
+from gvla2.errors import MemoryStoreError
+from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, as_json, clean, damage_of, dump, finite
+from gvla2.memory.storage.database import upsert
+from gvla2.memory.storage.events import (
+    EVENT_COLUMNS,
+    GENESIS,
+    RESERVED,
+    Link,
+    StoredEpisode,
+    chain_hash,
+    episode_digest,
+    payload_digest,
+)
+from gvla2.memory.storage.putting import Put, StaleRecordError, Tie, checked, vector_row
+from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR
+from gvla2.memory.storage.view import View, parts
+
+MAX_WHY = 2000
+LATEST = 253402300799.0
+"""The last second of the year 9999: what no calendar knows, no clock means, and later times could not follow it."""
+_OF_ONE = (RECORD.c.bank == bindparam("b_bank")) & (RECORD.c.id == bindparam("b_id"))
+_UPDATE = update(RECORD).where(_OF_ONE)
+# The key columns are left out: naming one would make the database rewrite its index entry each time.
+_CHANGED = tuple(name for name in COLUMNS if name not in ("id", "bank", "dedup_key"))
+
+
+class Writing(View):
+    """Changes of one bank under one ``rev``, made by ``actor`` at ``now`` (never before the bank's last change).
+
+    Whoever makes one holds the bank's write lock: what is read here stays so until the end. Reasons (``why``) and a
+    record's ``note`` may name other records by id, and must not quote them: forgetting a record does not look for its
+    words in the reasons of others (those of links to it aside).
+    """
+
+    def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
+        if not abs(now) <= LATEST:
+            raise MemoryStoreError(
+                f"The time of a change must be a finite number of seconds, before the year 10000, not {now}."
+            )
+        super().__init__(sql, bank)
+        head, self._actor = self.head, clean(actor, 200)
+        self._rev = (int(head.rev) if head else 0) + 1
+        self.now = max(float(now), head.at) if head else float(now)
+        self._seq, self._hash = (int(head.seq), str(head.hash)) if head else (0, GENESIS)
+        self._began, self._half = self._seq, False
+
+    @property
+    def rev(self) -> int:
+        """The number of this transaction."""
+        return self._rev
+
+    # Records ------------------------------------------------------------------------------------------------------
+
+    def put(
+        self,
+        record: Record,
+        vector: NDArray[np.floating[Any]] | None = None,
+        *,
+        model: str = "",
+        action: str,
+        why: str = "",
+        scores: Mapping[str, float] | None = None,
+        origin: str = "",
+    ) -> Record:
+        """Store one record, see :meth:`put_many`; returns it as stored."""
+        return self.put_many([Put(record, action, vector, model, why, scores or {}, origin)])[0]
+
+    def put_many(self, puts: Sequence[Put]) -> list[Record]:
+        """Store records and the events that say why; returns them as stored. The same id may come more than once.
+
+        A record of version 0 is new; any other must be of the version that is stored, or :class:`StaleRecordError`
+        is raised. A ``vector`` (D,) is the embedding of its text by ``model``; without one the stored vector stays,
+        unless the text changed. ``origin`` says who brought the evidence, "" for nobody. Raises
+        :class:`MemoryStoreError` for what :func:`checked` and :func:`vector_row` refuse, before anything is written. A
+        dedup key that belongs to another record undoes the transaction.
+        """
+        stored = {row.id: row for row in self.rows(ids=[put.record.id for put in puts])}
+        latest: dict[str, Record] = {}
+        vectors: dict[str, dict[str, Any] | None] = {}
+        steps: list[tuple[Put, Record, Any]] = []
+        for put in puts:
+            _check_action(put.action)
+            id = put.record.id
+            record, old = self._next(put.record, latest.get(id), stored.get(id))
+            if put.vector is not None:
+                vectors[id] = vector_row(put.vector, put.model, id, self.bank)
+            elif old is None or (old.query, old.content) != (record.query, record.content):
+                vectors[id] = None
+            latest[id] = record
+            steps.append((put, record, _difference(old, record) if old else as_json(record)))
+        there = [record for record in latest.values() if record.id in stored]
+        self._change([one for one in there if stored[one.id].dedup_key != one.dedup_key], ["dedup_key"])
+        self._change(there)
+        self._do(insert(RECORD), [as_json(one) for one in latest.values() if one.id not in stored])
+        self.delete(VECTOR, "id", [id for id, row in vectors.items() if row is None and id in stored])
+        self._do(
+            upsert(self.sql, VECTOR, ("bank", "id")), [row for row in vectors.values() if row is not None]
+        )
+        self.tell(
+            self.event(put.action, record.id, "", put.why, put.scores, dump(change), put.origin)
+            for put, record, change in steps
+        )
+        return [record for _, record, _ in steps]
+
+    def save_vectors(self, model: str, vectors: Sequence[tuple[Record, NDArray[np.floating[Any]]]]) -> int:
+        """Keep embeddings of records that have not changed since they were read; how many.
+
+        Vectors are derived data: this is no event, and no change of any record.
+        """
+        stored = {row.id: row.version for row in self.rows(ids=[record.id for record, _ in vectors])}
+        rows = [
+            vector_row(vector, model, record.id, self.bank)
+            for record, vector in vectors
+            if stored.get(record.id) == record.version
+        ]
+        self._do(upsert(self.sql, VECTOR, ("bank", "id")), rows)
+        return len(rows)
+
+    def replace_rows(self, records: Sequence[Record]) -> None:
+        """Put records in place of the stored rows of their ids, without an event."""
+        self._change(records, ["dedup_key"])
+        self._change(records)
+
+    def _change(self, records: Sequence[Record], names: Sequence[str] = _CHANGED) -> None:
+        rows = [
+            {"b_bank": self.bank, "b_id": one.id, **{n: getattr(one, n) for n in names}} for one in records
+        ]
+        self._do(_UPDATE, rows)
+
+    def _next(
+        self, record: Record, before: Record | None, row: Row[Any] | None
+    ) -> tuple[Record, Record | None]:
+        """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
+        old = before
+        if old is None and row is not None and row.state != FORGOTTEN and not damage_of(tuple(row)):
+            old = Record(*tuple[Any, ...](row))
+        expected = old.version if old else 0
+        if record.version != expected:
+            raise StaleRecordError(
+                f"Record '{record.id}' of bank '{self.bank}' is of version {expected} by now, not {record.version}: "
+                "read it again."
+            )
+        # A tombstone, and a damaged row, are replaced; the count of changes goes on.
+        kept = row.version if row is not None and type(row.version) is int else 0
+        return checked(record, self.bank, (old.version if old else kept) + 1, self.rev), old
+
+    # Links, decisions, episodes -----------------------------------------------------------------------------------
+
+    def link(self, source: str, kind: str, target: str, *, why: str = "") -> bool:
+        """Let ``source`` refer to ``target``; False where it does already. Both count as changed (rev)."""
+        return bool(self.link_many([Tie(source, kind, target, why)]))
+
+    def link_many(self, ties: Sequence[Tie]) -> list[Link]:
+        """The same for many; those that were not there already."""
+        sound = {
+            record.id for record in self.records(ids={end for t in ties for end in (t.source, t.target)})
+        }
+        known = {(x.source, x.kind, x.target) for x in self.links({tie.source for tie in ties})}
+        made: dict[tuple[str, str, str], Tie] = {}
+        for tie in ties:
+            if tie.source == tie.target or not tie.kind or not {tie.source, tie.target} <= sound:
+                raise MemoryStoreError(
+                    f"Cannot link '{tie.source}' to '{tie.target}' as '{tie.kind}': two different records of bank "
+                    f"'{self.bank}' and a kind are needed."
+                )
+            key = (tie.source, clean(tie.kind, 64), tie.target)
+            if key not in known:
+                made.setdefault(key, tie)
+        links = [Link(*key, self.now) for key in made]
+        self._do(insert(LINK), [{"bank": self.bank, **link_row(link)} for link in links])
+        self.touch(end for link in links for end in (link.source, link.target))
+        self.tell(self.event(f"link:{k[1]}", k[0], k[2], tie.why) for k, tie in made.items())
+        return links
+
+    def decide(self, action: str, record: str = "", *, why: str = "") -> None:
+        """An event for a decision that changes no row (a lesson was discarded, a pass of governance was made)."""
+        _check_action(action)
+        self.tell([self.event(action, clean(record, 200), "", why)])
+
+    def save_episodes(self, episodes: Iterable[StoredEpisode]) -> None:
+        """Keep episodes for replay, each in place of what is stored for its source; digests go on the chain."""
+        rows: dict[str, dict[str, Any]] = {}
+        for episode in episodes:
+            source = clean(episode.source, 200)
+            if not source or not math.isfinite(episode.at):
+                raise MemoryStoreError("An episode can be stored under a source and with a finite time only.")
+            try:
+                data = episode.to_json()
+            except (ValueError, TypeError, RecursionError) as error:
+                raise MemoryStoreError(f"The episode '{source}' is no sound JSON: {error}.") from error
+            name, at = f"episode-{os.urandom(8).hex()}", float(episode.at)
+            rows[source] = {"bank": self.bank, "source": source, "name": name, "at": at, "data": data}
+        for stored in self.episode_rows(rows):
+            rows[stored.source]["name"] = stored.name  # it stays
+        self._do(upsert(self.sql, EPISODE, ("bank", "source")), list(rows.values()))
+        told = {
+            row["name"]: dump({"episode": episode_digest(row["at"], row["data"]), "source": source})
+            for source, row in rows.items()
+        }
+        self.tell(self.event("episode", name, change=change) for name, change in told.items())
+
+    # The chain ----------------------------------------------------------------------------------------------------
+
+    def event(
+        self,
+        action: str,
+        record: str = "",
+        target: str = "",
+        why: str = "",
+        scores: Mapping[str, float] | None = None,
+        change: str = "",
+        origin: str = "",
+    ) -> dict[str, object]:
+        """The next event as a row; :meth:`tell` writes it."""
+        said = dump(finite(scores)) if scores else "{}"
+        payload, salt = (clean(why, MAX_WHY), said, change, clean(origin, MAX_WHY)), os.urandom(16)
+        digest = payload_digest(salt, payload)
+        self._seq += 1
+        header = (self.bank, self._seq, self.rev, self.now, self._actor, clean(action, 64), record, target)
+        prev, self._hash = self._hash, chain_hash(self._hash, header, digest)
+        return dict(zip(EVENT_COLUMNS, (*header, *payload, salt, digest, prev, self._hash), strict=True))
+
+    def tell(self, events: Iterable[dict[str, object]]) -> None:
+        """Write events, in their order."""
+        self._do(insert(EVENT), list(events))
+
+    def touch(self, ids: Iterable[str]) -> None:
+        """Let these records count as changed (rev), so that an index hears of it."""
+        for some in parts(ids):
+            where = (RECORD.c.bank == self.bank) & RECORD.c.id.in_(some) & (RECORD.c.state != FORGOTTEN)
+            self._do(update(RECORD).where(where).values(rev=self.rev))
+
+    def delete(self, table: Table, column: str, values: Collection[str]) -> None:
+        """Delete the bank's rows of a table whose column has one of these values."""
+        for some in parts(values):
+            self._do(delete(table).where(table.c.bank == self.bank, table.c[column].in_(some)))
+
+    def finish(self) -> None:
+        """Advance the bank's own row, if anything happened; the last thing before the commit."""
+        if self._half:
+            raise MemoryStoreError("A change failed midway, so that its transaction cannot be committed.")
+        if self._seq != self._began:
+            values = (self.bank, self.rev, self._seq, self._hash, self.now)
+            row = dict(zip(BANK.columns.keys(), values, strict=True))
+            self._do(upsert(self.sql, BANK, ("bank",)), [row])
+
+    def _do(self, statement: Any, rows: Sequence[Mapping[str, Any]] | None = None) -> None:
+        """Change rows. What fails midway must not be committed, whoever catches the error."""
+        if rows is None or rows:
+            self._half = True
+            self.sql.execute(statement, rows)
+            self._half = False
+
+
+def link_row(link: Link) -> dict[str, Any]:
+    """A link's columns by name."""
+    return {name: getattr(link, name) for name in ("source", "kind", "target", "at")}
+
+
+def _check_action(action: str) -> None:
+    if not action or action.partition(":")[0] in RESERVED:
+        raise MemoryStoreError(f"'{action}' cannot be the name of a decision: choose another one.")
+
+
+def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
+    """``{field: [before, after]}`` of what differs, version and rev aside."""
+    return {
+        name: [getattr(before, name), value]
+        for name, value in as_json(after).items()
+        if name not in ("version", "rev") and getattr(before, name) != value
+    }
