@@ -31,7 +31,7 @@ def record() -> EpisodeRecord:
     path = Trajectory(
         (Waypoint((0.3, 0.0, TABLE + 0.2), 1.0, "approach"), Waypoint((0.3, 0.0, TABLE), 0.0, "grasp"))
     )
-    lesson = MemoryItem("rec-7", "procedural_hint", "Close across the short side.", 0.6, 0.4)
+    lesson = MemoryItem("rec-7", "procedural_hint", "Close across the short side.", 0.6, 0.4, {}, False)
     return EpisodeRecord(
         "2025-01-01/12-00-00",
         INSTRUCTION,
