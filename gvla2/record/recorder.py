@@ -104,6 +104,7 @@ class RunRecorder:
         if len(self._reel):
             self._try("The animation", self._animate)
         self._try("The film", self._finish_film)
+        self._try("The 3D scene", lambda: self._model(record))
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
         self._try("The page", lambda: write_text(page, self._page(told)))
@@ -133,8 +134,6 @@ class RunRecorder:
             self._once(
                 "plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record)
             )
-        if scene is not None:
-            self._once("model", (scene, plan, record.checks), "The 3D scene", lambda: self._model(record))
         if record.parts:
             self._once("parts", record.parts, "The pictures of the parts", lambda: self._show_parts(record))
         after = record.after
