@@ -104,6 +104,8 @@ KINDS: Mapping[str, Kind] = _table(
       "software agents that work at a shell in a sandbox", NONE),
     ("tracker", "trackers", "gvla2.record.tracker:Tracker",
      "trackers: services of experiments that are told of a run", "none"),
+    ("view", "views", "gvla2.record.tracker:Viewer",
+     "views: episodes shown in 3D by a program of its own, as a file that it opens", "none"),
     ("language", "language_models", "gvla2.language.endpoint:LanguageModel",
      "language models for components that say needs=(\"language\",)", "endpoint"),
 )

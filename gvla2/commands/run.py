@@ -125,7 +125,8 @@ def run_episodes(
         parts = _build(config, registry, stack)
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
         progress.say(bank_line(config, parts.memory))
-        tracking = stack.enter_context(Tracking(registry.build(config, "tracker"), config, folder))
+        tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
+        tracking = stack.enter_context(Tracking(tracker, config, folder, viewer))
         blame = partial(crashed_component, parts, registry)
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"

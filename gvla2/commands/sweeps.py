@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 JOB = "job.json"
 _BANK = "memory.db"
-_NOT_OF_THE_RESULT = ("quiet", "results", "tracker")
+_NOT_OF_THE_RESULT = ("quiet", "results", "tracker", "view")
 
 
 class SweepFolder(Callback):

@@ -1,4 +1,4 @@
-"""The tracker of a run, guarded: what goes wrong with it is logged once, and the run goes on."""
+"""The tracker and the viewer of a run, guarded: what goes wrong with them is logged once, and the run goes on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from omegaconf import OmegaConf
 
-from gvla2.record.tracker import TrackedRun, Tracker
+from gvla2.record.tracker import TrackedRun, Tracker, Viewer
 
 if TYPE_CHECKING:
     from gvla2.record.contents import EpisodeRecord
@@ -19,10 +19,12 @@ log = logging.getLogger(__name__)
 
 
 class Tracking:
-    """Tells the tracker (None: nobody) of a run, as a context manager round its episodes."""
+    """Tells the tracker and the viewer (None: nobody) of a run, as a context manager round its episodes."""
 
-    def __init__(self, tracker: Tracker | None, config: Any, folder: Path) -> None:
-        self._tracker = tracker
+    def __init__(
+        self, tracker: Tracker | None, config: Any, folder: Path, viewer: Viewer | None = None
+    ) -> None:
+        self._tracker, self._viewer = tracker, viewer
         self._config, self._folder = config, folder
 
     def __enter__(self) -> Tracking:
@@ -38,6 +40,12 @@ class Tracking:
         """Tell of an episode that has ended."""
         measures = measures_of(record)
         self._guarded(lambda tracker: tracker.episode(number, measures, folder))
+        if self._viewer is not None:
+            try:
+                self._viewer.show(record, folder)
+            except Exception as error:
+                self._viewer = None
+                _left("viewer", error)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -50,9 +58,13 @@ class Tracking:
         try:
             call(self._tracker)
         except Exception as error:
-            log.warning("The tracker failed and is not told any more: %s: %s", type(error).__name__, error)
-            log.info("What the tracker raised:", exc_info=error)
             self._tracker = None
+            _left("tracker", error)
+
+
+def _left(who: str, error: Exception) -> None:
+    log.warning("The %s failed and is not told any more: %s: %s", who, type(error).__name__, error)
+    log.info("What the %s raised:", who, exc_info=error)
 
 
 def measures_of(record: EpisodeRecord) -> dict[str, float]:

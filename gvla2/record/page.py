@@ -27,8 +27,8 @@ def render_page(
 ) -> str:
     """The page of one episode as HTML text, also for a record whose later stages are None.
 
-    Pictures are data URIs, styles and the one small script are inside, and a content policy forbids the browser
-    to load anything else. ``linked`` are (file name, what it is) of files beside the page.
+    Pictures, film and 3D scene are data URIs, styles and the one script are inside, and a content policy forbids
+    the browser to load anything else. ``linked`` are (file name, what it is) of files beside the page.
     """
     title, tone = wording.headline(record)
     parameters, plan_notes = sections.parameter_rows(record.plan) if record.plan else ([], [])
@@ -67,7 +67,7 @@ def render(template: str, **values: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    script = _source("page.js.jinja").strip()
+    script = f"{_source('page.js')}{_source('viewer.js')}".strip()
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     environment.globals.update(
         # The package's own files go in as they are; all that a run brings along is escaped.
@@ -75,13 +75,13 @@ def render(template: str, **values: Any) -> str:
         script=Markup(script),
         script_digest=digest,
         data_uri=data_uri,
-        svg=Markup,
         terms=sections.terms,
         effect_words=sections.effect_words,
         orientation_words=sections.orientation_words,
         guard_words=sections.guard_words,
     )
     environment.filters.update(
+        base64=lambda data: base64.b64encode(data).decode("ascii"),
         number=wording.number,
         seconds=wording.seconds,
         fixed=wording.fixed,
@@ -93,9 +93,14 @@ def render(template: str, **values: Any) -> str:
 
 
 def data_uri(data: bytes) -> str:
-    """A GIF, JPEG or PNG file as a URI that holds it."""
-    kind = "gif" if data[:4] == b"GIF8" else "jpeg" if data[:2] == b"\xff\xd8" else "png"
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    """A GIF, JPEG, PNG or MP4 file as a URI that holds it."""
+    kinds = ((b"GIF8", "image/gif"), (b"\xff\xd8", "image/jpeg"))
+    kind = (
+        "video/mp4"
+        if data[4:8] == b"ftyp"
+        else next((k for s, k in kinds if data.startswith(s)), "image/png")
+    )
+    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _source(name: str) -> str:

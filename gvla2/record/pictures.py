@@ -27,7 +27,9 @@ class CameraPictures:
 
 @dataclass
 class Pictures:
-    """What the page can show; empty where a picture was not made. ``episode`` is a GIF, ``maps`` are SVG.
+    """What the page can show; empty where it was not made.
+
+    ``episode`` is a GIF, ``film`` the same motion as MP4, ``model`` the scene with the plan as GLB.
 
     ``parts`` shows, where a program took several, the plan of each part in the main camera, with its caption.
     """
@@ -37,7 +39,8 @@ class Pictures:
     before: bytes = b""
     after: bytes = b""
     episode: bytes = b""
-    maps: tuple[str, ...] = ()
+    film: bytes = b""
+    model: bytes = b""
     parts: tuple[tuple[str, bytes], ...] = ()
 
 

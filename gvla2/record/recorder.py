@@ -19,7 +19,7 @@ from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png
 from gvla2.record.files import make_folder, write_bytes, write_json, write_text
-from gvla2.record.motion import Motion
+from gvla2.record.motion import FILM, Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
 from gvla2.record.pictures import (
@@ -31,9 +31,9 @@ from gvla2.record.pictures import (
     plan_pictures,
     with_objects,
 )
+from gvla2.record.scene_model import scene_glb
 from gvla2.record.sheet import contact_sheet_of
 from gvla2.record.stages import STAGE_FILES
-from gvla2.record.topdown import side_map, top_map
 from gvla2.robot.backend import Moment
 
 __all__ = ["RunRecorder", "write_index"]
@@ -51,10 +51,14 @@ _LINKED = (
     ("before.png", "before"),
     ("after.png", "after"),
     ("episode.gif", "the motion"),
-    ("episode.mp4", "the motion, every frame"),
+    (FILM, "the motion, every frame"),
+    ("scene.glb", "scene and plan in 3D, glTF"),
     ("motion.npz", "the arm at each frame"),
     ("run.log", "the log"),
 )
+
+LARGEST_FILM = 6_000_000
+"""Bytes of a film that the page takes in; a longer one is linked beside it and the animation is shown."""
 
 
 class RunRecorder:
@@ -99,7 +103,8 @@ class RunRecorder:
         self._write_pictures(record)
         if len(self._reel):
             self._try("The animation", self._animate)
-        self._try("The film", self._motion.finish)
+        self._try("The film", self._finish_film)
+        self._try("The 3D scene", lambda: self._model(record))
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
         self._try("The page", lambda: write_text(page, self._page(told)))
@@ -129,8 +134,6 @@ class RunRecorder:
             self._once(
                 "plan", (seen, plan, scene), "The picture of the plan", lambda: self._show_plan(record)
             )
-        if scene is not None:
-            self._once("maps", (scene, plan, seen), "The maps", lambda: self._draw_maps(record))
         if record.parts:
             self._once("parts", record.parts, "The pictures of the parts", lambda: self._show_parts(record))
         after = record.after
@@ -174,16 +177,19 @@ class RunRecorder:
             if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
         )
 
-    def _draw_maps(self, record: EpisodeRecord) -> None:
-        if record.scene is None:
-            return
-        trajectory = record.plan.trajectory if record.plan else None
-        start = record.observation.world_from_tcp[:3, 3] if record.observation and trajectory else None
-        self._pictures.maps = tuple(draw(record.scene, trajectory, start) for draw in (top_map, side_map))
+    def _model(self, record: EpisodeRecord) -> None:
+        self._pictures.model = scene_glb(record)
+        self._save("scene.glb", self._pictures.model)
 
     def _animate(self) -> None:
         self._pictures.episode = gif(self._reel.frames)
         self._save("episode.gif", self._pictures.episode)
+
+    def _finish_film(self) -> None:
+        self._motion.finish()
+        film = self.folder / FILM
+        if film.is_file() and film.stat().st_size <= LARGEST_FILM:
+            self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:
         linked = [(name, what) for name, what in _LINKED if (self.folder / name).exists()]

@@ -1,4 +1,4 @@
-"""What a tracker is told of a run: its configuration, each episode, and where the files are."""
+"""What others are told of a run: a tracker its configuration and numbers, a viewer each episode whole."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
+
+from gvla2.record.contents import EpisodeRecord
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,14 @@ class Tracker(Protocol):
 
     def end(self, *, well: bool) -> None:
         """The run is over; ``well`` is false after an error or an interrupt."""
+        ...
+
+
+class Viewer(Protocol):
+    """Shows episodes in a program of its own. Its errors become warnings: a run never stops for them."""
+
+    def show(self, record: EpisodeRecord, folder: Path) -> None:
+        """An episode has ended as ``record`` says; ``folder`` has its page, film and states, and takes more files."""
         ...
 
 

@@ -23,7 +23,7 @@ from gvla2.testing.reconstruction import (
 )
 from gvla2.testing.robot import check_robot, check_task
 from gvla2.testing.skill import check_skill
-from gvla2.testing.tracker import check_tracker
+from gvla2.testing.tracker import check_tracker, check_viewer
 
 __all__ = [
     "CHECKS",
@@ -48,4 +48,5 @@ __all__ = [
     "check_task",
     "check_tracker",
     "check_verifier",
+    "check_viewer",
 ]

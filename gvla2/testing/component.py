@@ -29,7 +29,7 @@ from gvla2.testing.reconstruction import (
     check_renderer,
 )
 from gvla2.testing.robot import check_robot, check_task
-from gvla2.testing.tracker import check_tracker
+from gvla2.testing.tracker import check_tracker, check_viewer
 
 CHECKS: Mapping[str, Callable[[Any], None]] = {
     "robot": check_robot,
@@ -50,6 +50,7 @@ CHECKS: Mapping[str, Callable[[Any], None]] = {
     "verifier": check_verifier,
     "agent": check_agent,
     "tracker": check_tracker,
+    "view": check_viewer,
     "language": check_language,
 }
 """The check of each kind, called with its defaults."""

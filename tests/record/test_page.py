@@ -1,3 +1,5 @@
+import base64
+import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -283,3 +285,42 @@ def test_parts_conversation_and_cost_are_shown_and_nothing_of_them_is_markup(
     assert "2 of 2 parts" in page
     assert "431" in page
     assert 'id="parts"' not in render_page(record, Pictures())
+
+
+def test_the_3d_scene_is_on_the_page_once_with_or_without_a_plan(
+    episode: Callable[..., EpisodeRecord], failed_at: Callable[[str], EpisodeRecord]
+) -> None:
+    for record in (episode(), failed_at("plan")):
+        page = read(record, pictures=Pictures(model=b"glTF-bytes"))
+        assert_self_contained(page)
+        (figure,) = (
+            attributes for tag, attributes in page.tags if tag == "figure" and "data-glb" in attributes
+        )
+        assert base64.b64decode(figure["data-glb"]) == b"glTF-bytes"
+        assert sum(tag == "canvas" for tag, _ in page.tags) == 1
+    assert not any(tag == "canvas" for tag, _ in read(episode()).tags)
+
+
+def test_a_film_is_played_and_the_animation_waits_for_browsers_that_cannot(
+    episode: Callable[..., EpisodeRecord],
+) -> None:
+    film, still = b"\0\0\0\x20ftypisom....", b"GIF89a..."
+    page = read(episode(), pictures=Pictures(episode=still, film=film))
+    assert_self_contained(page)
+    (video,) = (attributes for tag, attributes in page.tags if tag == "video")
+    assert video["src"] == f"data:video/mp4;base64,{base64.b64encode(film).decode()}"
+    assert "controls" in video
+    (picture,) = (
+        a for tag, a in page.tags if tag == "img" and (a.get("src") or "").startswith("data:image/gif")
+    )
+    assert "hidden" in picture
+    alone = read(episode(), pictures=Pictures(episode=still))
+    assert not any(tag == "video" for tag, _ in alone.tags)
+    assert not any("hidden" in a for tag, a in alone.tags if tag == "img")
+
+
+def test_the_policy_allows_the_one_script_that_is_there(episode: Callable[..., EpisodeRecord]) -> None:
+    html = render_page(episode(), Pictures(model=b"glTF"))
+    (script,) = re.findall(r"<script>(.*?)</script>", html, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"script-src 'sha256-{digest}'" in html

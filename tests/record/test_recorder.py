@@ -54,7 +54,7 @@ def test_a_finished_run_leaves_everything(tmp_path: Path, episode: Callable[...,
     assert names == {
         "config.yaml", "result.json", "scene.json", "recalled.json", "plan.json", "trajectory.json", "checks.json",
         "report.json", "scene_after.json", "verdict.json", "learned.json", "perception.png", "depth.png", "plan.png",
-        "before.png", "after.png", "episode.gif", "episode.mp4", "index.html",
+        "before.png", "after.png", "episode.gif", "episode.mp4", "scene.glb", "index.html",
     }  # fmt: skip
     result = load(page.parent / "result.json")
     assert set(result) >= RESULT_KEYS

@@ -43,7 +43,7 @@ REFERENCE = [
     for name in load_plugins().components(kind)
     # Their own tests know whether there is a GPU, give the arm its bus, keep trackers off the network, and give an
     # agent a model that answers.
-    if (kind, name) not in OWN and name not in ("gsplat", "piper", "mlflow", "wandb", "mini_swe")
+    if (kind, name) not in OWN and name not in ("gsplat", "piper", "mlflow", "wandb", "rerun", "mini_swe")
 ]
 
 

@@ -1,0 +1,191 @@
+"""A run in three dimensions as one glTF file: what was seen and perceived, the planned path and what the checks say.
+
+Lengths are metres, the frame is glTF's (Y-up, see :func:`gvla2.geometry.glb.to_y_up`). A node's ``extras`` carry its
+``kind`` ("seen", "ground", "object", "path" or "waypoint") and, where it has a name, ``label``, ``text`` and the point
+``at`` (3,) to write it. Any viewer of glTF opens the file; the run's page has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from gvla2.errors import GeometryError
+from gvla2.geometry.glb import to_y_up
+from gvla2.geometry.transform import FloatArray, rigid, transform_points
+from gvla2.geometry.views import Observation
+from gvla2.planning.findings import CheckReport
+from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.trajectory import Trajectory, Waypoint
+from gvla2.record.contents import EpisodeRecord
+
+OPEN, CLOSED, FAILED = (28, 142, 210), (224, 122, 16), (189, 45, 38)
+"""Colours of the path by the gripper, and of a waypoint that a check speaks against."""
+
+MOST_POINTS = 14_000
+MOST_FACES = 6_000
+"""What a page takes of the cloud, and of one object's known mesh, before it grows slow and large."""
+
+_GRAIN = 0.006  # metres; one point of the cloud stands for a cube of this side
+_TUBE, _DOT = 0.0022, 0.008  # metres, radii of the path and of a waypoint
+_GREY = (128, 136, 146)
+_RIM = 0.1  # metres about the workspace where what was seen is shown, too: the arm reaches in from there
+
+
+def scene_glb(record: EpisodeRecord) -> bytes:
+    """The file as bytes; nothing (b"") before anything was perceived."""
+    scene, plan = record.scene, record.plan
+    if scene is None:
+        return b""
+    model = trimesh.Scene()
+    _add(model, _ground(scene), "ground", "ground")
+    if record.observation is not None:
+        points, colours = cloud(record.observation, scene.workspace)
+        if len(points):
+            seen = trimesh.PointCloud(to_y_up(points), colors=_rgba(colours))
+            _add(model, seen, "seen", "seen")
+    for k, thing in enumerate(scene.objects):
+        solid = solid_of(thing)
+        solid.visual.face_colors = _rgba(255 * np.clip(np.nan_to_num(thing.rgb), 0, 1))
+        at = np.append(thing.centre[:2], solid.bounds[1, 2])
+        name = thing.label or thing.id
+        text = f"{name}: {thing.shape}, {' × '.join(f'{1000 * e:.0f}' for e in thing.extents)} mm"
+        _add(model, _turned(solid), thing.id, "object", label=f"{k + 1} {name}", at=at, text=text)
+    if plan is not None and plan.trajectory is not None:
+        start = None if record.observation is None else record.observation.world_from_tcp[:3, 3]
+        _add_path(model, plan.trajectory, start, scene.table_height, record.checks)
+    return bytes(model.export(file_type="glb"))
+
+
+def cloud(
+    observation: Observation, workspace: Box, most: int = MOST_POINTS
+) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """(N, 3) world points that the cameras measured in and near the workspace, and their colours (N, 3).
+
+    One point a cube of 6 mm, and of those at most ``most``, evenly spread.
+    """
+    points, colours = [np.zeros((0, 3))], [np.zeros((0, 3), np.uint8)]
+    for view in observation.views:
+        if view.depth is None:
+            continue
+        found = view.points().reshape(-1, 3)
+        near = workspace.contains(found, margin=-_RIM)  # NaN is nowhere
+        points.append(found[near])
+        colours.append(view.image.reshape(-1, 3)[near])
+    placed, painted = np.concatenate(points), np.concatenate(colours)
+    cells = np.floor((placed - workspace.low) / _GRAIN).astype(np.int64) + 1024
+    _, chosen = np.unique(cells @ [1 << 32, 1 << 16, 1], return_index=True)
+    if len(chosen) > most:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, most).astype(np.int64)]
+    return placed[chosen], painted[chosen]
+
+
+def solid_of(thing: SceneObject) -> Any:
+    """The object's body in the world as a :class:`trimesh.Trimesh`: the scan it was recognised as, else its shape."""
+    if thing.known is not None:
+        try:
+            mesh = thing.known.mesh()
+        except GeometryError:  # the scan's file is gone: its box is still known
+            mesh = None
+        if mesh is not None and 0 < len(mesh.faces) <= MOST_FACES:
+            return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    match thing.shape:
+        case "cylinder" | "disc":
+            solid = trimesh.creation.cylinder(0.5, 1.0, sections=32)
+        case "sphere":
+            solid = trimesh.creation.icosphere(2, 0.5)
+        case "ring":
+            outer = max(float(thing.extents[:2].mean()), 1e-6)
+            inner = float(np.clip(thing.opening / outer, 0.1, 0.95))
+            solid = trimesh.creation.annulus(0.5 * inner, 0.5, 1.0, sections=32)
+        case _:
+            solid = trimesh.creation.box((1.0, 1.0, 1.0))
+    world = transform_points(thing.world_from_object, solid.vertices * thing.extents)
+    return trimesh.Trimesh(world, solid.faces, process=False)
+
+
+def _add_path(
+    model: Any,
+    trajectory: Trajectory,
+    start: FloatArray | None,
+    table: float,
+    checks: CheckReport | None,
+) -> None:
+    """The legs as tubes (dashed where the motion is free), a ball for each waypoint, and plumb lines to the table."""
+    stops = [np.asarray(w.xyz, dtype=np.float64) for w in trajectory]
+    openings = [1.0, *(w.gripper for w in trajectory)]
+    tubes, plumbs = [], []
+    for k, waypoint in enumerate(trajectory):
+        before = stops[k - 1] if k else start
+        if before is not None:
+            colour = OPEN if openings[k] > 0.5 else CLOSED
+            tubes += _leg(np.asarray(before, dtype=np.float64), stops[k], colour, waypoint.motion == "free")
+        plumbs.append([stops[k], [*stops[k][:2], table]])
+    if tubes:
+        _add(model, _turned(trimesh.util.concatenate(tubes)), "path", "path")
+    if plumbs:
+        _add(model, _lines(plumbs), "plumb lines", "path")
+    for k, waypoint in enumerate(trajectory):
+        text, bad = said_of(k, waypoint, checks)
+        ball = trimesh.creation.icosphere(1, _DOT)
+        ball.apply_translation(stops[k])
+        ball.visual.face_colors = _rgba(FAILED if bad else OPEN if waypoint.gripper > 0.5 else CLOSED)
+        more = {"label": str(k), "at": stops[k], "text": text, "bad": bad}
+        _add(model, _turned(ball), f"waypoint {k}", "waypoint", **more)
+
+
+def _leg(a: FloatArray, b: FloatArray, colour: tuple[int, int, int], dashed: bool) -> list[Any]:
+    length = float(np.linalg.norm(b - a))
+    count = max(1, min(40, round(length / 0.03))) if dashed else 1
+    share = 0.6 if count > 1 else 1.0
+    tubes = []
+    for k in range(count if length > 1e-6 else 0):
+        ends = [a + (b - a) * (k / count), a + (b - a) * ((k + share) / count)]
+        tube = trimesh.creation.cylinder(_TUBE, segment=ends, sections=6)
+        tube.visual.face_colors = _rgba(colour)
+        tubes.append(tube)
+    return tubes
+
+
+def said_of(k: int, waypoint: Waypoint, checks: CheckReport | None) -> tuple[str, bool]:
+    """A waypoint in words with what the checks found there, and whether anything speaks against it."""
+    place = ", ".join(f"{v:.3f}" for v in waypoint.xyz)
+    grip = "open" if waypoint.gripper > 0.5 else "closed"
+    words = f"{k} {waypoint.stage.replace('_', ' ')}: {place} m, gripper {grip}, {waypoint.motion}"
+    if checks is None:
+        return f"{words}; not checked", False
+    failed = [f.message or f.kind for f in checks.findings if not f.passed and f.index == k]
+    return f"{words}; {' '.join(failed) or 'no check speaks against it'}", bool(failed)
+
+
+def _ground(scene: Scene) -> Any:
+    """A grid of 10 cm on the table, as far as the workspace goes."""
+    (x0, y0), (x1, y1) = scene.workspace.low[:2], scene.workspace.high[:2]
+    xs, ys = (np.arange(np.ceil(10 * a), np.floor(10 * b) + 1) / 10 for a, b in ((x0, x1), (y0, y1)))
+    z = scene.table_height
+    return _lines([[(x, y0, z), (x, y1, z)] for x in xs] + [[(x0, y, z), (x1, y, z)] for y in ys])
+
+
+def _lines(pairs: Sequence[Any]) -> Any:
+    ends = to_y_up(np.asarray(pairs, dtype=np.float64))  # (N, 2, 3)
+    return trimesh.load_path(ends)
+
+
+def _turned(mesh: Any) -> Any:
+    mesh.apply_transform(rigid(to_y_up(np.eye(3)).T))
+    return mesh
+
+
+def _rgba(colour: Any) -> NDArray[np.uint8]:
+    rgb = np.asarray(colour, dtype=np.uint8)
+    return np.concatenate([rgb, np.full((*rgb.shape[:-1], 1), 255, np.uint8)], axis=-1)
+
+
+def _add(model: Any, geometry: Any, name: str, kind: str, **extras: Any) -> None:
+    if "at" in extras:
+        extras["at"] = [round(float(v), 4) for v in to_y_up(extras["at"])]
+    model.add_geometry(geometry, node_name=name, geom_name=name, metadata={"kind": kind, **extras})

@@ -1,0 +1,180 @@
+"""An episode as a recording of rerun: the world in 3D before and after, the arm's joints in between, and texts.
+
+    world/cameras/NAME      pose and lens; below them image and depth
+    world/seen              points that the cameras measured, in and near the workspace
+    world/objects/ID        each object's body and its box with its name
+    world/plan              path, waypoints (red where a check failed), and where the tool really got to
+    arm/joints/K, arm/gripper_width    measured, radians and metres
+    film                    what the main camera saw meanwhile
+    checks, memory          findings and lessons, in words
+
+The time line "episode" has seconds from the first frame of the motion on.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from gvla2.record.contents import EpisodeRecord
+from gvla2.record.motion import FILM, STATES
+from gvla2.record.scene_model import CLOSED, FAILED, OPEN, cloud, said_of, solid_of
+
+if TYPE_CHECKING:
+    from gvla2.geometry.views import Observation
+    from gvla2.planning.scene import Scene
+    from gvla2_plugins.rerun_view import RerunConfig
+
+LINE = "episode"
+
+
+class RerunViewer:
+    """Writes one file an episode; needs neither a window nor a server."""
+
+    def __init__(self, config: RerunConfig) -> None:
+        self._config = config
+
+    def show(self, record: EpisodeRecord, folder: Path) -> None:
+        """Write the recording of an episode that has ended beside its page."""
+        folder.mkdir(parents=True, exist_ok=True)
+        to = rr.RecordingStream("gvla2", recording_id=record.episode_id or None)
+        to.save(folder / self._config.file, default_blueprint=_layout(record))
+        to.disable_timeline("log_time")
+        to.disable_timeline("log_tick")
+        to.send_recording_name(record.instruction)
+        to.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        to.set_time(LINE, duration=0.0)
+        self._moment(to, record.observation, record.scene)
+        _plan(to, record)
+        for path, text in (("checks", _checks(record)), ("memory", _memory(record))):
+            if text:
+                to.log(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+        to.set_time(LINE, duration=_motion(to, folder))
+        self._moment(to, record.after, record.after_scene)
+        to.flush()
+        to.disconnect()
+
+    def _moment(self, to: rr.RecordingStream, seen: Observation | None, scene: Scene | None) -> None:
+        for view in seen.views if seen is not None else ():
+            path, camera = f"world/cameras/{_part(view.name)}", view.camera
+            pose, size = camera.world_from_camera, [camera.width, camera.height]
+            to.log(path, rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+            to.log(path, rr.Pinhole(image_from_camera=camera.K, resolution=size, image_plane_distance=0.12))
+            to.log(f"{path}/image", rr.Image(view.image).compress(jpeg_quality=90))
+            if view.depth is not None:
+                to.log(f"{path}/depth", rr.DepthImage(np.nan_to_num(view.depth), meter=1.0))
+        if scene is None:
+            return
+        if seen is not None:
+            points, colours = cloud(seen, scene.workspace, self._config.points)
+            to.log("world/seen", rr.Points3D(points, colors=colours, radii=0.003))
+        for thing in scene.objects:
+            path, rgb = f"world/objects/{_part(thing.id)}", np.clip(np.nan_to_num(thing.rgb), 0, 1)
+            body, pose = solid_of(thing), thing.world_from_object
+            mesh = rr.Mesh3D(
+                vertex_positions=body.vertices,
+                triangle_indices=body.faces,
+                vertex_normals=body.vertex_normals,
+                albedo_factor=[*rgb, 1.0],
+            )
+            to.log(f"{path}/body", mesh)
+            to.log(f"{path}/box", rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]))
+            box = rr.Boxes3D(sizes=[thing.extents], labels=[thing.label or thing.id], colors=[255 * rgb])
+            to.log(f"{path}/box", box)
+
+
+def _plan(to: rr.RecordingStream, record: EpisodeRecord) -> None:
+    waypoints = () if record.plan is None else tuple(record.plan.trajectory or ())
+    if not waypoints:
+        return
+    stops = [list(w.xyz) for w in waypoints]
+    said = [said_of(k, waypoint, record.checks) for k, waypoint in enumerate(waypoints)]
+    colours = [OPEN if w.gripper > 0.5 else CLOSED for w in waypoints]
+    # The hand opens or closes after it has arrived: a leg looks as the waypoint before it left the gripper.
+    legs, looks = list(pairwise(stops)), colours[:-1]
+    if record.observation is not None:
+        legs, looks = [([*record.observation.world_from_tcp[:3, 3]], stops[0]), *legs], [OPEN, *looks]
+    if legs:
+        to.log("world/plan/path", rr.LineStrips3D(legs, colors=looks, radii=0.002), static=True)
+    dots = rr.Points3D(
+        stops,
+        radii=0.008,
+        colors=[FAILED if bad else colour for colour, (_, bad) in zip(colours, said, strict=True)],
+        labels=[text for text, _ in said],
+        show_labels=False,
+    )
+    to.log("world/plan/waypoints", dots, static=True)
+    if record.report is not None and record.report.waypoints:
+        reached = [w.reached for w in record.report.waypoints]
+        to.log("world/plan/reached", rr.Points3D(reached, radii=0.005, colors=[90, 214, 120]), static=True)
+
+
+def _motion(to: rr.RecordingStream, folder: Path) -> float:
+    """The arm's states and the film; returns the seconds that the motion took."""
+    if not (folder / STATES).is_file():
+        return 0.0
+    with np.load(folder / STATES) as kept:
+        times, joints, widths = kept["time"] - kept["time"][0], kept["joints"], kept["gripper_width"]
+        fps = float(kept["fps"])
+    line = rr.TimeColumn(LINE, duration=times)
+    for k in range(joints.shape[1]):
+        to.send_columns(f"arm/joints/{k}", [line], rr.Scalars.columns(scalars=joints[:, k]))
+    to.send_columns("arm/gripper_width", [line], rr.Scalars.columns(scalars=widths))
+    if (folder / FILM).is_file():
+        to.log("film", rr.AssetVideo(path=folder / FILM), static=True)
+        frames = rr.VideoFrameReference.columns_secs(np.arange(len(times)) / fps)
+        to.send_columns("film", [line], frames)
+    return float(times[-1])
+
+
+def _checks(record: EpisodeRecord) -> str:
+    rows = ["| check | | where | finding | value |", "|---|---|---|---|---|"]
+    for f in record.checks.findings if record.checks is not None else ():
+        at = f"waypoint {f.index}" if f.index >= 0 else "whole path"
+        value = "" if f.value is None else f"{f.value:.4g}"
+        limit = "" if f.limit is None else f", limit {f.limit:.4g}"
+        words = (f.message or f.kind).replace("|", "/").replace("\n", " ")
+        rows.append(
+            f"| {f.check} | {'passed' if f.passed else '**failed**'} | {at} | {words} | {value}{limit} |"
+        )
+    return "\n".join(rows) if len(rows) > 2 else ""
+
+
+def _memory(record: EpisodeRecord) -> str:
+    parts: list[str] = []
+    if (recalled := record.recalled) is not None:
+        parts += ["## Recalled", recalled.abstained, recalled.degraded]
+        parts += [
+            f"* **{item.id}** ({item.type}, {item.score:.2f}): {item.content}" for item in recalled.items
+        ]
+    if record.learned is not None:
+        parts += ["## Learnt", *(f"* {note}" for note in record.learned.notes)]
+    if (verdict := record.verdict) is not None:
+        parts += ["## Verdict", f"{verdict.outcome}, quality {verdict.quality:.2f}", *verdict.reasons]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _layout(record: EpisodeRecord) -> rrb.Blueprint:
+    views = record.observation.views if record.observation is not None else ()
+    # rerun makes points of depth pictures, too; they would lie on those that are there in colour.
+    depths = [f"- /world/cameras/{_part(view.name)}/depth" for view in views]
+    arm = rrb.Tabs(
+        rrb.TimeSeriesView(origin="arm/joints", name="Joints, rad"),
+        rrb.TimeSeriesView(origin="arm/gripper_width", name="Gripper, m"),
+    )
+    texts = rrb.Tabs(
+        rrb.TextDocumentView(origin="memory", name="Memory"),
+        rrb.TextDocumentView(origin="checks", name="Checks"),
+    )
+    beside = rrb.Vertical(rrb.Spatial2DView(origin="film", name="Film"), arm, texts)
+    world = rrb.Spatial3DView(origin="world", contents=["+ /world/**", *depths])
+    return rrb.Blueprint(rrb.Horizontal(world, beside, column_shares=[3, 2]), collapse_panels=True)
+
+
+def _part(name: str) -> str:
+    return rr.escape_entity_path_part(name)
