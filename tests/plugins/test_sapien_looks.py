@@ -4,9 +4,10 @@ import pytest
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.task import Body, Primitive
+from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.sapien.collada import PaintedMesh, read_collada, thin
-from gvla2_plugins.sapien.looks import body_surface, find_mesh, robot_surfaces
-from gvla2_plugins.sapien.panda import panda_files
+from gvla2_plugins.sapien.looks import body_surface, link_surfaces
+from gvla2_plugins.sapien.urdf import find_file, find_mesh, read_urdf
 
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -65,7 +66,7 @@ def test_thinning_stays_within_a_cell():
 
 
 def test_the_pandas_links_look_right():
-    surfaces = robot_surfaces(panda_files().urdf)
+    surfaces = link_surfaces(read_urdf(find_file(SapienPandaConfig().urdf, "robot.urdf")))
     assert {f"panda_link{i}" for i in range(8)} <= surfaces.keys()
     assert {"panda_hand", "panda_leftfinger", "panda_rightfinger"} <= surfaces.keys()
     assert max(len(s.faces) for s in surfaces.values()) < 12000
