@@ -63,7 +63,7 @@ def make_cell(config: SapienArmConfig) -> Cell:
     links = [link.get("name", "") for link in robot.iterfind("link")]
     known("robot.tool_link", config.tool_link, links)
     gripper = own_gripper(robot, config) if config.gripper_joints else mount(robot, config)
-    freeze(robot, config.tool_link, [finger.joint for finger in gripper.fingers])
+    freeze(robot, (config.tool_link, gripper.palm), [finger.joint for finger in gripper.fingers])
     base = rigid(Rotation.from_euler("z", config.base_yaw).as_matrix(), np.array(config.base_position))
     urdf = without_looks(robot)
     with tempfile.TemporaryDirectory(prefix="gvla2-arm-") as folder:

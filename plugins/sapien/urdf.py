@@ -65,16 +65,19 @@ def read_urdf(path: Path) -> ET.Element:
     return robot
 
 
-def freeze(robot: ET.Element, tool_link: str, moving: Collection[str]) -> None:
-    """Fix the joints, at zero, that neither carry the tool link nor are ``moving``: another arm, a hand not used."""
+def freeze(robot: ET.Element, links: Collection[str], moving: Collection[str]) -> None:
+    """Fix the joints, at zero, that neither carry ``links`` nor are ``moving``: another arm, a hand not used."""
     above = {_link_of(j, "child"): j for j in robot.iterfind("joint")}
-    chain, link = set(moving), tool_link
-    while link in above:
-        chain.add(above[link].get("name", ""))
-        link = _link_of(above[link], "parent")
+    chain = set(moving)
+    for link in links:
+        while link in above:
+            chain.add(above[link].get("name", ""))
+            link = _link_of(above[link], "parent")
     for joint in above.values():
         if joint.get("name") not in chain:
             joint.set("type", "fixed")
+            for mimic in joint.findall("mimic"):
+                joint.remove(mimic)
 
 
 def find_mesh(urdf: Path, filename: str, link: str = "") -> Path:
