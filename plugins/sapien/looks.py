@@ -52,8 +52,7 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
     shape = next(iter(solid.find("geometry") or ()), None)
     mesh = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))
     if shape is not None and shape.tag == "mesh":
-        mesh = _read_mesh(Path(shape.get("filename", "")), rgb)
-        mesh = thin(mesh, CELL) if thinned else mesh
+        mesh = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
         mesh = replace(
             mesh, vertices=mesh.vertices * np.array(shape.get("scale", "1 1 1").split(), dtype=np.float64)
         )
@@ -65,8 +64,10 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
 
 
 @lru_cache(maxsize=64)
-def _read_mesh(path: Path, rgb: tuple[float, float, float]) -> PaintedMesh:
+def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh:
     """A file's triangles; COLLADA with colours of its own, others in ``rgb``."""
+    if thinned:
+        return thin(_read_mesh(path, rgb, False), CELL)
     if path.suffix.lower() == ".dae":
         return read_collada(path)
     try:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import xml.etree.ElementTree as ET
 from collections.abc import Collection
-from importlib.metadata import PackageNotFoundError, distribution
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, PackagePath, distribution
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -105,6 +106,11 @@ def without_looks(robot: ET.Element) -> str:
     return ET.tostring(bare, encoding="unicode")
 
 
+@lru_cache
+def _files(package: str) -> tuple[PackagePath, ...]:
+    return tuple(distribution(package).files or ())
+
+
 def _link_of(joint: ET.Element, end: str) -> str:
     part = joint.find(end)
     return "" if part is None else part.get("link", "")
@@ -124,12 +130,12 @@ def _in_package(name: str) -> Path | None:
             if root.name == package and (root / rest).is_file():
                 return root / rest
     try:
-        files = distribution(package).files or []
+        files = _files(package)
     except PackageNotFoundError:
         if package == _DESCRIPTIONS:
             needs = f"The robot's description ({name})"
             raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"') from None
-        files = []
+        files = ()
     found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
     if found is not None:
         return Path(str(found.locate())).resolve()

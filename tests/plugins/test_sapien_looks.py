@@ -51,6 +51,17 @@ def test_a_file_without_triangles_is_refused(tmp_path):
         read_collada(path)
 
 
+def test_polygons_are_fans_and_the_unit_counts(tmp_path):
+    path = tmp_path / "mesh.dae"
+    square = '<polylist count="1"><input semantic="VERTEX" source="#g-v" offset="0"/><vcount>4 3</vcount>'
+    text = DAE.replace("<library_effects>", '<asset><unit meter="0.001"/></asset><library_effects>', 1)
+    start, end = text.index("<triangles material"), text.index("</mesh>")
+    path.write_text(f"{text[:start]}{square}<p>0 1 2 3 1 2 3</p></polylist>{text[end:]}")
+    mesh = read_collada(path)
+    np.testing.assert_array_equal(mesh.faces[:3], [[0, 1, 2], [0, 2, 3], [1, 2, 3]])
+    np.testing.assert_allclose(mesh.vertices[1], [0.006, 0.0, 0.0])
+
+
 def test_thinning_stays_within_a_cell():
     rng = np.random.default_rng(0)
     angles = rng.uniform(0, 2 * np.pi, (4000, 2))

@@ -218,6 +218,6 @@ def test_a_panda_that_is_not_installed_is_named(monkeypatch):
     def absent(name):
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(urdf, "distribution", absent)
+    monkeypatch.setattr(urdf, "_files", absent)
     with pytest.raises(MissingDependencyError, match="example-robot-data"):
         urdf.find_file(SapienPandaConfig().urdf, "robot.urdf")
