@@ -11,6 +11,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2.testing.component import check_component
+from gvla2.testing.robot import check_robot
 from gvla2_plugins.sapien import SapienArmConfig, SapienPandaConfig, gvla2_robots
 from gvla2_plugins.sapien.arm import make_cell
 
@@ -138,8 +139,10 @@ def lift(config: SapienArmConfig):
     return robot, width
 
 
-def test_the_component_is_sound():
+@pytest.mark.parametrize("gripper", ["own", "suction"])
+def test_it_keeps_a_robots_contract(make, gripper):
     check_component(ARM)
+    check_robot(ARM.build(make() if gripper == "own" else make(gripper_joints=[], gripper=gripper)), Block())
 
 
 def test_an_arm_of_boxes_lifts_a_cube_with_its_own_fingers(make):
