@@ -53,6 +53,10 @@ def read_urdf(path: Path) -> ET.Element:
         if link.find("collision") is None:
             for visual in link.findall("visual"):
                 link.append(_as_collision(visual))
+    names = {link.get("name") for link in robot.iterfind("link")}
+    for joint in robot.iterfind("joint[@type='fixed']"):
+        if joint.get("name") in names:  # pinocchio can't tell the two apart
+            joint.set("name", f"{joint.get('name')}_joint")
     for joint in robot.iterfind("joint[@type='continuous']"):
         joint.set("type", "revolute")
         limit = joint.find("limit")

@@ -62,7 +62,7 @@ def urdf(travel: float = 0.035, shapes: bool = True, extra: str = "") -> str:
             )
         )
         before = f"link{i + 1}"
-    parts += [link("flange"), joint("flange_joint", "fixed", "link6", "flange", "0 0 0.05")]
+    parts += [link("flange"), joint("flange", "fixed", "link6", "flange", "0 0 0.05")]
     parts += [
         link("hand", '<box size="0.12 0.05 0.04"/>', 0.02),
         joint("hand_joint", "fixed", "flange", "hand", "0 0 0"),
