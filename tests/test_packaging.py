@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 MAPPED = {"gvla2": "gvla2", "conf": "gvla2/conf", "plugins": "gvla2_plugins"}
 """Folders of the checkout and where a wheel has them."""
-DATA = {".md", ".jsonl", ".yaml", ".jinja", ".css", ".js", ".typed", ".json"}
+DATA = {".md", ".jsonl", ".yaml", ".jinja", ".css", ".js", ".typed", ".json", ".urdf", ".srdf"}
 
 
 def tree() -> set[str]:

@@ -73,9 +73,7 @@ class ArmModel:
             raise RobotError(
                 f"The home joints {rest.tolist()} don't fit the {kinematics.dof} joints' limits."
             )
-        collisions = CollisionModel(
-            kinematics, urdf, package_dirs, hand_links=hand_links, rest=rest, srdf=srdf
-        )
+        collisions = CollisionModel(kinematics, urdf, package_dirs, hand_links=hand_links, srdf=srdf)
         ik = InverseKinematics(kinematics, rest)
         return cls(kinematics, ik, collisions, hand=hand, home=rest, workspace=workspace)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from gvla2.planning.arm import Attachment, Clearance
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.robot.kinematics import Kinematics, import_pinocchio
 from gvla2.robot.link_hulls import link_geometry
+from gvla2.robot.self_collision import disabled, usually_close
 
 TABLE = "table"
 """The name of the supporting plane in ``allowed_contacts`` and in :class:`Clearance`."""
@@ -96,8 +98,9 @@ class CollisionChecker:
 class CollisionModel:
     """An arm's solids, and checkers of them against scenes; the latest checkers are kept.
 
-    Pairs of links that the SRDF disables are left out; without an SRDF, those joined by a joint and those that
-    touch at ``rest`` (dof,). ``hand_links`` (URDF links) may touch what a waypoint allows, other links never.
+    Pairs of links that the SRDF disables are left out; of links that it does not name, or without one, those that are
+    usually close. ``overlapping`` are the pairs whose hulls overlap while nothing is wrong: physics must let them be.
+    ``hand_links`` (URDF links) may touch what a waypoint allows, other links never.
     """
 
     def __init__(
@@ -107,7 +110,6 @@ class CollisionModel:
         package_dirs: Sequence[Path],
         *,
         hand_links: Sequence[str],
-        rest: FloatArray,
         srdf: Path | None = None,
         kept: int = 12,
     ) -> None:
@@ -115,13 +117,17 @@ class CollisionModel:
         self._kinematics = kinematics
         self._robot = link_geometry(kinematics, urdf, [str(d) for d in package_dirs], self._pin, self._coal)
         self._hand = frozenset(hand_links)
-        self._robot.addAllCollisionPairs()
-        if srdf is not None:
-            self._pin.removeCollisionPairs(kinematics.model, self._robot, str(srdf), False)
-        else:
-            self._drop_resting_pairs(rest)
-        self._self_pairs = [(p.first, p.second) for p in self._robot.collisionPairs]
-        self._robot.removeAllCollisionPairs()
+        solids = [(_part(o), o.parentJoint) for o in self._robot.geometryObjects]
+        close = usually_close(self._pin, kinematics, self._robot, self._hand)
+        told = set() if srdf is None else disabled(srdf)
+        named = {link for pair in told for link in pair}
+        harmless = told | {pair for pair in close if not pair <= named}
+        self.overlapping = close if srdf is None else close | disabled(srdf, "Default")
+        self._self_pairs = [
+            (i, j)
+            for (i, (one, a)), (j, (other, b)) in combinations(enumerate(solids), 2)
+            if a != b and frozenset((one, other)) not in harmless
+        ]
         self._checkers: OrderedDict[object, CollisionChecker] = OrderedDict()
         self._kept = kept
 
@@ -181,21 +187,6 @@ class CollisionModel:
         for first, second in self_pairs:
             geometry.addCollisionPair(pin.CollisionPair(first, second))
         return CollisionChecker(self._kinematics, geometry, gripper, n_world)
-
-    def _drop_resting_pairs(self, rest: FloatArray) -> None:
-        """Leave out links joined by a joint and links that touch at rest."""
-        model, robot = self._kinematics.model, self._robot
-        data, geometry_data = model.createData(), robot.createData()
-        self._pin.computeCollisions(
-            model, data, robot, geometry_data, self._kinematics.full(rest, 1.0), False
-        )
-        touching = [bool(result.isCollision()) for result in geometry_data.collisionResults]
-        pairs = [(p.first, p.second) for p in robot.collisionPairs]
-        robot.removeAllCollisionPairs()
-        for (first, second), touch in zip(pairs, touching, strict=True):
-            a, b = (robot.geometryObjects[i].parentJoint for i in (first, second))
-            if not touch and a != b and model.parents[a] != b and model.parents[b] != a:
-                robot.addCollisionPair(self._pin.CollisionPair(first, second))
 
 
 def _part(solid: Any) -> str:

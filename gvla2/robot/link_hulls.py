@@ -42,8 +42,6 @@ def link_geometry(kinematics: Kinematics, urdf: Path, package_dirs: list[str], p
 
 def _add(pin: Any, kinematics: Kinematics, merged: Any, frame: int, placement: Any, shape: Any) -> None:
     link = kinematics.model.frames[frame]
-    if link.parentJoint == 0:  # the base's solids come in the URDF's root frame
-        placement = pin.SE3(kinematics.world_from_base) * placement
     merged.addGeometryObject(pin.GeometryObject(link.name, link.parentJoint, frame, placement, shape))
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gvla2.errors import RobotError
-from gvla2.robot.piper_arm import HIGH, LOW
+from gvla2_plugins.piper.arm import HIGH, LOW
 from gvla2_plugins.piper.feedback import Snapshot
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.watch import Watch

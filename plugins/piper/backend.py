@@ -17,15 +17,15 @@ from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Judgement
 from gvla2.robot.camera import Camera
-from gvla2.robot.dh import turn_z
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.motion import MotionPlanner
-from gvla2.robot.piper_arm import HOME, MAX_WIDTH, make_arm
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task, TaskInstance
 from gvla2_plugins.piper import PiperConfig
+from gvla2_plugins.piper.arm import HOME, MAX_WIDTH, make_arm
 from gvla2_plugins.piper.arming import ask_person
+from gvla2_plugins.piper.dh import turn_z
 from gvla2_plugins.piper.driver import DryDriver, PathGuard, PiperDriver, measured
 from gvla2_plugins.piper.looks import ArmLooks, Preview
 from gvla2_plugins.piper.session import PERIOD, Session, bounds_of

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.piper_arm import FULL_SPEED, HIGH, LOW
 from gvla2_plugins.piper import frames
+from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, LOW
 
 _SLACK, _JUMP = 0.10, 0.05  # radians beyond the limits, and on top of full speed, that are still believed
 NEVER = float("inf")

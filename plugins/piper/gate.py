@@ -12,8 +12,8 @@ import can
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.piper_arm import HIGH, LOW, MAX_WIDTH
 from gvla2_plugins.piper import frames
+from gvla2_plugins.piper.arm import HIGH, LOW, MAX_WIDTH
 from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.limits import Bounds
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.piper_arm import FULL_SPEED
+from gvla2_plugins.piper.arm import FULL_SPEED
 
 HIGHEST_SPEED_SHARE = 0.20
 """No configuration makes this backend faster than this share of full speed."""

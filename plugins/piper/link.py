@@ -11,8 +11,8 @@ import numpy as np
 
 from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.piper_arm import MAX_WIDTH
 from gvla2_plugins.piper import frames
+from gvla2_plugins.piper.arm import MAX_WIDTH
 from gvla2_plugins.piper.command_log import CommandLog
 from gvla2_plugins.piper.feedback import Feedback, Snapshot
 from gvla2_plugins.piper.gate import CommandGate

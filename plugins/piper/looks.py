@@ -14,8 +14,8 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import FloatArray, look_along, rigid, transform_points
 from gvla2.geometry.views import View
 from gvla2.planning.scene import Scene
-from gvla2.robot.piper_arm import piper_description
 from gvla2.robot.task import Primitive
+from gvla2_plugins.piper.arm import piper_description
 
 EXPLAINED = 0.025
 """A depth this near (m) to the modelled arm's, or behind it, is the arm: the solids are a little too large."""

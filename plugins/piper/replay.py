@@ -133,8 +133,8 @@ def film(replayed: Replayed, path: Path) -> None:
     from PIL import Image
 
     from gvla2.planning.scene import Box, Scene
-    from gvla2.robot.piper_arm import TCP_OFFSET
     from gvla2.writing import write_whole
+    from gvla2_plugins.piper.arm import TCP_OFFSET
     from gvla2_plugins.piper.looks import ArmLooks, Preview
 
     scene = Scene((), 0.0, Box(np.zeros(3), np.ones(3)))

@@ -13,8 +13,8 @@ from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import FloatArray, look_along, rigid
 from gvla2.geometry.views import View
 from gvla2.robot.camera import CameraFrames
-from gvla2.robot.dh import turn_z
 from gvla2_plugins.piper import SceneryConfig
+from gvla2_plugins.piper.dh import turn_z
 
 COLOURS = {"red": (1.0, 0.0, 0.0), "green": (0.0, 0.5, 0.0), "blue": (0.0, 0.0, 1.0)}
 SIDE = 0.04

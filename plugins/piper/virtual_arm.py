@@ -18,8 +18,8 @@ import can
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.robot.piper_arm import FULL_SPEED, HIGH, LOW, MAX_WIDTH
 from gvla2_plugins.piper import frames
+from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, LOW, MAX_WIDTH
 from gvla2_plugins.piper.urgency import be_urgent
 
 PARKED = (0.0, 0.02, -0.02, 0.0, 0.15, 0.0)

@@ -1,9 +1,9 @@
-"""Arms at a table in SAPIEN, Panda and Piper: contact physics on the CPU, RGB-D cameras by ray casting."""
+"""Arms at a table in SAPIEN, any by its URDF: contact physics on the CPU, RGB-D cameras by ray casting."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gvla2 import Component, ComponentConfig, hookimpl
 
@@ -12,10 +12,21 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class SapienConfig(ComponentConfig):
+class SapienArmConfig(ComponentConfig):
     """Options of a simulated arm; metres, radians, seconds, newtons.
 
-    ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist; ``image_size`` is their side in
+    ``urdf`` and ``srdf`` are files, by path or as ``package://``; without an SRDF the pairs of links that may touch are
+    found by trying postures. z of ``tool_link``, turned by ``tool_rpy``, points out of the hand. ``gripper_joints``
+    are the arm's own two fingers; without any, ``gripper`` (parallel or suction) is mounted at the tool link.
+    ``tool_offset`` is the point between the fingers in the turned tool frame, ``hand`` what planners know of its size
+    (:class:`gvla2.planning.arm.Hand`), ``home`` the resting joints. The base stands at ``base_position``, turned by
+    ``base_yaw``. Tasks are laid out before it, along x, in the rectangle ``site_size`` about ``site_centre``; the tool
+    stays between ``workspace_low`` and ``workspace_high``. ``either_way``, ``ease`` and ``reach`` (0: found) bound
+    where things are laid out: fingers either way round, a share of the best manipulability, a distance from the base.
+    What is left empty is measured or found.
+
+    ``cameras`` are names out of front, left_shoulder, right_shoulder and wrist, or out of ``camera_poses`` (position
+    and viewing direction, six numbers) and wrist; ``image_size`` is their side in
     pixels, ``video_size`` and ``video_fps`` those of the pictures taken while the arm moves (from the first
     camera). ``physics_rate`` is in steps a second. The arm's joints are position drives with feed-forward
     velocity: ``arm_stiffness`` Nm/rad, ``arm_damping`` Nms/rad, ``arm_force`` Nm. ``grip_force`` is the
@@ -23,8 +34,34 @@ class SapienConfig(ComponentConfig):
     touch to the hand until they open, instead of holding it by friction alone.
     """
 
+    required: ClassVar[tuple[str, ...]] = ("urdf", "tool_link")
+
+    name: str = "sapien_arm"
+    urdf: str = ""
+    srdf: str = ""
+    tool_link: str = ""
+    tool_rpy: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    tool_offset: list[float] = field(default_factory=list)
+    gripper_joints: list[str] = field(default_factory=list)
+    gripper: str = "parallel"
+    hand: dict[str, float] = field(default_factory=dict)
+    home: list[float] = field(default_factory=list)
+    limit_margin: float = 0.01
+    base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    base_yaw: float = 0.0
+    table_height: float = 0.0
+    table_size: list[float] = field(default_factory=lambda: [1.5, 1.8])
+    table_centre: list[float] = field(default_factory=list)
+    site_centre: list[float] = field(default_factory=list)
+    site_size: list[float] = field(default_factory=list)
+    workspace_low: list[float] = field(default_factory=list)
+    workspace_high: list[float] = field(default_factory=list)
+    either_way: bool = True
+    ease: float = 0.06
+    reach: float = 0.0
     image_size: int = 256
     cameras: list[str] = field(default_factory=lambda: ["front", "left_shoulder", "right_shoulder", "wrist"])
+    camera_poses: dict[str, list[float]] = field(default_factory=dict)
     video_size: int = 320
     video_fps: float = 5.0
     physics_rate: int = 240
@@ -39,35 +76,92 @@ class SapienConfig(ComponentConfig):
 
 
 @dataclass
-class SapienPandaConfig(SapienConfig):
-    """Options of ``sapien_panda``: those of :class:`SapienConfig`."""
+class SapienPandaConfig(SapienArmConfig):
+    """``sapien_arm`` set for Franka's Panda, whose description the package ``example-robot-data`` brings.
+
+    The home position (0.279, -0.009, 1.472) that the field's task suite publishes is of a point 20.9 mm further up
+    the hand than the middle of the pads, which is the tool point here: a grasp centred there would hold nothing but the
+    fingers' upper ends.
+    """
+
+    name: str = "sapien_panda"
+    urdf: str = "package://example-robot-data/robots/panda_description/urdf/panda.urdf"
+    srdf: str = "package://example-robot-data/robots/panda_description/srdf/panda.srdf"
+    tool_link: str = "panda_hand"
+    tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.1034])
+    gripper_joints: list[str] = field(default_factory=lambda: ["panda_finger_joint1", "panda_finger_joint2"])
+    hand: dict[str, float] = field(
+        default_factory=lambda: {
+            "max_width": 0.08,
+            "finger_length": 0.1129 - 0.066,  # fingertips' end and palm's end from the hand's frame
+            "finger_thickness": 0.0152,
+            "finger_breadth": 0.022,
+            "tip_beyond_tcp": 0.1129 - 0.1034,
+            "palm_breadth": 0.204,
+            "palm_depth": 0.063,
+        }
+    )
+    home: list[float] = field(default_factory=lambda: [0.0, 0.1745, 0.0, -0.8727, 0.0, 1.2217, 0.7854])
+    base_position: list[float] = field(default_factory=lambda: [-0.268, -0.006, 0.750])
+    table_height: float = 0.752
+    table_centre: list[float] = field(default_factory=lambda: [0.30, 0.0])
+    site_centre: list[float] = field(default_factory=lambda: [0.25, 0.0])
+    site_size: list[float] = field(default_factory=lambda: [0.65, 0.91])
+    workspace_low: list[float] = field(default_factory=lambda: [-0.275, -0.655, 0.752])
+    workspace_high: list[float] = field(default_factory=lambda: [0.775, 0.655, 1.752])
+    either_way: bool = False
+    ease: float = 0.0
 
 
 @dataclass
-class SapienPiperConfig(SapienConfig):
-    """Options of ``sapien_piper``: those of :class:`SapienConfig`."""
+class SapienPiperConfig(SapienArmConfig):
+    """``sapien_arm`` set for AgileX's Piper, on a block before a table, its fingertips' reach in the picture's middle.
+
+    With its base on the table the wrist's 70 degrees would let the hand point down only up to 0.1 m above it; on the
+    block, 0.25 m high, it does so from 0.1 to 0.4 m before the base, and up to 0.3 m high. Tasks are laid out beyond
+    what the hand reaches from above, too, for furniture pulled from its front; no hand points down farther than
+    ``reach``. ``ease`` is twice the manipulability at which a plan is refused: there is room to work.
+    """
+
+    name: str = "sapien_piper"
+    urdf: str = "package://gvla2_plugins/sapien/piper.urdf"
+    srdf: str = "package://gvla2_plugins/sapien/piper.srdf"
+    tool_link: str = "tcp"
+    tool_offset: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    gripper_joints: list[str] = field(default_factory=lambda: ["finger_left_joint", "finger_right_joint"])
+    home: list[float] = field(default_factory=lambda: [0.0, 1.35, -1.0, 0.0, 1.0, 0.0])
+    base_position: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.25])
+    table_size: list[float] = field(default_factory=lambda: [1.5, 1.6])
+    table_centre: list[float] = field(default_factory=lambda: [0.45, 0.0])
+    site_centre: list[float] = field(default_factory=lambda: [0.57, 0.0])
+    site_size: list[float] = field(default_factory=lambda: [0.74, 0.84])
+    workspace_low: list[float] = field(default_factory=lambda: [0.05, -0.50, 0.0])
+    workspace_high: list[float] = field(default_factory=lambda: [0.95, 0.50, 0.65])
+    reach: float = 0.50
+    camera_poses: dict[str, list[float]] = field(
+        default_factory=lambda: {
+            "front": [1.35, 0.0, 0.75, -0.81, 0.0, -0.586],
+            "left_shoulder": [-0.05, 0.40, 1.10, 0.344, -0.32, -0.883],
+            "right_shoulder": [-0.05, -0.40, 1.10, 0.344, 0.32, -0.883],
+        }
+    )
 
 
-def _build_panda(config: SapienPandaConfig) -> RobotBackend:
-    """A simulated Panda at a table: contact grasps on CPU physics, RGB-D by ray casting."""
+def _build(config: SapienArmConfig) -> RobotBackend:
+    """A simulated arm from its URDF, with its own fingers, a mounted gripper or a suction cup."""
     from gvla2_plugins.sapien.backend import SapienArm
-    from gvla2_plugins.sapien.panda import panda_cell
 
-    return SapienArm(config, panda_cell)
-
-
-def _build_piper(config: SapienPiperConfig) -> RobotBackend:
-    """A simulated Piper on a block at a table: contact grasps on CPU physics, RGB-D by ray casting."""
-    from gvla2_plugins.sapien.backend import SapienArm
-    from gvla2_plugins.sapien.piper import piper_cell
-
-    return SapienArm(config, piper_cell)
+    return SapienArm(config)
 
 
 @hookimpl
 def gvla2_robots() -> list[Component[RobotBackend]]:
-    """The simulated arms."""
+    """The simulated arms: any, and two that are set up."""
+    at_a_table = "at a table: contact grasps on CPU physics, RGB-D by ray casting."
     return [
-        Component("sapien_panda", SapienPandaConfig, _build_panda),
-        Component("sapien_piper", SapienPiperConfig, _build_piper),
+        Component("sapien_panda", SapienPandaConfig, _build, summary=f"A simulated Panda {at_a_table}"),
+        Component(
+            "sapien_piper", SapienPiperConfig, _build, summary=f"A simulated Piper on a block {at_a_table}"
+        ),
+        Component("sapien_arm", SapienArmConfig, _build),
     ]

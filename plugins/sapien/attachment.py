@@ -1,4 +1,4 @@
-"""The option ``attach``: what both fingers touch, in the zone between them, hangs on the hand until they open."""
+"""What hangs on the hand: by the option ``attach`` what both fingers touch, until they open; or by a suction cup."""
 
 from __future__ import annotations
 
@@ -9,16 +9,21 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2_plugins.sapien.bodies import pose_of
+from gvla2_plugins.sapien.grippers import BELLOWS, CUP_LENGTH
 
 ZONE = (0.02, 0.10, 0.045)
 """Full sides of the zone about the tool centre point, along the hand's x, y (the fingers' way) and z; metres."""
+
+
+DRAWN = BELLOWS + 0.006
+"""A cup's bellows close on what is so near before its solid end, metres."""
 
 
 class Clamp:
     """Ties one entity to the hand, rigidly, by a drive; ``holding`` is its name, "" for nothing."""
 
     def __init__(self, scene: Any, hand: Any) -> None:
-        self._scene, self._hand = scene, hand
+        self._scene, self.hand = scene, hand
         self._drive: Any = None
         self._tied: Any = None
         self.holding = ""
@@ -26,10 +31,10 @@ class Clamp:
     def close(self, entity: Any) -> None:
         """Tie the entity as it lies in the hand now."""
         self.open()
-        world_from_hand = np.asarray(self._hand.pose.to_transformation_matrix(), dtype=np.float64)
+        world_from_hand = np.asarray(self.hand.pose.to_transformation_matrix(), dtype=np.float64)
         world_from_thing = np.asarray(entity.pose.to_transformation_matrix(), dtype=np.float64)
         self._drive = self._scene.create_drive(
-            self._hand, pose_of(invert_rigid(world_from_hand) @ world_from_thing), entity, pose_of(np.eye(4))
+            self.hand, pose_of(invert_rigid(world_from_hand) @ world_from_thing), entity, pose_of(np.eye(4))
         )
         for lock in (self._drive.set_limit_x, self._drive.set_limit_y, self._drive.set_limit_z):
             lock(0.0, 0.0)
@@ -42,6 +47,37 @@ class Clamp:
         if self._drive is not None:
             self._tied.remove_component(self._drive)
         self._drive, self._tied, self.holding = None, None, ""
+
+
+class Suction:
+    """A cup at the end of the hand's z: while it draws, the first thing that can move before its lip hangs on it."""
+
+    def __init__(self, system: Any, clamp: Clamp, width: float) -> None:
+        self._system, self._clamp, self._width, self._draws = system, clamp, width, False
+
+    @property
+    def width(self) -> float:
+        """What a gripper would tell: ``width`` while it does not draw, half of it while something hangs, else 0."""
+        return self._width * (0.5 * bool(self._clamp.holding) if self._draws else 1.0)
+
+    def draw(self, on: bool) -> None:
+        """Start or stop; what hangs there falls."""
+        self._draws = on
+        if not on:
+            self._clamp.open()
+
+    def watch(self) -> None:
+        """After each step: the bellows close on what has come before the lip."""
+        if not self._draws or self._clamp.holding:
+            return
+        world_from_hand = np.asarray(self._clamp.hand.pose.to_transformation_matrix(), dtype=np.float64)
+        start = world_from_hand @ [0.0, 0.0, CUP_LENGTH - BELLOWS + 5e-4, 1.0]
+        hit = self._system.raycast(
+            start[:3].astype(np.float32), world_from_hand[:3, 2].astype(np.float32), DRAWN
+        )
+        entity = None if hit is None else hit.component.entity
+        if entity is not None and any(getattr(c, "mass", 0.0) > 0 for c in entity.components):
+            self._clamp.close(entity)
 
 
 def in_zone(world_from_tcp: FloatArray, points: Sequence[FloatArray]) -> bool:

@@ -22,10 +22,11 @@ from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
 from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
-from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien import SapienArmConfig
+from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.sapien.bodies import PREFIX
 from gvla2_plugins.sapien.cameras import Eyes
-from gvla2_plugins.sapien.cell import TABLE_RGB, Cell
+from gvla2_plugins.sapien.cell import TABLE_RGB
 from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.engine import import_sapien
 from gvla2_plugins.sapien.looks import body_surface
@@ -54,9 +55,9 @@ class SapienArm:
     the bodies by rays.
     """
 
-    def __init__(self, config: SapienConfig, make_cell: Callable[[], Cell]) -> None:
+    def __init__(self, config: SapienArmConfig) -> None:
         import_sapien()
-        self._config, self._cell = config, make_cell()
+        self._config, self._cell = config, make_cell(config)
         self._cell.mounts.check(config.cameras)
         positive = ("image_size", "video_size", "video_fps", "physics_rate", "grip_force", "grip_speed")
         bad = [f"{name}={getattr(config, name)}" for name in positive if getattr(config, name) <= 0]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray, transform_points
 
-_GREY = (0.7, 0.7, 0.7)
+GREY = (0.7, 0.7, 0.7)
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class PaintedMesh:
 def read_collada(path: Path) -> PaintedMesh:
     """All triangles of a file's visual scene, nodes' matrices applied.
 
-    Reads what robot descriptions hold: ``triangles`` with float arrays, one matrix a node, diffuse colours.
-    Raises :class:`RobotError` when there are none.
+    Reads what robot descriptions hold: ``triangles`` and ``polylist`` with float arrays, one matrix a node, diffuse
+    colours, the file's unit. Raises :class:`RobotError` when there are none.
     """
     root = ET.parse(path).getroot()
     space = {"c": root.tag.partition("}")[0].strip("{")}
@@ -42,15 +42,22 @@ def read_collada(path: Path) -> PaintedMesh:
         for instance in node.iterfind("c:instance_geometry", space):
             geometry = root.find(f".//c:geometry[@id='{instance.get('url', '')[1:]}']", space)
             mesh = None if geometry is None else geometry.find("c:mesh", space)
-            for triangles in [] if mesh is None else mesh.iterfind("c:triangles", space):
+            parts = (
+                []
+                if mesh is None
+                else [*mesh.iterfind("c:triangles", space), *mesh.iterfind("c:polylist", space)]
+            )
+            for triangles in parts:
                 points, indices = _triangles(mesh, triangles, space)
                 vertices.append(transform_points(matrix, points))
                 faces.append(indices + count)
-                rgb.append(np.tile(colours.get(triangles.get("material", ""), _GREY), (len(indices), 1)))
+                rgb.append(np.tile(colours.get(triangles.get("material", ""), GREY), (len(indices), 1)))
                 count += len(points)
     if not faces:
         raise RobotError(f"No triangles in {path}; a COLLADA file with a visual scene is needed.")
-    return PaintedMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rgb))
+    unit = root.find("c:asset/c:unit", space)
+    metres = 1.0 if unit is None else float(unit.get("meter", "1"))
+    return PaintedMesh(metres * np.concatenate(vertices), np.concatenate(faces), np.concatenate(rgb))
 
 
 def thin(mesh: PaintedMesh, cell: float) -> PaintedMesh:
@@ -86,7 +93,7 @@ def _material_colours(root: ET.Element, space: dict[str, str]) -> dict[str, Floa
 def _triangles(
     mesh: ET.Element, triangles: ET.Element, space: dict[str, str]
 ) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Vertices (V, 3) and faces (F, 3) of one ``triangles`` element."""
+    """Vertices (V, 3) and faces (F, 3) of one ``triangles`` or ``polylist`` element, polygons as fans."""
     inputs = {i.get("semantic"): i for i in triangles.iterfind("c:input", space)}
     stride = 1 + max(int(i.get("offset", "0")) for i in inputs.values())
     corner = inputs["VERTEX"]
@@ -96,6 +103,11 @@ def _triangles(
     values = mesh.findtext(f"c:source[@id='{source_id}']/c:float_array", "", space)
     indices = np.array((triangles.findtext("c:p", "", space)).split(), dtype=np.int64)
     indices = indices.reshape(-1, stride)[:, int(corner.get("offset", "0"))]
+    sides = _numbers(triangles.findtext("c:vcount", "", space)).astype(np.int64)
+    if (sides != 3).any():
+        starts = np.cumsum(sides) - sides
+        fans = [(s, s + k, s + k + 1) for s, n in zip(starts, sides, strict=True) for k in range(1, n - 1)]
+        indices = indices[np.array(fans)]
     return _numbers(values).reshape(-1, 3), indices.reshape(-1, 3)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.driver import DriverState, GripResult, MoveResult, StopRule
-from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.world import World
 
 WATCH_EVERY = 4
@@ -37,7 +37,7 @@ class SapienDriver:
     def __init__(
         self,
         world: World,
-        config: SapienConfig,
+        config: SapienArmConfig,
         max_width: float,
         film: Callable[[], None] | None = None,
     ) -> None:

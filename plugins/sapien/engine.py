@@ -21,13 +21,13 @@ def import_sapien() -> Any:
             raise
         raise MissingDependencyError(
             "the package 'sapien'",
-            "A simulated arm (robot=sapien_panda, robot=sapien_piper)",
+            "A simulated arm (robot=sapien_panda and the like)",
             'pip install "gvla2[sim]" (on Linux)',
         ) from error
     except (ImportError, OSError) as error:
         raise MissingDependencyError(
             f"a system library that SAPIEN loads ({error})",
-            "A simulated arm (robot=sapien_panda, robot=sapien_piper)",
+            "A simulated arm (robot=sapien_panda and the like)",
             "apt-get install libx11-6 libgl1 (Debian, Ubuntu), with the package from "
             'pip install "gvla2[sim]"',
         ) from error

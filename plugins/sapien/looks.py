@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -15,8 +17,8 @@ from gvla2.errors import RobotError
 from gvla2.geometry.raycast import Surface
 from gvla2.geometry.transform import FloatArray, rigid, transform_points
 from gvla2.robot.scan import Scan
-from gvla2.robot.task import Body, Solid
-from gvla2_plugins.sapien.collada import PaintedMesh, read_collada, thin
+from gvla2.robot.task import Body, Primitive, Solid
+from gvla2_plugins.sapien.collada import GREY, PaintedMesh, read_collada, thin
 
 CELL = 0.004
 """Detail of the robot's looks, metres: 2 to 10 thousand triangles a link. Coarser cells let the dark shells under
@@ -25,22 +27,57 @@ the white ones show through, and cast hardly faster."""
 _SEGMENTS = 48
 
 
-@lru_cache(maxsize=4)
-def robot_surfaces(urdf: Path) -> dict[str, Surface]:
-    """A surface for each link of a URDF that has visual meshes (COLLADA), by link name, in the link's frame."""
+def link_surfaces(robot: ET.Element, drawn: bool = True) -> dict[str, Surface]:
+    """A surface for each link of a URDF (meshes by full paths) that has a shape, by name, in the link's frame.
+
+    ``drawn``: by its visuals where it has any, thinned; else by what collides of it, whole.
+    """
+    paints = {m.get("name"): m for m in robot.iterfind("material")}
     surfaces = {}
-    for link in ET.parse(urdf).getroot().iterfind("link"):
-        meshes = []
-        for visual in link.iterfind("visual"):
-            mesh = visual.find("geometry/mesh")
-            if mesh is None:
-                continue
-            painted = thin(read_collada(find_mesh(urdf, mesh.get("filename", ""))), CELL)
-            moved = transform_points(_origin(visual.find("origin")), painted.vertices)
-            meshes.append(PaintedMesh(moved, painted.faces, painted.rgb))
+    for link in robot.iterfind("link"):
+        solids = (link.findall("visual") if drawn else []) or link.findall("collision")
+        meshes = [mesh for mesh in (_shape(solid, paints, drawn) for solid in solids) if len(mesh.faces)]
         if meshes:
             surfaces[link.get("name", "")] = _surface(meshes, identity=0)
     return surfaces
+
+
+def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: bool) -> PaintedMesh:
+    """One visual or collision of a link, in the link's frame; its own colour, else its material's, else grey."""
+    material = solid.find("material")
+    if material is not None and material.find("color") is None:
+        material = paints.get(material.get("name"))
+    paint = None if material is None else material.find("color")
+    rgb = GREY if paint is None else tuple(float(v) for v in paint.get("rgba", "").split()[:3])
+    shape = next(iter(solid.find("geometry") or ()), None)
+    mesh = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))
+    if shape is not None and shape.tag == "mesh":
+        mesh = _read_mesh(Path(shape.get("filename", "")), rgb, thinned)
+        mesh = replace(
+            mesh, vertices=mesh.vertices * np.array(shape.get("scale", "1 1 1").split(), dtype=np.float64)
+        )
+    elif shape is not None and shape.tag in ("box", "cylinder", "sphere"):
+        size = [float(v) for v in shape.get("size", "").split()] or [2 * float(shape.get("radius", 0.0))] * 3
+        kind: Any = shape.tag
+        mesh = _solid(Primitive(kind, (*size[:2], float(shape.get("length", size[2]))), rgb))
+    return replace(mesh, vertices=transform_points(_origin(solid.find("origin")), mesh.vertices))
+
+
+@lru_cache(maxsize=64)
+def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh:
+    """A file's triangles; COLLADA with colours of its own, others in ``rgb``."""
+    if thinned:
+        return thin(_read_mesh(path, rgb, False), CELL)
+    if path.suffix.lower() == ".dae":
+        return read_collada(path)
+    try:
+        mesh = trimesh.load_mesh(path)
+    except (ValueError, OSError, NotImplementedError) as error:
+        raise RobotError(
+            f"The mesh {path} can't be read ({error}); STL, OBJ, PLY and COLLADA can."
+        ) from error
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    return PaintedMesh(np.asarray(mesh.vertices), faces, np.tile(rgb, (len(faces), 1)))
 
 
 def body_surface(body: Body) -> Surface:
@@ -51,15 +88,6 @@ def body_surface(body: Body) -> Surface:
         vertices = transform_points(scan.body_from_shape, mesh.vertices)
         return Surface(vertices, mesh.faces, scan.textured.rgb.mean(axis=1), 1, scan.texture)
     return _surface([_solid(solid) for solid in body.solids], identity=1)
-
-
-def find_mesh(urdf: Path, filename: str) -> Path:
-    """The file that a URDF's mesh name means: relative to the URDF, or ``package://`` under one of its parents."""
-    name = filename.removeprefix("package://")
-    found = next((p / name for p in urdf.absolute().parents if (p / name).is_file()), None)
-    if found is None:
-        raise RobotError(f"The mesh {filename} of {urdf} does not exist; reinstall the robot's description.")
-    return found
 
 
 def _solid(solid: Solid) -> PaintedMesh:

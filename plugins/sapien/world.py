@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from gvla2.errors import SimulationError
-from gvla2.geometry.transform import FloatArray, rigid
+from gvla2.geometry.transform import FloatArray
 from gvla2.robot.task import Layout
-from gvla2_plugins.sapien import SapienConfig
-from gvla2_plugins.sapien.attachment import Clamp, in_zone
+from gvla2_plugins.sapien import SapienArmConfig
+from gvla2_plugins.sapien.attachment import Clamp, Suction, in_zone
 from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
 from gvla2_plugins.sapien.catches import Caught
 from gvla2_plugins.sapien.cell import Cell
@@ -41,7 +41,7 @@ TOUCH = 1e-4
 class World:
     """Builds everything new, so that nothing of an earlier episode, blown up or not, lives on."""
 
-    def __init__(self, config: SapienConfig, cell: Cell, layout: Layout) -> None:
+    def __init__(self, config: SapienArmConfig, cell: Cell, layout: Layout) -> None:
         sapien = import_sapien()
         self.rate = config.physics_rate
         self.time = 0.0
@@ -61,22 +61,23 @@ class World:
         self._robot = load_robot(self._scene, cell, config.finger_friction)
         self._robot.set_root_pose(pose_of(cell.world_from_base))
         self._links = {link.name: link for link in self._robot.links}
-        fingers = {finger.joint for finger in cell.fingers}
         joints = self._robot.active_joints
-        self._arm = np.array([i for i, joint in enumerate(joints) if joint.name not in fingers])
-        self._fingers = np.array([i for i, joint in enumerate(joints) if joint.name in fingers])
+        order = {joint.name: i for i, joint in enumerate(joints)}
+        self._arm = np.array([order[name] for name in cell.arm.kinematics.joint_names])
+        fingers = cell.gripper.fingers
+        self._fingers = np.array([order[finger.joint] for finger in fingers], dtype=np.intp)
+        self._closed = np.array([finger.closed for finger in fingers])
+        self._opening = np.array([finger.opened - finger.closed for finger in fingers])
         self._arm_joints = [joints[i] for i in self._arm]
         self._finger_joints = [joints[i] for i in self._fingers]
         for joint in self._arm_joints:
             joint.set_drive_property(config.arm_stiffness, config.arm_damping, config.arm_force)
         for joint in self._finger_joints:
             joint.set_drive_property(FINGER_STIFFNESS, FINGER_DAMPING, config.grip_force)
-        home = np.zeros(len(joints), dtype=np.float32)
-        home[self._arm] = cell.arm.home
-        home[self._fingers] = cell.fingers[0].opened
-        self._robot.set_qpos(home)
-        self.drive_arm(cell.arm.home, np.zeros(cell.arm.dof))
-        self.drive_fingers(cell.fingers[0].opened)
+        self.finger_target = 0.0
+        self._clamp = Clamp(self._scene, self._links[cell.gripper.palm].entity)
+        self.suction = None if fingers else Suction(self._system, self._clamp, cell.arm.hand.max_width)
+        self.place_arm(cell.arm.home, cell.arm.hand.max_width)
 
         self._bodies = build_bodies(self._scene, layout)
         self._threads = {
@@ -85,7 +86,6 @@ class World:
         by_name = {joint.name: joint for joint in layout.joints}
         self._catches = [Caught(c, by_name[c.joint], self._bodies.joints) for c in layout.catches]
         self._strokes = {glow.joint: False for glow in layout.glows if np.isfinite(glow.until)}
-        self._clamp = Clamp(self._scene, self._links[cell.hand_link].entity)
         self._movers = [
             component
             for entity in self._bodies.entities.values()
@@ -116,6 +116,8 @@ class World:
         """One step of physics."""
         self._system.step()
         self.time += 1.0 / self.rate
+        if self.suction is not None:
+            self.suction.watch()
         for name, (articulation, index) in self._bodies.joints.items():
             at = float(articulation.qpos[index])
             self.peaks[name] = max(self.peaks[name] if self._goes_on(name, at) else at, at)
@@ -158,18 +160,21 @@ class World:
 
     @property
     def gripper_width(self) -> float:
-        """Between the fingers, metres."""
-        return float(self._robot.qpos[self._fingers].sum())
+        """Between the fingers, metres; a suction cup's is full while it does not draw, half while it holds, else 0."""
+        if self.suction is not None:
+            return self.suction.width
+        travel = (self._robot.qpos[self._fingers] - self._closed) * np.sign(self._opening)
+        return float(self._cell.gap + travel.sum())
 
     @property
     def finger_speed(self) -> float:
         """Of the faster finger, m/s."""
-        return float(np.abs(self._robot.qvel[self._fingers]).max())
+        return float(np.abs(self._robot.qvel[self._fingers]).max(initial=0.0))
 
     def place_arm(self, joints: FloatArray, width: float) -> None:
         """Put the arm at rest at joints (dof,) radians, its fingers ``width`` metres apart."""
         all_joints = np.zeros(len(self._robot.active_joints), dtype=np.float32)
-        all_joints[self._arm], all_joints[self._fingers] = joints, 0.5 * width
+        all_joints[self._arm], all_joints[self._fingers] = joints, self._finger_joints_at(0.5 * width)
         self._robot.set_qpos(all_joints)
         self._robot.set_qvel(np.zeros_like(all_joints))
         self.drive_arm(joints, np.zeros(len(joints)))
@@ -182,10 +187,17 @@ class World:
             joint.set_drive_velocity_target(speed)
 
     def drive_fingers(self, travel: float) -> None:
-        """Set each finger's target, metres from closed."""
+        """Set each finger's target: half of the width between them, metres. A suction cup draws at 0."""
         self.finger_target = travel
-        for joint in self._finger_joints:
-            joint.set_drive_target(travel)
+        for joint, target in zip(self._finger_joints, self._finger_joints_at(travel).tolist(), strict=True):
+            joint.set_drive_target(target)
+        if self.suction is not None:
+            self.suction.draw(travel <= 0.0)
+
+    def _finger_joints_at(self, travel: float) -> FloatArray:
+        """The fingers' joints (2,), or (0,) for a cup, at half of a width between them, metres."""
+        ways = float(np.abs(self._opening).sum()) or 1.0
+        return self._closed + np.clip((2 * travel - self._cell.gap) / ways, 0.0, 1.0) * self._opening
 
     def link_poses(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """world_from_link (4, 4) of the robot's links at its measured joints."""
@@ -193,11 +205,11 @@ class World:
 
     def touching_links(self) -> set[str]:
         """The robot's links that press on something else now; the base, which stands on the table, left out."""
-        base = self._robot.root.name
+        base = self._cell.base_links
         touched = set()
         for one, other, impulse in self._contacts():
             mine = {one, other} & self._links.keys()
-            if len(mine) == 1 and base not in mine and np.linalg.norm(impulse) > TOUCH:
+            if len(mine) == 1 and not mine & base and np.linalg.norm(impulse) > TOUCH:
                 touched |= mine
         return touched
 
@@ -206,14 +218,19 @@ class World:
 
         The joint that carries the hand tells it; contacts would not, since theirs are without friction.
         """
-        hand = self._links[self._cell.hand_link]
+        hand = self._links[self._cell.gripper.palm]
         forces = np.asarray(self._robot.get_link_incoming_joint_forces(), dtype=np.float64)  # (links, 6)
         return np.asarray(_matrix(hand.entity.pose)[:3, :3] @ forces[hand.index, :3])
 
     def finger_forces(self) -> dict[str, tuple[float, float]]:
-        """Force of the left and the right finger on each thing that they press on, newtons, by SAPIEN's name."""
+        """Force of the left and the right finger on each thing that they press on, newtons, by SAPIEN's name.
+
+        What hangs on a suction cup is pressed on from all sides, as hard as may be.
+        """
+        if self.suction is not None:
+            return {self._clamp.holding: (np.inf, np.inf)} if self._clamp.holding else {}
         forces: dict[str, dict[str, FloatArray]] = {}
-        links = self._cell.finger_links
+        links = self._cell.gripper.finger_links
         for one, other, impulse in self._contacts():
             for finger, thing in ((one, other), (other, one)):
                 if finger in links and thing not in self._links:
@@ -271,11 +288,11 @@ class World:
         for contact in self._system.get_contacts():
             names = [body.entity.name for body in contact.bodies]
             for finger, thing in (names, names[::-1]):
-                if finger in self._cell.finger_links and thing.startswith(PREFIX):
+                if finger in self._cell.gripper.finger_links and thing.startswith(PREFIX):
                     points = [np.asarray(p.position, dtype=np.float64) for p in contact.points]
                     touched.setdefault(thing, {}).setdefault(finger, []).extend(points)
-        hand_from_tcp = rigid(translation=(0.0, 0.0, self._cell.tcp_offset))
-        world_from_tcp = _matrix(self._links[self._cell.hand_link].entity.pose) @ hand_from_tcp
+        palm = self._links[self._cell.gripper.palm]
+        world_from_tcp = _matrix(palm.entity.pose) @ self._cell.hand_from_tcp
         for thing, fingers in touched.items():
             between = [point for points in fingers.values() for point in points]
             entity = self._bodies.entities.get(thing.removeprefix(PREFIX))

@@ -13,7 +13,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.robot.motion import MotionPath, MotionPlanner
 from gvla2.robot.timing import MotionLimits, time_path
-from gvla2_plugins.sapien.panda import make_arm
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 
 
 def clutter(rng: np.random.Generator, arm: Any) -> Scene:
@@ -45,7 +46,7 @@ def show(what: str, seconds: list[float], unit: float, name: str, note: str = ""
 def main() -> None:
     rng = np.random.default_rng(0)
     began = time.perf_counter()
-    arm = make_arm()
+    arm = make_cell(SapienPandaConfig()).arm
     print(f"arm model made in {time.perf_counter() - began:.2f} s")
     low, high = arm.limits
     down = [

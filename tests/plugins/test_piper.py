@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.planning.scene import Box, Scene
-from gvla2.robot.piper_arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm, piper_description
 from gvla2.testing.component import check_component
 from gvla2_plugins import piper
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
+from gvla2_plugins.piper.arm import FULL_SPEED, HIGH, HOME, LOW, TCP_OFFSET, make_arm, piper_description
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog, read_log
 from gvla2_plugins.piper.feedback import Feedback

@@ -12,8 +12,8 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.camera import CameraFrames
-from gvla2.robot.piper_arm import HOME
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
+from gvla2_plugins.piper.arm import HOME
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.replay import main as replay_main
 from gvla2_plugins.piper.replay import replay, sessions, simulate

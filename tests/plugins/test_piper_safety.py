@@ -13,8 +13,8 @@ from gvla2.errors import RobotError
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import ExecutionListener
-from gvla2.robot.piper_arm import HOME
 from gvla2_plugins.piper import PiperConfig, SceneryConfig, frames
+from gvla2_plugins.piper.arm import HOME
 from gvla2_plugins.piper.arming import ask_person, check_health, confirm
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.command_log import CommandLog, read_log

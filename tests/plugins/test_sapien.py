@@ -11,8 +11,9 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.sapien.driver import SapienDriver
-from gvla2_plugins.sapien.panda import TABLE_HEIGHT
 from gvla2_plugins.tabletop import gvla2_tasks
+
+TABLE_HEIGHT = SapienPandaConfig().table_height
 
 TASKS = {c.name: c.build(c.config()) for c in gvla2_tasks()}
 

@@ -8,7 +8,8 @@ from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
-from gvla2_plugins.sapien.panda import TABLE_HEIGHT
+
+TABLE_HEIGHT = SapienPandaConfig().table_height
 
 
 @pytest.fixture(scope="module")

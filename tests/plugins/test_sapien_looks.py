@@ -4,9 +4,10 @@ import pytest
 from gvla2.errors import RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.robot.task import Body, Primitive
+from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.sapien.collada import PaintedMesh, read_collada, thin
-from gvla2_plugins.sapien.looks import body_surface, find_mesh, robot_surfaces
-from gvla2_plugins.sapien.panda import panda_files
+from gvla2_plugins.sapien.looks import body_surface, link_surfaces
+from gvla2_plugins.sapien.urdf import find_file, find_mesh, read_urdf
 
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -50,6 +51,17 @@ def test_a_file_without_triangles_is_refused(tmp_path):
         read_collada(path)
 
 
+def test_polygons_are_fans_and_the_unit_counts(tmp_path):
+    path = tmp_path / "mesh.dae"
+    square = '<polylist count="1"><input semantic="VERTEX" source="#g-v" offset="0"/><vcount>4 3</vcount>'
+    text = DAE.replace("<library_effects>", '<asset><unit meter="0.001"/></asset><library_effects>', 1)
+    start, end = text.index("<triangles material"), text.index("</mesh>")
+    path.write_text(f"{text[:start]}{square}<p>0 1 2 3 1 2 3</p></polylist>{text[end:]}")
+    mesh = read_collada(path)
+    np.testing.assert_array_equal(mesh.faces[:3], [[0, 1, 2], [0, 2, 3], [1, 2, 3]])
+    np.testing.assert_allclose(mesh.vertices[1], [0.006, 0.0, 0.0])
+
+
 def test_thinning_stays_within_a_cell():
     rng = np.random.default_rng(0)
     angles = rng.uniform(0, 2 * np.pi, (4000, 2))
@@ -65,7 +77,7 @@ def test_thinning_stays_within_a_cell():
 
 
 def test_the_pandas_links_look_right():
-    surfaces = robot_surfaces(panda_files().urdf)
+    surfaces = link_surfaces(read_urdf(find_file(SapienPandaConfig().urdf, "robot.urdf")))
     assert {f"panda_link{i}" for i in range(8)} <= surfaces.keys()
     assert {"panda_hand", "panda_leftfinger", "panda_rightfinger"} <= surfaces.keys()
     assert max(len(s.faces) for s in surfaces.values()) < 12000

@@ -12,9 +12,9 @@ from gvla2.robot.mesh_body import Mesh
 from gvla2.robot.noise_options import DepthNoise
 from gvla2.robot.scan import read_scan
 from gvla2.robot.task import Body, Layout, Primitive, TaskSite
-from gvla2_plugins.sapien import SapienConfig
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.sapien.convex import decompose, piece_file, pieces
-from gvla2_plugins.sapien.panda import panda_cell
 from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import World
 from tests.scanning import bowl, box, painted, write
@@ -24,7 +24,7 @@ TABLE = 0.752
 
 def settled(layout):
     """Each body of a layout and where it is (4, 4) once the world has come to rest."""
-    world = World(SapienConfig(), panda_cell(), layout)
+    world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
     return [(body, world.body_pose(body.name)) for body in layout.bodies]
 
 
@@ -70,7 +70,7 @@ def test_things_fall_into_a_bowl_and_stay(bowl_file, tmp_path):
         rigid(translation=(0.21, 0.1, TABLE + 0.06)),
     )
     vessel = Mesh(bowl_file, mass=0.2).body("bowl", spot)
-    world = World(SapienConfig(), panda_cell(), Layout((vessel, cube)))
+    world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((vessel, cube)))
     now = world.body_pose("cube")[:3, 3]
     assert np.linalg.norm(now[:2] - (0.2, 0.1)) < 0.06
     assert TABLE + 0.01 < now[2] < TABLE + 0.03
@@ -82,15 +82,15 @@ def test_the_mass_is_the_one_given(bowl_file, tmp_path):
     carton = write(tmp_path, "carton", painted(box(0.05, 0.06, 0.07)))
     for path, mass in ((bowl_file, 0.25), (carton, 0.4)):
         body = Mesh(path, mass=mass).body("it", rigid(translation=(0.2, 0.0, TABLE + 0.05)))
-        world = World(SapienConfig(), panda_cell(), Layout((body,)))
+        world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), Layout((body,)))
         (mover,) = world._movers
         assert mover.mass == pytest.approx(mass, rel=0.01)
 
 
 def test_truth_knows_a_mesh(bowl_file):
     body = Mesh(bowl_file).body("bowl", rigid(translation=(0.2, 0.0, TABLE + 0.025)), label="bowl")
-    cell = panda_cell()
-    world = World(SapienConfig(), cell, Layout((body,)))
+    cell = make_cell(SapienPandaConfig())
+    world = World(SapienPandaConfig(), cell, Layout((body,)))
     (thing,) = true_scene(world, Layout((body,)), TABLE, cell.arm.workspace).objects
     assert (thing.label, thing.shape) == ("bowl", "other")
     np.testing.assert_allclose(thing.extents, (0.14, 0.14, 0.05), atol=0.002)
@@ -104,7 +104,7 @@ def test_clutter_stays_as_it_was_arranged(arrangement, count):
     task = registry.build({"task": options}, "task")
     site = TaskSite((0.25, 0.0), (0.65, 0.91), TABLE, lambda point: True)
     layout = task.sample(np.random.default_rng(1), site).layout
-    world = World(SapienConfig(), panda_cell(), layout)
+    world = World(SapienPandaConfig(), make_cell(SapienPandaConfig()), layout)
     for body in layout.bodies:
         now = world.body_pose(body.name)
         assert np.linalg.norm(now[:3, 3] - body.world_from_body[:3, 3]) < 0.02, body.name

@@ -13,8 +13,9 @@ from gvla2.robot.timing import MotionLimits, time_path
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.sapien.backend import SapienArm
 from gvla2_plugins.sapien.driver import SapienDriver
-from gvla2_plugins.sapien.panda import TABLE_HEIGHT
 from gvla2_plugins.tabletop import gvla2_tasks
+
+TABLE_HEIGHT = SapienPandaConfig().table_height
 
 DOWN = np.array([0.0, 0.0, -1.0])
 TASKS = {c.name: c.build(c.config()) for c in gvla2_tasks()}

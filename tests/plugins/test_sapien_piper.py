@@ -12,8 +12,9 @@ from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.task import Body, Layout, Primitive, TaskInstance
 from gvla2.testing.component import check_component
 from gvla2_plugins.sapien import SapienPiperConfig, gvla2_robots
-from gvla2_plugins.sapien.piper import TABLE_HEIGHT
 from gvla2_plugins.tabletop import gvla2_tasks
+
+TABLE_HEIGHT = SapienPiperConfig().table_height
 
 TASKS = {c.name: c for c in gvla2_tasks()}
 

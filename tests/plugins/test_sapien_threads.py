@@ -10,7 +10,8 @@ from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.task import Body, Joint, Layout, Primitive, TaskInstance, Thread
 from gvla2_plugins.sapien import SapienPandaConfig, gvla2_robots
 from gvla2_plugins.sapien.attachment import in_zone
-from gvla2_plugins.sapien.panda import TABLE_HEIGHT
+
+TABLE_HEIGHT = SapienPandaConfig().table_height
 
 UP = np.array([0.0, 0.0, 1.0])
 GREEN, GREY = (0.0, 0.5, 0.0), (0.5, 0.5, 0.5)

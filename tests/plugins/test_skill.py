@@ -15,7 +15,8 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.testing import inputs
 from gvla2.testing.planning import check_planner
-from gvla2_plugins.sapien.panda import BASE_POSITION, make_arm
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
 
@@ -25,7 +26,7 @@ PLANNER = SkillPlanner(SkillConfig())
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm()
+    return make_cell(SapienPandaConfig()).arm
 
 
 def thing(name, label, shape, xy, size, yaw=0.0, colour="", base=0.0, parent="") -> SceneObject:
@@ -302,7 +303,7 @@ def test_the_same_question_has_the_same_answer(arm):
     skill=st.sampled_from(["pick up the red cube", "push the red cube to the square"]),
 )
 def test_turning_the_scene_about_the_base_turns_the_plan(arm, yaw, skill):
-    foot = np.array([*BASE_POSITION[:2], 0.0])
+    foot = np.array([*SapienPandaConfig().base_position[:2], 0.0])
     turn = (
         rigid(translation=foot) @ rigid(Rotation.from_euler("z", yaw).as_matrix()) @ rigid(translation=-foot)
     )

@@ -15,7 +15,8 @@ from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mechanisms import hinge_for, slide_for
 from gvla2.skills.stuck import stuck
 from gvla2.testing import inputs
-from gvla2_plugins.sapien.panda import make_arm
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.grammar import parse
 from gvla2_plugins.skill.planner import SkillPlanner
@@ -27,7 +28,7 @@ BACK = np.array([1.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm()
+    return make_cell(SapienPandaConfig()).arm
 
 
 def thing(name, label, shape, xyz, size, turn=None, parent="") -> SceneObject:

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
+from gvla2.planning.arm import Hand
 from gvla2.planning.checks import check_trajectory
 from gvla2.planning.checks_motion import part_fits
 from gvla2.planning.contracts import Advice, Plan, PlanRequest
@@ -18,10 +19,13 @@ from gvla2.planning.trajectory import MAX_WAYPOINTS, grasp_rotation
 from gvla2.skills.holds import GRASP_PLAY, holds
 from gvla2.skills.wholes import assembled, rise, way_out
 from gvla2.testing import inputs
-from gvla2_plugins.sapien.panda import PANDA_HAND, make_arm
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
 from gvla2_plugins.skill.sorting import sorting
+
+PANDA_HAND = Hand(**SapienPandaConfig().hand)
 
 TABLE = 0.752
 PLANNER = SkillPlanner(SkillConfig())
@@ -29,7 +33,7 @@ PLANNER = SkillPlanner(SkillConfig())
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm()
+    return make_cell(SapienPandaConfig()).arm
 
 
 def thing(

@@ -17,7 +17,7 @@ from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.joint_search import rrt_connect
 from gvla2.robot.kinematics import Finger
-from gvla2_plugins.sapien import panda
+from gvla2_plugins.sapien import SapienPandaConfig, urdf
 
 
 def angle_between(a, b):
@@ -218,6 +218,6 @@ def test_a_panda_that_is_not_installed_is_named(monkeypatch):
     def absent(name):
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(panda, "distribution", absent)
+    monkeypatch.setattr(urdf, "_files", absent)
     with pytest.raises(MissingDependencyError, match="example-robot-data"):
-        panda.panda_files()
+        urdf.find_file(SapienPandaConfig().urdf, "robot.urdf")

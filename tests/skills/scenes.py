@@ -12,10 +12,11 @@ from gvla2.planning.checks import check_trajectory
 from gvla2.planning.contracts import Advice, Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.testing import inputs
-from gvla2_plugins.sapien.panda import make_arm
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 
 TABLE = 0.752
-ARM = make_arm()
+ARM = make_cell(SapienPandaConfig()).arm
 
 
 def thing(

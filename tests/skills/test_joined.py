@@ -14,7 +14,8 @@ from gvla2.planning.contracts import Plan, PlanRequest
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.joined import joined
 from gvla2.testing import inputs
-from gvla2_plugins.sapien.panda import make_arm
+from gvla2_plugins.sapien import SapienPandaConfig
+from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.skill import SkillConfig
 from gvla2_plugins.skill.planner import SkillPlanner
 
@@ -24,7 +25,7 @@ PLANNER = SkillPlanner(SkillConfig())
 
 @pytest.fixture(scope="module")
 def arm():
-    return make_arm()
+    return make_cell(SapienPandaConfig()).arm
 
 
 def thing(name, label, shape, xyz, size, turn=0.0, **more) -> SceneObject:

@@ -33,6 +33,7 @@ OWN = {
     ("perceiver", "sam"): "perceiver.weights=",
     ("perceiver", "sam3"): "perceiver.weights=",
     ("perceiver", "detector"): "perceiver.weights=",
+    ("robot", "sapien_arm"): "robot.urdf=",
     ("task", "tabletop_objects"): "task.objects.root=",
 }
 """Components that need something of the user's own, and what their error says to do. Their own tests give it them."""

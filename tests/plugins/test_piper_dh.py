@@ -9,9 +9,9 @@ from gvla2.errors import RobotError
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.dh import FINGERS, TCP_FRAME, DhArm
 from gvla2.robot.kinematics import Finger, Kinematics
-from gvla2.robot.piper_arm import (
+from gvla2.robot.task import Primitive
+from gvla2_plugins.piper.arm import (
     FULL_SPEED,
     HIGH,
     HOME,
@@ -22,7 +22,10 @@ from gvla2.robot.piper_arm import (
     make_arm,
     piper_description,
 )
-from gvla2.robot.task import Primitive
+from gvla2_plugins.piper.dh import FINGERS, TCP_FRAME, DhArm
+from gvla2_plugins.sapien import SapienPiperConfig
+from gvla2_plugins.sapien.arm import make_cell
+from gvla2_plugins.sapien.urdf import find_file
 
 WORKSPACE = Box(np.array([0.05, -0.45, 0.0]), np.array([0.6, 0.45, 0.6]))
 
@@ -83,18 +86,20 @@ def test_the_fingers_move_as_one_and_resting_pairs_are_named():
         make_arm(np.eye(4), WORKSPACE, limit_margin=1.0)
 
 
-@pytest.mark.parametrize("stand", [0.0, 0.25])
-def test_the_pipers_model_has_its_limits_speeds_and_stand(stand):
-    arm = make_arm(np.eye(4), WORKSPACE, stand=stand)
+def test_the_pipers_model_has_its_limits_and_speeds():
+    arm = make_arm(np.eye(4), WORKSPACE)
     assert isinstance(arm, ArmModel)
     assert isinstance(arm.hand, Hand)
     low, high = arm.limits
     np.testing.assert_allclose((low, high), (LOW + 0.02, HIGH - 0.02))
     np.testing.assert_allclose(arm.velocity_limits, FULL_SPEED)
     assert sum(f.opened for f in finger_joints()) == pytest.approx(MAX_WIDTH)
+
+
+def test_the_block_under_the_simulated_base_is_in_the_way():
     folded_down = np.array([0.0, 2.9, -0.4, 0.0, 0.0, 0.0])  # over the edge of the base, before the block
-    distance = arm.clearance(folded_down, 1.0, Scene((), -2.0, WORKSPACE)).distance
-    assert (distance < 0) == (stand > 0)
+    for arm, free in ((make_arm(np.eye(4), WORKSPACE), True), (make_cell(SapienPiperConfig()).arm, False)):
+        assert (arm.clearance(folded_down, 1.0, Scene((), -2.0, WORKSPACE)).distance > 0) == free
 
 
 def test_the_flange_is_tcp_offset_behind_the_fingertips():
@@ -103,3 +108,11 @@ def test_the_flange_is_tcp_offset_behind_the_fingertips():
     np.testing.assert_allclose(
         poses[FINGERS[0]][:3, 3] - poses["link6"][:3, 3], TCP_OFFSET * poses["link6"][:3, 2], atol=1e-12
     )
+
+
+@pytest.mark.parametrize("kind", ["urdf", "srdf"])
+def test_the_simulated_arm_is_the_same_one(kind):
+    """`plugins/sapien/piper.*` are written from :mod:`gvla2_plugins.piper.arm`: write them anew when that changes."""
+    description = piper_description(stand=SapienPiperConfig().base_position[2])
+    written = find_file(getattr(SapienPiperConfig(), kind), f"robot.{kind}").read_text()
+    assert written == (description.urdf() if kind == "urdf" else description.srdf())

@@ -81,7 +81,11 @@ class DhArm:
             link = ET.SubElement(robot, "link", name=name)
             for what in ("collision", "visual"):
                 for solid in self.solids.get(name, ()):
-                    _solid(ET.SubElement(link, what), solid)
+                    drawn = ET.SubElement(link, what)
+                    _solid(drawn, solid)
+                    if what == "visual":
+                        paint = ET.SubElement(drawn, "material", name="")
+                        ET.SubElement(paint, "color", rgba=f"{_numbers(solid.rgb)} 1.0")
         for index in range(self.dof):
             joint = _joint(robot, f"joint{index + 1}", "revolute", self.links[index], f"link{index + 1}")
             _origin(joint, self.joint_origin(index))

@@ -1,4 +1,4 @@
-"""AgileX's Piper as facts: what the real arm's backend and a simulation of it both stand on.
+"""AgileX's Piper as facts; `plugins/sapien/piper.urdf` is written from them (a test compares the two).
 
 The DH numbers are the maker's (modified convention, joints 2 and 3 shifted by 2 degrees as current firmware has
 it). The solids are cylinders and boxes drawn a little larger than the real links; they are ours.
@@ -15,9 +15,9 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.dh import BASE_LINK, FINGERS, TCP_FRAME, DhArm
 from gvla2.robot.kinematics import Finger
 from gvla2.robot.task import Primitive
+from gvla2_plugins.piper.dh import BASE_LINK, FINGERS, TCP_FRAME, DhArm
 
 DH_A = (0.0, 0.0, 0.28503, -0.02198, 0.0, 0.0)
 DH_ALPHA = tuple(np.radians((0.0, -90.0, 0.0, 90.0, -90.0, 90.0)).tolist())
@@ -104,10 +104,9 @@ def make_arm(
     workspace: Box,
     tcp_offset: float = TCP_OFFSET,
     limit_margin: float = 0.02,
-    stand: float = 0.0,
 ) -> ArmModel:
     """The Piper at its place in the world; ``limit_margin`` radians are kept to each joint limit."""
-    arm = piper_description(tcp_offset, stand)
+    arm = piper_description(tcp_offset)
     with tempfile.TemporaryDirectory(prefix="gvla2-piper-") as folder:
         urdf, srdf = Path(folder) / "piper.urdf", Path(folder) / "piper.srdf"
         urdf.write_text(arm.urdf())

@@ -1,0 +1,60 @@
+"""Which of an arm's links may touch each other all the time: told by an SRDF, or found by trying many postures."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Set
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gvla2.robot.kinematics import Kinematics
+
+Pair = frozenset[str]
+"""Two links by name."""
+
+POSTURES, USUAL = 300, 0.5
+"""Postures that are tried; links whose hulls overlap in more than this share of them are neighbours, which their
+hulls make thicker than they are, and no collision."""
+
+
+def disabled(srdf: Path, reason: str = "") -> set[Pair]:
+    """The pairs whose checks an SRDF switches off, for a ``reason`` ("Default": overlap at the default posture)."""
+    pairs = ET.parse(srdf).getroot().iter("disable_collisions")
+    return {
+        frozenset((pair.get("link1", ""), pair.get("link2", "")))
+        for pair in pairs
+        if reason in ("", pair.get("reason"))
+    }
+
+
+def usually_close(pin: Any, kinematics: Kinematics, robot: Any, hand: Set[str]) -> set[Pair]:
+    """Pairs of links whose overlap means nothing: joined by a joint, both of the ``hand`` (its fingers may meet), or
+    overlapping in more than ``USUAL`` of the postures drawn within the joints' limits, always the same ones.
+
+    ``robot`` is the pinocchio ``GeometryModel`` of the links' solids.
+    """
+    model, solids = kinematics.model, robot.geometryObjects
+    robot = robot.copy()
+    robot.removeAllCollisionPairs()
+    found: set[Pair] = set()
+    for i, j in combinations(range(len(solids)), 2):
+        one, other = solids[i], solids[j]
+        pair = frozenset((str(one.name), str(other.name)))
+        a, b = one.parentJoint, other.parentJoint
+        if a == b or model.parents[a] == b or model.parents[b] == a or pair <= hand:
+            found.add(pair)
+        else:
+            robot.addCollisionPair(pin.CollisionPair(i, j))
+    pairs = [frozenset((str(solids[p.first].name), str(solids[p.second].name))) for p in robot.collisionPairs]
+    data, geometry_data = model.createData(), robot.createData()
+    touched: Counter[Pair] = Counter()
+    rng = np.random.default_rng(20240229)
+    for joints in rng.uniform(kinematics.low, kinematics.high, (POSTURES, kinematics.dof)):
+        pin.computeCollisions(model, data, robot, geometry_data, kinematics.full(joints, 1.0), False)
+        results = geometry_data.collisionResults
+        touched.update({p for p, result in zip(pairs, results, strict=True) if result.isCollision()})
+    return found | {pair for pair, count in touched.items() if count > USUAL * POSTURES}

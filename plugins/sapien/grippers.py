@@ -1,0 +1,196 @@
+"""Hands: one that is mounted on an arm without fingers, or the arm's own, measured by what it is made of."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gvla2.errors import ConfigurationError, RobotError
+from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.planning.arm import Hand
+from gvla2.robot.kinematics import Finger, Kinematics, import_pinocchio
+from gvla2_plugins.sapien import SapienArmConfig
+
+PALM, FINGERS = "gripper_palm", ("gripper_left", "gripper_right")
+_PALM_SIZE, _FINGER_SIZE, _TRAVEL = (0.064, 0.12, 0.06), (0.022, 0.013, 0.05), 0.0425
+
+CUP, CUP_LENGTH, BELLOWS = "suction_cup", 0.08, 0.004
+"""A suction cup's link, its length, and how much of that is soft: the solid ends so far before the lip; metres."""
+
+_CUP_RADIUS, SUNK = 0.015, 0.002
+SUCTION_HAND = Hand(0.25, SUNK + 0.005, 0.001, 2 * _CUP_RADIUS, 0.0, 2 * _CUP_RADIUS, 2 * _CUP_RADIUS)
+"""A cup as planners know hands: it fits around anything, sinks no deeper than its lip, 2 mm before the tool point."""
+
+TIP_BEYOND_TCP = 0.008
+"""Where the tool point is when nobody says: so far before the fingertips' end, metres."""
+
+_PAD = 0.02
+"""The last part of a finger, metres, by which its thickness and the gap are measured: what is above is wider."""
+
+
+@dataclass(frozen=True)
+class Gripper:
+    """A hand on an arm: its joints (none for a cup) and links; ``palm`` carries the fingers."""
+
+    palm: str
+    fingers: tuple[Finger, ...] = ()
+    finger_links: tuple[str, ...] = ()
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """All of it."""
+        return (self.palm, *self.finger_links)
+
+
+def mount(robot: ET.Element, config: SapienArmConfig) -> Gripper:
+    """Add the chosen hand at the tool link, along its z as ``tool_rpy`` turns it."""
+    frame = f'<parent link="{config.tool_link}"/><origin rpy="{" ".join(map(str, config.tool_rpy))}"/>'
+    if config.gripper == "suction":
+        shape = f'<cylinder radius="{_CUP_RADIUS}" length="{CUP_LENGTH - BELLOWS}"/>'
+        _add(robot, CUP, "fixed", frame, shape, 0.5 * (CUP_LENGTH - BELLOWS))
+        return Gripper(CUP)
+    if config.gripper != "parallel":
+        raise ConfigurationError(
+            f"robot.gripper={config.gripper} cannot be mounted; parallel and suction can. For the arm's own fingers "
+            "name their joints in robot.gripper_joints."
+        )
+    _add(robot, PALM, "fixed", frame, _box(_PALM_SIZE), 0.5 * _PALM_SIZE[2])
+    for link, sign in zip(FINGERS, (1, -1), strict=True):
+        at = f'<parent link="{PALM}"/><origin xyz="0 {sign * 0.5 * _FINGER_SIZE[1]} {_PALM_SIZE[2]}"/>'
+        at += f'<axis xyz="0 {sign} 0"/><limit lower="0" upper="{_TRAVEL}" velocity="0.1" effort="100"/>'
+        _add(robot, link, "prismatic", at, _box(_FINGER_SIZE), 0.5 * _FINGER_SIZE[2])
+    return Gripper(PALM, tuple(Finger(f"{link}_joint", 0.0, _TRAVEL) for link in FINGERS), FINGERS)
+
+
+def own_gripper(robot: ET.Element, config: SapienArmConfig) -> Gripper:
+    """The arm's own fingers: two sliding joints, those that ``mimic`` a named one among them.
+
+    Raises :class:`RobotError` for joints that don't exist, don't slide or are not two.
+    """
+    joints = {j.get("name", ""): j for j in robot.iterfind("joint")}
+    asked = list(config.gripper_joints)
+    for name in asked:
+        known("robot.gripper_joints", name, joints)
+    for name, joint in joints.items():
+        leader = joint.find("mimic")
+        if leader is not None and leader.get("joint") in asked and name not in asked:
+            asked.append(name)
+    turning = [
+        f"{name} ({joints[name].get('type')})" for name in asked if joints[name].get("type") != "prismatic"
+    ]
+    if turning or len(asked) != 2:
+        sliding = [name for name, joint in joints.items() if joint.get("type") == "prismatic"]
+        raise RobotError(
+            f"robot.gripper_joints={asked} must be two prismatic joints, one a finger"
+            f"{'; not so: ' + ', '.join(turning) if turning else ''}. This arm has {sliding or 'none'}. "
+            "Without its own fingers (robot.gripper_joints=[]) a gripper is mounted at the tool link."
+        )
+    ends = [[float(_part(joints[name], "limit").get(k, 0.0)) for k in ("lower", "upper")] for name in asked]
+    palm, *others = {_part(joints[name], "parent").get("link", "") for name in asked}
+    if others:
+        raise RobotError(
+            f"The fingers {asked} hang on different links, {sorted([palm, *others])}; one must carry both."
+        )
+    links = tuple(_part(joints[name], "child").get("link", "") for name in asked)
+    return Gripper(palm, tuple(Finger(n, *e) for n, e in zip(asked, ends, strict=True)), links)
+
+
+def known(option: str, asked: str, names: Mapping[str, object] | Sequence[str]) -> None:
+    """Raises :class:`RobotError` that lists what exists where ``asked`` is none of it."""
+    if asked not in names:
+        raise RobotError(f"{option}={asked or chr(39) * 2} is not in the URDF. It has: {', '.join(names)}.")
+
+
+def measured(
+    kinematics: Kinematics, gripper: Gripper, vertices: Mapping[str, FloatArray]
+) -> tuple[Gripper, FloatArray, dict[str, float]]:
+    """Which end of the fingers' joints is open, tool_from_tips (4, 4), and the hand's measures by their names.
+
+    ``kinematics`` has its tool at the tool link, z out of the hand; ``vertices`` (N, 3) of each link in its own frame.
+    The tips' frame is between the fingers' ends, turned about z until the first finger opens along y. Raises
+    :class:`RobotError` for fingers that don't open, or not across z.
+    """
+    low, high = (_in_tool(kinematics, gripper, vertices, share) for share in (0.0, 1.0))
+    left, right = gripper.finger_links
+    apart = [np.linalg.norm(at[left].mean(axis=0) - at[right].mean(axis=0)) for at in (low, high)]
+    moved = [high[link].mean(axis=0) - low[link].mean(axis=0) for link in (left, right)]
+    travel = float(sum(np.linalg.norm(m) for m in moved))
+    if abs(apart[1] - apart[0]) < 1e-3:
+        names = [finger.joint for finger in gripper.fingers]
+        limits = [(finger.closed, finger.opened) for finger in gripper.fingers]
+        raise RobotError(
+            f"The gripper cannot open: over the whole range {limits} m of the joints {names} their fingers stay as "
+            "far apart. Mend the joints' limits or axes in the URDF, or name other joints."
+        )
+    if apart[1] < apart[0]:
+        flipped = tuple(Finger(f.joint, f.opened, f.closed) for f in gripper.fingers)
+        gripper, low, high, moved = (
+            Gripper(gripper.palm, flipped, gripper.finger_links),
+            high,
+            low,
+            [-m for m in moved],
+        )
+    way = moved[0] / np.linalg.norm(moved[0])
+    if abs(way[2]) > 0.2:
+        raise RobotError(
+            f"The fingers of robot.tool_link slide along {np.round(way, 2).tolist()} of it; z must point out of the "
+            "hand and the fingers slide across. robot.tool_rpy=[roll,pitch,yaw] (radians) turns the frame."
+        )
+    yaw = float(np.arctan2(-way[0], way[1]))
+    turn = np.eye(4)
+    if abs(yaw) > 1e-6:
+        turn[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    open_, palm = ({k: transform_points(invert_rigid(turn), v) for k, v in at.items()} for at in (high, low))
+    end = max(open_[link][:, 2].max() for link in (left, right))
+    pads = {link: open_[link][open_[link][:, 2] > end - _PAD] for link in (left, right)}
+    inner, outer = pads[left][:, 1].min(), pads[right][:, 1].max()
+    body = palm[gripper.palm]
+    between = [float(np.mean([p[:, 0].mean() for p in pads.values()])), 0.5 * float(inner + outer)]
+    hand = {
+        "max_width": max(float(inner - outer), travel),
+        "finger_length": float(end - min(body[:, 2].max(), end - _PAD)),
+        "finger_thickness": float(max(np.ptp(p[:, 1]) for p in pads.values())),
+        "finger_breadth": float(max(np.ptp(p[:, 0]) for p in pads.values())),
+        "palm_breadth": float(np.ptp(body[:, 1])),
+        "palm_depth": float(np.ptp(body[:, 0])),
+    }
+    return gripper, turn @ rigid(translation=(*between, float(end))), hand
+
+
+def _in_tool(
+    kinematics: Kinematics, gripper: Gripper, vertices: Mapping[str, FloatArray], share: float
+) -> dict[str, FloatArray]:
+    """The hand's corners in the tool's frame, its joints at ``share`` of their way from lower to upper limit."""
+    pin, model, joints = import_pinocchio(), kinematics.model, 0.5 * (kinematics.low + kinematics.high)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, kinematics.full(joints, share))
+    tool_from_world = invert_rigid(kinematics.forward(joints))
+    frames = {link: model.getFrameId(link, pin.FrameType.BODY) for link in gripper.links}
+    return {
+        link: transform_points(tool_from_world @ data.oMf[frame].homogeneous, vertices[link])
+        for link, frame in frames.items()
+    }
+
+
+def _part(joint: ET.Element, tag: str) -> ET.Element:
+    part = joint.find(tag)
+    if part is None:
+        raise RobotError(
+            f"The joint {joint.get('name')} of the URDF has no <{tag}>; a gripper's joint needs one."
+        )
+    return part
+
+
+def _add(robot: ET.Element, link: str, kind: str, joint: str, shape: str, height: float) -> None:
+    solid = f'<collision><origin xyz="0 0 {height}"/><geometry>{shape}</geometry></collision>'
+    robot.append(ET.fromstring(f'<link name="{link}">{solid}</link>'))
+    robot.append(
+        ET.fromstring(f'<joint name="{link}_joint" type="{kind}"><child link="{link}"/>{joint}</joint>')
+    )
+
+
+def _box(size: Sequence[float]) -> str:
+    return f'<box size="{" ".join(map(str, size))}"/>'

@@ -1,0 +1,148 @@
+"""An arm's URDF as it is found: its files, what is wrong with it, and what simulation needs of it otherwise."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ET
+from collections.abc import Collection
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, PackagePath, distribution
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from gvla2.errors import MissingDependencyError, RobotError
+
+PACKAGE = "package://"
+_DESCRIPTIONS = "example-robot-data"
+_XACRO = "{http://www.ros.org/wiki/xacro}"
+
+
+def find_file(name: str, option: str) -> Path:
+    """The file that an option names: a path, or ``package://`` and an installed package."""
+    path = _in_package(name) if name.startswith(PACKAGE) else Path(name).expanduser()
+    if path is None or not path.is_file():
+        where = "in no installed package" if path is None else "no file"
+        raise RobotError(
+            f"{option}={name} is {where}. Give the path of a file, or package://PACKAGE/PATH of a package that pip or "
+            "ROS has installed (ROS_PACKAGE_PATH)."
+        )
+    return path.absolute()
+
+
+def read_urdf(path: Path) -> ET.Element:
+    """The ``robot`` element of a file, ready for kinematics and simulation.
+
+    Meshes get their full paths; joints that turn for ever get limits of a turn either way; links that are only drawn
+    collide as they are drawn. Raises :class:`RobotError` for what is no URDF, for a mesh that does not exist, and
+    where no link has a shape.
+    """
+    try:
+        robot = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise RobotError(f"{path} is no XML ({error}); robot.urdf needs a URDF.") from error
+    if robot.tag != "robot" or any(str(e.tag).startswith(_XACRO) for e in robot.iter()):
+        raise RobotError(
+            f"{path} has a <{robot.tag}> with xacro in it or is no <robot>; robot.urdf needs a plain URDF. "
+            "`xacro FILE.xacro > FILE.urdf` makes one."
+        )
+    for link in robot.iterfind("link"):
+        for mesh in link.iter("mesh"):
+            mesh.set("filename", str(find_mesh(path, mesh.get("filename", ""), link.get("name", ""))))
+        if link.find("collision") is None:
+            for visual in link.findall("visual"):
+                link.append(_as_collision(visual))
+    names = {link.get("name") for link in robot.iterfind("link")}
+    for joint in robot.iterfind("joint[@type='fixed']"):
+        if joint.get("name") in names:  # pinocchio can't tell the two apart
+            joint.set("name", f"{joint.get('name')}_joint")
+    for joint in robot.iterfind("joint[@type='continuous']"):
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        limit = ET.SubElement(joint, "limit", effort="100", velocity="2") if limit is None else limit
+        limit.attrib.update(lower=str(-2 * np.pi), upper=str(2 * np.pi))
+    if robot.find("link/collision") is None:
+        raise RobotError(
+            f"None of the {len(robot.findall('link'))} links of {path} has a <collision> or <visual>: there is nothing "
+            "to see or to touch. Use a URDF with meshes, boxes or cylinders."
+        )
+    return robot
+
+
+def freeze(robot: ET.Element, links: Collection[str], moving: Collection[str]) -> None:
+    """Fix the joints, at zero, that neither carry ``links`` nor are ``moving``: another arm, a hand not used."""
+    above = {_link_of(j, "child"): j for j in robot.iterfind("joint")}
+    chain = set(moving)
+    for link in links:
+        while link in above:
+            chain.add(above[link].get("name", ""))
+            link = _link_of(above[link], "parent")
+    for joint in above.values():
+        if joint.get("name") not in chain:
+            joint.set("type", "fixed")
+            for mimic in joint.findall("mimic"):
+                joint.remove(mimic)
+
+
+def find_mesh(urdf: Path, filename: str, link: str = "") -> Path:
+    """The file that a URDF's mesh name means.
+
+    It is absolute, relative to the URDF, or ``package://`` under one of the URDF's parents or of an installed package.
+    """
+    name = filename.removeprefix("file://").removeprefix(PACKAGE)
+    found = next((p / name for p in urdf.absolute().parents if (p / name).is_file()), None)
+    found = found or (_in_package(filename) if filename.startswith(PACKAGE) else None)
+    if found is None:
+        raise RobotError(
+            f"The mesh {filename} of {f'link {link} in ' if link else ''}{urdf} does not exist. Looked for {name} "
+            "beside the file, in the folders above it and in installed packages: put it there, or mend the path."
+        )
+    return found
+
+
+def without_looks(robot: ET.Element) -> str:
+    """The text without visuals and materials, whose loading needs Vulkan."""
+    bare = ET.fromstring(ET.tostring(robot))
+    for parent, tag in ((p, tag) for p in [bare, *bare.findall("link")] for tag in ("material", "visual")):
+        for child in parent.findall(tag):
+            parent.remove(child)
+    return ET.tostring(bare, encoding="unicode")
+
+
+@lru_cache
+def _files(package: str) -> tuple[PackagePath, ...]:
+    return tuple(distribution(package).files or ())
+
+
+def _link_of(joint: ET.Element, end: str) -> str:
+    part = joint.find(end)
+    return "" if part is None else part.get("link", "")
+
+
+def _as_collision(visual: ET.Element) -> ET.Element:
+    collision = ET.Element("collision")
+    collision.extend(e for e in visual if e.tag in ("origin", "geometry"))
+    return collision
+
+
+def _in_package(name: str) -> Path | None:
+    """The file of ``package://PACKAGE/PATH``: in ROS's folders, an installed distribution or a Python package."""
+    package, _, rest = name.removeprefix(PACKAGE).partition("/")
+    for folder in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
+        for root in (Path(folder), Path(folder) / package):
+            if root.name == package and (root / rest).is_file():
+                return root / rest
+    try:
+        files = _files(package)
+    except PackageNotFoundError:
+        if package == _DESCRIPTIONS:
+            needs = f"The robot's description ({name})"
+            raise MissingDependencyError(_DESCRIPTIONS, needs, 'pip install "gvla2[sim]"') from None
+        files = ()
+    found = next((f for f in files if str(f).endswith(f"/{package}/{rest}")), None)
+    if found is not None:
+        return Path(str(found.locate())).resolve()
+    spec = find_spec(package) if package.isidentifier() else None
+    folders = (spec.submodule_search_locations if spec else None) or []
+    return next((Path(f) / rest for f in folders if (Path(f) / rest).is_file()), None)
