@@ -1,10 +1,13 @@
-"""The pages about hooks are whole, and their plugins are registered, chosen and checked as they stand there."""
+"""The site builds, no link leads nowhere, and the plugins of the pages about hooks work as they stand there."""
 
 import dataclasses
-import importlib.util
+import importlib
+import os
 import re
 import shlex
+import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -23,11 +26,15 @@ from gvla2.testing.language import LocalModel, said
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs" / "hooks").glob("gvla2_*.md"))
+MADE = ("configuration/", "contributing.md", "changes.md")
+"""What `scripts/docs` adds when the site is built."""
 BLOCK = re.compile(r"^```(\w+)(?: title=\"(\S+)\")?\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
 @pytest.fixture
-def plugin(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+def plugin(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[ModuleType]:
     """The page's plugin as a registered module; blocks with a file's name as their title lie beside it."""
     page: Path = request.param
     name = f"docs_{page.stem}"
@@ -44,8 +51,55 @@ def plugin(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
     del sys.modules[name]
     module = importlib.import_module(name)
     gvla2.register(module)
-    request.addfinalizer(lambda: gvla2.unregister(name))
-    return module
+    yield module
+    gvla2.unregister(name)
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_the_links_of_the_page_lead_somewhere(page: Path):
+    prose = re.sub(r"^```.*?^```|`[^`\n]*`", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for link in re.findall(r"\]\(([^)#:\s]+)(?:#[^)\s]*)?\)", prose):
+        assert (page.parent / link).exists() or link.startswith(MADE), link
+
+
+@pytest.mark.timeout(300)
+def test_the_site_builds_without_a_warning(tmp_path: Path):
+    pytest.importorskip("material", reason="pip install 'gvla2[docs]'")
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "mkdocs",
+            "build",
+            "--strict",
+            "--quiet",
+            "--site-dir",
+            str(tmp_path / "site"),
+        ],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "site" / "configuration" / "choices" / "planner.html").read_text()
+    assert "planner.lift_height" in page
+    assert "PlanRequest" in (tmp_path / "site" / "hooks" / "gvla2_planners.html").read_text()
+
+
+def test_the_configuration_reference_has_every_option_of_every_component(registry: Registry, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "scripts" / "docs")
+    pages = importlib.import_module("reference").reference(registry)
+    for kind in KINDS:
+        page = pages[f"configuration/choices/{kind}.md"]
+        for name, component in registry.components(kind).items():
+            assert f"## `{kind}={name}`" in page
+            assert all(f"| `{kind}.{o.name}` |" in page for o in options(component.config))
+    for command, config in PRIMARY.items():
+        for option in options(config):
+            if not option.name.endswith(".name"):
+                assert f"| `{option.name}` |" in pages[f"configuration/{command}.md"]
 
 
 def test_every_hook_has_a_page_and_no_other():
