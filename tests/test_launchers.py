@@ -177,3 +177,13 @@ def test_a_cluster_that_does_not_answer_is_told_as_such(tmp_path: Path):
     assert "gvla2: The sweep could not be launched: Nobody at 10.0.0.1:6379.\n" in done.stderr
     assert "output folder" not in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_wrong_address_of_a_cluster_fails_before_ray_waits_for_it(tmp_path: Path):
+    done = gvla2(
+        *(tmp_path, "run", "-m", "seed=1,2", "hydra/launcher=ray"),
+        "hydra.launcher.ray.init.address=127.0.0.1:1",
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("gvla2: No Ray cluster answers at 127.0.0.1:1 (Connection refused). ")
+    assert list(tmp_path.iterdir()) == []
