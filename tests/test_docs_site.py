@@ -131,6 +131,15 @@ def test_the_plugin_of_the_page_conforms(plugin: ModuleType):
         _check_choices(registry, command, words)
 
 
+@pytest.mark.parametrize("name", ["index", "tutorial", "howto", "cluster", "expectations"])
+def test_the_commands_of_the_page_name_what_there_is(name: str, registry: Registry):
+    page = (ROOT / "docs" / f"{name}.md").read_text().replace("\\\n", "")
+    found = re.findall(r"^gvla2 (\w+) ([^#\n]*)|`gvla2 (\w+) ([^`]*)`", page, re.MULTILINE)
+    for command, words in [(line or told, after or then) for line, after, told, then in found]:
+        if command in PRIMARY and "planner=point" not in words:  # the reader's own
+            _check_choices(registry, command, re.sub(r"\bhydra\S*=\S*", "", words))
+
+
 def _check_choices(registry: Registry, command: str, words: str) -> None:
     """Every component, option and key of a command line exists; of a sweep's values the last is looked at."""
     given = [word.partition("=")[::2] for word in shlex.split(words) if re.match(r"\w[\w.]*=", word)]

@@ -27,13 +27,13 @@ def reference(registry: Registry) -> dict[str, str]:
 
 
 def hooks_table(registry: Registry) -> str:
-    """Each kind with its hook, the choice of `gvla2 run`, and what is offered; links as from ``docs/hooks``."""
+    """Each kind with its page, its word and default, and what is offered; links as from ``docs/hooks``."""
     rows = [
-        f"| [`{k.hook}`]({k.hook}.md) | {k.what.partition(':')[0]} | `{k.default}` | "
+        f"| [{k.what.partition(':')[0]}]({k.hook}.md) | `{k.name}=` | `{k.default}` | "
         f"[{len(registry.components(k.name))} on offer](../configuration/choices/{k.name}.md) |"
         for k in registry.kinds.values()
     ]
-    return "\n".join(["| hook | kind | `gvla2 run` chooses | |", "|---|---|---|---|", *rows])
+    return "\n".join(["| what | chosen by | `gvla2 run` takes | |", "|---|---|---|---|", *rows])
 
 
 def contract(kind: Kind) -> str:
