@@ -87,7 +87,7 @@ def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame]
 
 
 def _flying(depth: FloatArray) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels with fewer than two of eight neighbours at their depth, as on the edge of a thing."""
+    """(H, W) bool: pixels with fewer than three of eight neighbours at their depth, as on the edge of a thing."""
     support = np.zeros(depth.shape, dtype=np.int8)
     padded = np.pad(depth, 1, constant_values=np.nan)
     rows, columns = depth.shape
@@ -95,7 +95,7 @@ def _flying(depth: FloatArray) -> NDArray[np.bool_]:
         beside = padded[down : down + rows, right : right + columns]
         with np.errstate(invalid="ignore"):
             support += np.abs(beside - depth) < ONE_SURFACE
-    return support < 2
+    return support < 3
 
 
 def _why_not(view: View, depth: FloatArray) -> str:
