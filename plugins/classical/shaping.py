@@ -30,6 +30,7 @@ MOST_SEEN = 420  # points a fit looks at
 MARGIN = 0.012  # metres about a thing's points where its outline is looked at
 ROUND = 1.12  # a round solid, which has fewer parameters, is taken up to this factor of a box's cost
 INTRUDED = 0.08  # share of free points within a solid from which it is the wrong solid, not a hollow one
+CLEARLY = 0.1  # more of agreement
 RIM = 0.006  # metres: a wall is no thinner
 HALF, ONE_SIDE = 1.35, 4.5  # length over breadth of what is seen of a round thing from one side
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
@@ -127,19 +128,20 @@ def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kin
     if evidence.floating or (fit.agreement >= GOOD and fit.intrusion < INTRUDED):
         return None
     found: list[Thing] = []
-    for kind, start in starts:
-        yaw, centre, extents = _upright(kind, start)
-        trial = replace(thing, kind=kind, centre=centre, yaw=yaw, extents=extents)
+    for shape, start in starts:
+        yaw, centre, extents = _upright(shape, start)
+        trial = replace(thing, kind=shape, centre=centre, yaw=yaw, extents=extents)
         if not sees_into(frames, trial, share=0.8) or crowded(trial):
             continue
         # Where a rim was lost, rays beside what is left of it pass through the hollow, close to its walls.
         outer = replace(evidence, free=evidence.free[~within_walls(trial, evidence.free, RIM)])
-        fit = outer.fit(kind, start, filled=True)
-        yaw, centre, extents = _upright(kind, fit.parameters)
+        fit = outer.fit(shape, start, filled=True)
+        yaw, centre, extents = _upright(shape, fit.parameters)
         walls = replace(trial, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
         if fit.agreement >= GOOD and fit.intrusion < INTRUDED and on_walls(walls):
             found.append(walls)
-    return max(found, key=lambda t: t.agreement, default=None)
+    # A wider box explains round walls too: the one that is like the outside must be clearly worse.
+    return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == kind), default=None)
 
 
 def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Evidence:
