@@ -65,7 +65,7 @@ def hangs(frames: Sequence[Frame], points: FloatArray, lowest: float, gap: float
     xy = evenly(points[:, :2], 60)
     heights = np.linspace(0.2, 0.6, 3) * lowest
     columns = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for z in heights])
-    return bool(seen_through(frames, columns).mean() > 0.15)
+    return bool(seen_through(frames, columns).mean() > 0.1)
 
 
 def completed(frames: Sequence[Frame], pixels: Pixels, thing: Thing) -> Thing:

@@ -119,7 +119,7 @@ def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kin
         fit = evidence.fit(kind, fit.parameters, filled=True)
         yaw, centre, extents = _upright(kind, fit.parameters)
         return replace(thing, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
-    square = evidence.lengths.max() < 1.15 * evidence.lengths.min()
+    square = evidence.lengths.max() < 1.25 * evidence.lengths.min()
     about = [*evidence.middle, evidence.yaw, *evidence.lengths, evidence.highest, evidence.bottom]
     starts: list[tuple[Kind, FloatArray]] = [("box", np.asarray(about))]
     if square:
@@ -138,7 +138,7 @@ def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kin
         fit = outer.fit(shape, start, filled=True)
         yaw, centre, extents = _upright(shape, fit.parameters)
         walls = replace(trial, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
-        if fit.agreement >= GOOD and fit.intrusion < INTRUDED and on_walls(walls):
+        if fit.agreement >= GOOD and on_walls(walls):
             found.append(walls)
     # A wider box explains round walls too: the one that is like the outside must be clearly worse.
     return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == kind), default=None)
