@@ -51,7 +51,9 @@ class Frame:
         )
 
 
-def usable_frames(views: Iterable[View], robot_margin: int, *, wary: bool = False) -> tuple[list[Frame], list[str]]:
+def usable_frames(
+    views: Iterable[View], robot_margin: int, *, wary: bool = False
+) -> tuple[list[Frame], list[str]]:
     """Frames in the world's frame, and a sentence for each view that cannot be used.
 
     To be ``wary`` is to believe less of what is seen at edges: of cameras that were found to err.
