@@ -42,7 +42,7 @@ DEPTHS = (0.012, 0.022, 0.034, 0.045)
 STEP, STEPS = 0.012, 11
 """Metres between slabs, and their number at most."""
 
-FACING = 0.8
+FACING = 0.7
 """Least cosine between the surfaces and the closing direction: rubber holds steeper ones, but not for sure."""
 
 SHALLOWEST = 0.006
