@@ -21,24 +21,27 @@ from gvla2.geometry.views import View, Views
 from gvla2.perception.frames import find_table
 from gvla2.planning.scene import Box
 
-PRIOR = np.array([0.006] * 3 + [0.002] * 3 + [0.003])  # turn in radians, shift in metres, scale of depth
+PRIOR = np.array([0.003] * 3 + [0.0015] * 3 + [0.003])  # turn in radians, shift in metres, scale of depth
 AGREE = 0.001  # metres between the tables of cameras that are believed as they are
 BAND, TALL = 0.02, 0.4  # metres about the table within which it is looked for; above it things are
 BESIDE = 0.05  # metres about the workspace
 OFF_TABLE = 0.012  # metres above the table from which a point is of a thing
 TABLE_SPREAD, PAIR_SPREAD = 0.004, 0.003  # metres
-MOST_TABLE, MOST_THINGS = 300, 700  # points of one camera
+MOST_TABLE, MOST_THINGS, MOST_CLOUD = 300, 700, 12_000  # points of one camera
 REACHES = (0.02, 0.015, 0.01, 0.008, 0.006)  # metres between points that may be one, round by round
 
 
 @dataclass(frozen=True)
 class _Sight:
-    """Samples of one camera, table's frame: ``table`` (N, 3), ``things`` (M, 3), ``normals`` (M, 3)."""
+    """What one camera saw, table's frame: of the ``table`` some points (N, 3), of ``things`` (M, 3) and their
+    ``normals`` (M, 3), away from the camera, many; every ``step``-th is looked for in the other cameras' clouds.
+    """
 
     origin: FloatArray
     table: FloatArray
     things: FloatArray
     normals: FloatArray
+    step: int
 
     def moved(self, step: FloatArray) -> _Sight:
         """The samples after a correction (7,)."""
@@ -47,7 +50,9 @@ class _Sight:
         def move(points: FloatArray) -> FloatArray:
             return np.asarray((1.0 + step[6]) * (points - self.origin) @ turn.T + self.origin + step[3:6])
 
-        return _Sight(self.origin + step[3:6], move(self.table), move(self.things), self.normals @ turn.T)
+        return _Sight(
+            self.origin + step[3:6], move(self.table), move(self.things), self.normals @ turn.T, self.step
+        )
 
 
 def agreed(views: Views, workspace: Box) -> Views:
@@ -104,8 +109,10 @@ def _sight(origin: FloatArray, points: FloatArray, half: FloatArray) -> _Sight:
     normals = _normals(points, up)
     known = np.isfinite(normals).all(axis=1)
     things, normals = things[known], normals[known]
-    few = slice(None, None, max(1, len(things) // MOST_THINGS))
-    return _Sight(origin, table[:: max(1, len(table) // MOST_TABLE)], things[few], normals[few])
+    few = slice(None, None, max(1, len(things) // MOST_CLOUD))
+    things, normals = things[few], normals[few]
+    step = max(1, len(things) // MOST_THINGS)
+    return _Sight(origin, table[:: max(1, len(table) // MOST_TABLE)], things, normals, step)
 
 
 def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -163,14 +170,17 @@ def _step(sights: Sequence[_Sight], total: FloatArray, reach: float) -> FloatArr
         A += (J * w[:, None]).T @ J
         b -= (J * w[:, None]).T @ r
     A[-3:, -3:] += np.diag([1e2, 1e2, 1e2])  # the common plane is where it was, unless all say otherwise
+    trees = [cKDTree(s.things) if len(s.things) >= 20 else None for s in sights]
     for i, one in enumerate(sights):
         for j, other in enumerate(sights):
-            if i == j or len(one.things) < 20 or len(other.things) < 20:
+            if i == j or trees[i] is None or (tree := trees[j]) is None:
                 continue
-            distance, found = cKDTree(other.things).query(one.things, distance_upper_bound=reach)
+            some, facing = one.things[:: one.step], one.normals[:: one.step]
+            distance, found = tree.query(some, distance_upper_bound=reach)
             near, k = np.isfinite(distance), np.asarray(found)
-            p, q, n = one.things[near], other.things[k[near]], other.normals[k[near]]
-            like = np.abs(np.einsum("ij,ij->i", n, one.normals[near])) > 0.8
+            p, q, n = some[near], other.things[k[near]], other.normals[k[near]]
+            # Normals have a side: the two sides of a thin wall are not one surface.
+            like = np.einsum("ij,ij->i", n, facing[near]) > 0.8
             p, q, n = p[like], q[like], n[like]
             if len(p) < 10:
                 continue

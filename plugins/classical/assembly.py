@@ -18,7 +18,8 @@ from gvla2_plugins.classical.shaping import GOOD, shape_thing
 from gvla2_plugins.classical.shells import with_their_walls
 from gvla2_plugins.classical.things import Thing
 
-FRAGMENT_REACH = 0.10  # metres between the middles of two fragments of one thing
+FRAGMENT_REACH = 0.15  # metres between the middles of two fragments of one thing
+BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
 IN_HAND = 0.05  # metres from the fingertips to what they may hold
 TOUCH = 0.008  # metres between a thing and what carries it
 
@@ -77,7 +78,10 @@ def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
 
 
 def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing], gap: float) -> list[Thing]:
-    """Pieces of one look whose gap no camera saw through, and that one solid explains: a cube behind a finger."""
+    """Pieces of one look that one solid explains, if it is hollow or no camera saw through their gap.
+
+    A cube behind a finger; the halves of a cup whose sides, where they turn away from the cameras, were lost.
+    """
     things = list(things)
     i = 0
     while i < len(things):
@@ -87,10 +91,10 @@ def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing]
             looks = [np.median(pixels.look[t.members], axis=0) for t in (a, b)]
             if np.linalg.norm(one - other) > FRAGMENT_REACH or not alike(*looks):
                 continue
-            line = one + np.linspace(0.0, 1.0, 16)[:, None] * (other - one)
-            if seen_through(frames, line, margin=0.015).any():
-                continue
             joined = shape_thing(frames, pixels, np.sort(np.concatenate([a.members, b.members])), gap)
+            line = one + np.linspace(0.0, 1.0, 16)[:, None] * (other - one)
+            if not joined.hollow and seen_through(frames, line, margin=0.015).mean() > BETWEEN:
+                continue
             if joined.kind != "other" and joined.agreement >= min(GOOD, a.agreement, b.agreement) - 0.1:
                 things[i] = joined
                 del things[j]

@@ -17,6 +17,7 @@ BESIDE = 0.025  # metres that a lid may stand over its box
 FLUSH = 0.012  # metres between a drawer's front and the side of its cabinet
 REACH = 0.08  # metres that a handle stands off
 COVERED = 0.3  # of a side of a cabinet: a drawer's front is no smaller
+DEEP = 0.8  # of a handle's length: it stands off by less
 BAR = 0.02  # metres: a handle is no thicker, and twice as long
 HINGED = 0.05  # metres between a box's edge and the lower edge of its open lid
 
@@ -192,6 +193,8 @@ def _stands_off(piece: Thing, case: Thing, axis: int, sign: float) -> bool:
     if breadth.min() > BAR or breadth.max() < 2.0 * breadth.min():
         return False
     off = sign * local[:, axis] - 0.5 * case.extents[axis]
+    if np.ptp(np.percentile(off, [1.0, 99.0])) > DEEP * breadth.max():
+        return False  # what reaches out as far as it is long is stuck in the box
     within = (np.abs(local[:, [1 - axis, 2]]) < 0.5 * case.extents[[1 - axis, 2]]).all(axis=1)
     return bool((within & (off > -0.005) & (off < REACH)).mean() > 0.9)
 

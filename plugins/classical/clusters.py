@@ -101,6 +101,28 @@ def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: 
     return things
 
 
+def join_in_bodies(pixels: Pixels, things: IntArray, bodies: IntArray) -> IntArray:
+    """(N,) things (N,) of one body (N,) and one paint made one, the larger ones' names kept.
+
+    Noise at rims tears the two sides of a wall apart: no image shows them as neighbours.
+    """
+    named = things.copy()
+    leaders: list[tuple[int, int, FloatArray]] = []  # body, thing, look
+    order = np.argsort(-np.bincount(things[things >= 0], minlength=1), kind="stable")
+    for k in order:
+        mine = np.nonzero(things == k)[0]
+        own = bodies[mine][bodies[mine] >= 0]
+        if not len(own):
+            continue
+        body, look = int(np.bincount(own).argmax()), np.median(pixels.look[mine], axis=0)
+        leader = next((t for b, t, other in leaders if b == body and alike(look, other)), -1)
+        if leader < 0:
+            leaders.append((body, int(k), look))
+        else:
+            named[mine] = leader
+    return named
+
+
 def piece_looks(pixels: Pixels, pieces: IntArray) -> FloatArray:
     """(P, 3) mean look of each piece."""
     sizes = np.maximum(1, np.bincount(pieces))

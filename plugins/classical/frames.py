@@ -51,8 +51,12 @@ class Frame:
         )
 
 
-def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame], list[str]]:
+def usable_frames(
+    views: Iterable[View], robot_margin: int, *, wary: bool = False
+) -> tuple[list[Frame], list[str]]:
     """Frames in the world's frame, and a sentence for each view that cannot be used.
+
+    To be ``wary`` is to believe less of what is seen at edges: of cameras that were found to err.
 
     Raises :class:`PerceptionError` when no view is left.
     """
@@ -66,7 +70,7 @@ def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame]
             if robot_margin > 0:
                 robot = binary_dilation(robot, np.ones((3, 3), bool), iterations=robot_margin)
             depth[robot] = np.nan
-        depth[_flying(depth)] = np.nan
+        depth[_flying(depth, 3 if wary else 2)] = np.nan
         reason = _why_not(view, depth)
         if reason:
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
@@ -86,8 +90,8 @@ def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame]
     return frames, notes
 
 
-def _flying(depth: FloatArray) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels with fewer than two of eight neighbours at their depth, as on the edge of a thing."""
+def _flying(depth: FloatArray, least: int) -> NDArray[np.bool_]:
+    """(H, W) bool: pixels with fewer than ``least`` of eight neighbours at their depth, as on the edge of a thing."""
     support = np.zeros(depth.shape, dtype=np.int8)
     padded = np.pad(depth, 1, constant_values=np.nan)
     rows, columns = depth.shape
@@ -95,7 +99,7 @@ def _flying(depth: FloatArray) -> NDArray[np.bool_]:
         beside = padded[down : down + rows, right : right + columns]
         with np.errstate(invalid="ignore"):
             support += np.abs(beside - depth) < ONE_SURFACE
-    return support < 2
+    return support < least
 
 
 def _why_not(view: View, depth: FloatArray) -> str:

@@ -13,6 +13,7 @@ from gvla2_plugins.classical.solids import narrow_yaw
 SLICE = 0.010  # metres
 REACH = 0.014  # points of one part in one slice are no further apart
 LIKE = 0.45  # intersection over union of two slices' rectangles that belong to one part
+BESIDE = 0.5  # of the larger of two parts' heights that both reach over: they stand side by side
 SKIP = 4  # slices without points that a part may reach over, where it was hidden
 
 
@@ -39,7 +40,7 @@ def split_by_height(points: FloatArray, least: int) -> list[IntArray]:
     parts = [
         np.concatenate([patches[k][1] for k in np.nonzero(part_of == part)[0]]) for part in np.unique(part_of)
     ]
-    large = sorted((p for p in parts if len(p) >= least), key=lambda p: float(np.median(points[p, 2])))
+    large = _beside_made_one(points[:, 2], [p for p in parts if len(p) >= least])
     if len(large) < 2:
         return [np.arange(len(points))]
     # Leftovers go to the part they lie next to.
@@ -51,6 +52,20 @@ def split_by_height(points: FloatArray, least: int) -> list[IntArray]:
         known = np.nonzero(owner >= 0)[0]
         owner[rest] = owner[known[cKDTree(points[known]).query(points[rest])[1]]]
     return [np.nonzero(owner == number)[0] for number in range(len(large))]
+
+
+def _beside_made_one(heights: FloatArray, parts: list[IntArray]) -> list[IntArray]:
+    """The parts, lowest first, with those made one that reach over much the same heights (N,): sides of one thing."""
+    spans = [np.percentile(heights[p], [2.0, 98.0]) for p in parts]
+    links = []
+    for i, (low, high) in enumerate(spans):
+        for j, (other_low, other_high) in enumerate(spans[:i]):
+            shared = min(high, other_high) - max(low, other_low)
+            if shared > BESIDE * max(high - low, other_high - other_low, SLICE):
+                links.append((i, j))
+    one = components(len(parts), np.array(links, dtype=np.int64).reshape(-1, 2))
+    joined = [np.concatenate([parts[i] for i in np.nonzero(one == k)[0]]) for k in np.unique(one)]
+    return sorted(joined, key=lambda p: float(np.median(heights[p])))
 
 
 def _patches(xy: FloatArray, slices: IntArray) -> list[tuple[int, IntArray]]:

@@ -62,13 +62,13 @@ def _hole(frames: Sequence[Frame], thing: Thing) -> float:
     return 2.0 * float(np.percentile(off, 2.0))
 
 
-def within_walls(thing: Thing, points: FloatArray) -> NDArray[np.bool_]:
-    """(N,) bool: points (N, 3) in the hollow of a thing, away from its walls and its floor."""
+def within_walls(thing: Thing, points: FloatArray, wall: float = THICK) -> NDArray[np.bool_]:
+    """(N,) bool: points (N, 3) in the hollow of a thing, away from its walls, ``wall`` metres thick, and its floor."""
     local = thing.local(points)
     high = local[:, 2] > FLOOR - 0.5 * thing.extents[2]
     if thing.kind == "cylinder":
-        return np.asarray(high & (np.hypot(local[:, 0], local[:, 1]) < 0.5 * thing.extents[0] - THICK))
-    return np.asarray(high & (np.abs(local[:, :2]) < 0.5 * thing.extents[:2] - THICK).all(axis=1))
+        return np.asarray(high & (np.hypot(local[:, 0], local[:, 1]) < 0.5 * thing.extents[0] - wall))
+    return np.asarray(high & (np.abs(local[:, :2]) < 0.5 * thing.extents[:2] - wall).all(axis=1))
 
 
 def crowded(thing: Thing) -> bool:

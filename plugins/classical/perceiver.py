@@ -20,7 +20,7 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.bodies import bodies_of, textured
-from gvla2_plugins.classical.clusters import grow_down, join_across_views, pieces_in_views
+from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
 from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape_of, true_colour
@@ -75,8 +75,9 @@ class ClassicalPerceiver:
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
         views = agreed(observation.views, workspace)
-        frames, notes = usable_frames(views, config.robot_margin)
-        if views is not observation.views:
+        err = views is not observation.views
+        frames, notes = usable_frames(views, config.robot_margin, wary=err)
+        if err:
             notes.append("The cameras' poses disagreed and were corrected.")
         table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
         table_from_world = table.frame(workspace)
@@ -119,6 +120,7 @@ class ClassicalPerceiver:
             reach = 0.004 + 1.5 * noise
             labels = join_across_views(pixels, pieces, reach=reach)
             bodies = bodies_of(frames, pixels, config.jump, reach, config.min_points)
+            labels = join_in_bodies(pixels, labels, bodies)
             grain = max(map(_grain, frames, flat))
             rough = np.append(textured(pixels, bodies, config.jump, grain), False)[bodies]
             labels[rough] = -1

@@ -30,7 +30,9 @@ MOST_SEEN = 420  # points a fit looks at
 MARGIN = 0.012  # metres about a thing's points where its outline is looked at
 ROUND = 1.12  # a round solid, which has fewer parameters, is taken up to this factor of a box's cost
 INTRUDED = 0.08  # share of free points within a solid from which it is the wrong solid, not a hollow one
-HALF, ONE_SIDE = 1.35, 2.6  # length over breadth of what is seen of a round thing from one side
+CLEARLY = 0.1  # more of agreement
+RIM = 0.006  # metres: a wall is no thinner
+HALF, ONE_SIDE = 1.35, 4.5  # length over breadth of what is seen of a round thing from one side
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
 DISTANCES: dict[Kind, Distance] = {
     "box": box_distance,
@@ -117,7 +119,7 @@ def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kin
         fit = evidence.fit(kind, fit.parameters, filled=True)
         yaw, centre, extents = _upright(kind, fit.parameters)
         return replace(thing, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
-    square = evidence.lengths.max() < 1.15 * evidence.lengths.min()
+    square = evidence.lengths.max() < 1.25 * evidence.lengths.min()
     about = [*evidence.middle, evidence.yaw, *evidence.lengths, evidence.highest, evidence.bottom]
     starts: list[tuple[Kind, FloatArray]] = [("box", np.asarray(about))]
     if square:
@@ -125,18 +127,21 @@ def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kin
         starts.insert(0, ("cylinder", np.asarray(radial)))
     if evidence.floating or (fit.agreement >= GOOD and fit.intrusion < INTRUDED):
         return None
-    for kind, start in starts:
-        yaw, centre, extents = _upright(kind, start)
-        trial = replace(thing, kind=kind, centre=centre, yaw=yaw, extents=extents)
+    found: list[Thing] = []
+    for shape, start in starts:
+        yaw, centre, extents = _upright(shape, start)
+        trial = replace(thing, kind=shape, centre=centre, yaw=yaw, extents=extents)
         if not sees_into(frames, trial, share=0.8) or crowded(trial):
             continue
-        outer = replace(evidence, free=evidence.free[~within_walls(trial, evidence.free)])
-        fit = outer.fit(kind, start, filled=True)
-        yaw, centre, extents = _upright(kind, fit.parameters)
+        # Where a rim was lost, rays beside what is left of it pass through the hollow, close to its walls.
+        outer = replace(evidence, free=evidence.free[~within_walls(trial, evidence.free, RIM)])
+        fit = outer.fit(shape, start, filled=True)
+        yaw, centre, extents = _upright(shape, fit.parameters)
         walls = replace(trial, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
-        if fit.agreement >= GOOD and fit.intrusion < INTRUDED and on_walls(walls):
-            return walls
-    return None
+        if fit.agreement >= GOOD and on_walls(walls):
+            found.append(walls)
+    # A wider box explains round walls too: the one that is like the outside must be clearly worse.
+    return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == kind), default=None)
 
 
 def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Evidence:

@@ -42,7 +42,9 @@ def ground(
 ) -> Grounded | Abstention:
     """The one object that a phrase means; ``movable`` leaves painted regions out, ``exclude`` are ids it cannot be."""
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
-    noun = "block" if movable and phrase.noun == "target" else phrase.noun  # "lift the red square"
+    noun = phrase.noun
+    if movable and noun == "target" and not any(_last_word(o.label) in tokenise(phrase.text) for o in pool):
+        noun = "block"  # "lift the red square"; a marker that is called so is no place
     fits = _fits(phrase, noun, pool)
     fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
     return _single(phrase, _of_colour(phrase, fits, scene), scene)
@@ -125,6 +127,10 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     if kind and kind not in lexicon.SHAPE_NOUNS and noun != "object":
         return 0.0  # a lamp is no cup, whatever its shape
     return lexicon.SHAPES.get(noun, {}).get(thing.shape, 0.0) * sure
+
+
+def _last_word(label: str) -> str:
+    return (tokenise(label) or [""])[-1]
 
 
 def _kind(thing: SceneObject) -> str:

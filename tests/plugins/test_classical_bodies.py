@@ -118,6 +118,17 @@ def test_cameras_that_err_are_made_to_agree(three):
     assert after < 0.4 * before
 
 
+def test_the_two_sides_of_a_panel_are_not_taken_for_one():
+    clear = bench.render([
+        bench.put("box", (0.01, 0.30, 0.22), (0.25, 0.0), 0.3, "red", ("board",)),
+        bench.put("box", (0.01, 0.25, 0.15), (0.35, 0.1), 1.2, "blue", ("board",)),
+    ])  # fmt: skip
+    for seed in (3, 5):
+        off = erring(clear, seed)
+        before, after = _spread(off.views, clear.views), _spread(agreed(off.views, WORKSPACE), clear.views)
+        assert after < 0.7 * before
+
+
 def test_cameras_that_agree_are_left_as_they_are(three):
     assert agreed(three.views, WORKSPACE) is three.views
 

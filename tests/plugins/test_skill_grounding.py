@@ -61,3 +61,14 @@ def test_a_colour_between_two_words_goes_by_either(colour, fits):
 def test_a_plain_colour_goes_by_its_own_word_alone():
     can = thing("a", "violet cylinder", "cylinder", (0.2, 0.1), (0.5, 0.0, 1.0))
     assert not isinstance(ground(read_phrase(["the", "blue", "cylinder"]), scene(can)), Grounded)
+
+
+def test_a_marker_that_is_called_so_is_no_place():
+    pen = thing("a", "large marker", "other", (0.2, 0.1), (0.1, 0.1, 0.1))
+    cube = thing("b", "red cube", "box", (0.2, -0.2), (1.0, 0.0, 0.0))
+    found = ground(read_phrase(["the", "marker"], ["big"]), scene(pen, cube), movable=True)
+    assert isinstance(found, Grounded), found.message
+    assert found.object.id == "a"
+    square = ground(read_phrase(["the", "red", "square"]), scene(pen, cube), movable=True)
+    assert isinstance(square, Grounded), square.message
+    assert square.object.id == "b"
