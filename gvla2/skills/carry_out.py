@@ -114,7 +114,7 @@ def _propose(
     done = _done(skill, theme, request)
     theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
     done = {name: before for name, before in done.items() if before * theta[name] > 0.0}  # the same way
-    if not options.explore > 0.0:  # to get it done, as much again; to find out how much it takes, step by step
+    if options.explore <= 0.0:  # as much again, to get it done; to find out how much, step by step
         theta |= {name: theta[name] + before for name, before in done.items()}
     role = skill.role("goal")
     relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")
