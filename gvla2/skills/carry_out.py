@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, Done, Plan, PlanRequest
 from gvla2.planning.effects import apply_effects, sides_of
 from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.scene import SceneObject
@@ -111,11 +111,14 @@ def _propose(
     seen = next((o for o in perceived.objects if o.id == theme.id), None)
     told = own_first(request.advice.effects, look_of(seen, perceived))
     request = replace(request, advice=replace(request.advice, effects=told))
-    done = _done(skill, theme, request)
+    done = _done(request.advice.done, skill, theme)
     theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
     done = {name: before for name, before in done.items() if before * theta[name] > 0.0}  # the same way
-    if options.explore <= 0.0:  # as much again, to get it done; to find out how much, step by step
-        theta |= {name: theta[name] + before for name, before in done.items()}
+    if (
+        options.explore <= 0.0
+    ):  # to get it done, as much again as at first; to find out how much, step by step
+        first = _done(request.advice.done[::-1], skill, theme)
+        theta |= {name: theta[name] + first[name] for name in done}
     role = skill.role("goal")
     relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")
     job = Job(
@@ -168,11 +171,11 @@ def _theta(
     return theta, [*notes, *limits]
 
 
-def _done(skill: Skill, theme: SceneObject, request: PlanRequest) -> dict[str, float]:
-    """What earlier attempts of the episode did to this very thing that stays done: parameters and how much of them."""
+def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
+    """What was done to this very thing that stays done: parameters and how much of them, as the last one tells."""
     return {
         one.parameter: one.value
-        for one in request.advice.done
+        for one in told
         if one.skill == skill.name
         and float(np.linalg.norm(np.subtract(one.place, theme.centre))) <= SAME_PLACE
     }

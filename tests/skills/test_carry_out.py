@@ -120,6 +120,10 @@ def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
     assert (step.parameters["turn"], turned(step)) == (pytest.approx(3.6), pytest.approx(0.8))
     whole = carry_out([twist], again)
     assert (whole.parameters["turn"], turned(whole)) == (pytest.approx(6.4), pytest.approx(3.6))
+    more = (*advice.done, Done("twist", "turn", 6.4, place))
+    effects = (Effect("bound", "turn", 7.2, ">=", skill="twist"),)
+    third = carry_out([twist], replace(asked, advice=replace(advice, effects=effects, done=more)))
+    assert (third.parameters["turn"], turned(third)) == (pytest.approx(10.0), pytest.approx(3.6))
     elsewhere = Done("twist", "turn", 2.8, (0.0, 0.0, 0.0))
     back = Done("twist", "turn", -2.8, place)
     for other in (elsewhere, back):  # another cap; the other way
