@@ -2,6 +2,9 @@
 
 import json
 import os
+import signal
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -122,6 +125,34 @@ def test_the_work_of_a_process_that_died_is_done_again_and_counted_once(tmp_path
     assert sorted(answers) == sorted((task, task.upper()) for task in tasks)
     with pytest.raises(Gvla2Error, match="worker process died"):
         list(in_processes(dies, [1], 1, tries=2))
+
+
+def sleeps(folder: str) -> None:
+    Path(folder, str(os.getpid())).touch()
+    time.sleep(600)
+
+
+def test_a_bench_that_is_terminated_ends_its_workers_at_once(tmp_path):
+    def told(_signal: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    def tell() -> None:
+        while len(list(tmp_path.iterdir())) < 2:
+            time.sleep(0.1)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    before = signal.signal(signal.SIGTERM, told)
+    threading.Thread(target=tell, daemon=True).start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            list(in_processes(sleeps, [str(tmp_path)] * 4, 2))
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    workers = [int(found.name) for found in tmp_path.iterdir()]
+    assert len(workers) == 2
+    for worker in workers:
+        with pytest.raises(ProcessLookupError):
+            os.kill(worker, 0)
 
 
 def test_an_episode_whose_planner_is_late_is_not_measured_and_measured_next_time(

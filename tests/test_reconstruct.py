@@ -194,8 +194,8 @@ def test_a_planted_drift_is_undone_and_told(folder: Path, tmp_path: Path, regist
 
 def test_a_robot_runs_views_are_read(tmp_path: Path, registry: Registry):
     """RGB-D views of a table: the object is small in them, metres are metres, nothing is held out."""
-    write_views(tmp_path, table_views(160, masked=RED))
-    record = reconstruct(composed(f"views={tmp_path}", "object=red cube"), registry, tmp_path / "out")
+    write_views(tmp_path, table_views(160, masked=RED), "red cube")
+    record = reconstruct(composed(f"views={tmp_path}"), registry, tmp_path / "out")
     told = json.loads((tmp_path / "out" / "result.json").read_text())
     assert told["object"] == "red cube"
     assert told["metrics"]["held_out"] is None

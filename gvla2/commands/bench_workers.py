@@ -37,7 +37,8 @@ def in_processes(
 ) -> Iterator[tuple[Task, Answer]]:
     """Call a module's function on every task in fresh processes; answers come as they are ready, each task's once.
 
-    The first exception of a task, or of the caller, drops what has not begun. When a process dies, the tasks that
+    The first exception of a task drops what has not begun; Ctrl-C, SIGTERM and an exception of the caller end what
+    runs as well. When a process dies, the tasks that
     have no answer yet are done in new processes, ``tries`` times in all; then :class:`Gvla2Error` is raised.
     """
     left = list(range(len(tasks)))
@@ -65,6 +66,7 @@ def _once(
     for share in _core_shares(workers):
         shares.put(share)
     with _one_thread_each():
+        others = set(multiprocessing.active_children())
         pool = ProcessPoolExecutor(workers, context, _begin, (shares,))
         try:
             pending: dict[Future[Answer], int] = {
@@ -74,6 +76,10 @@ def _once(
                 done, _ = wait(pending, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield pending.pop(future), future.result()
+        except (KeyboardInterrupt, GeneratorExit):  # SIGTERM too: what runs is not waited for
+            for child in set(multiprocessing.active_children()) - others:
+                child.terminate()
+            raise
         finally:
             pool.shutdown(cancel_futures=True)
 

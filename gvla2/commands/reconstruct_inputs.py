@@ -13,7 +13,7 @@ from gvla2.geometry.gso_views import find_model_folder
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.plain_views import find_cameras
-from gvla2.geometry.view_archive import ARCHIVE
+from gvla2.geometry.view_archive import ARCHIVE, subject_of
 from gvla2.geometry.view_folders import read_views
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.support import mask_support
@@ -52,7 +52,8 @@ def read_inputs(config: ReconstructConfig) -> Inputs:
     views = _masked(read_views(folder, config.views_spec, config.size), folder)
     held_out = _held_out(folder, config, views)
     truth, truth_file = _truth(folder, config, views)
-    return Inputs(config.object or folder.resolve().name, folder, views, held_out, truth, truth_file)
+    name = config.object or subject_of(folder / ARCHIVE) or folder.resolve().name
+    return Inputs(name, folder, views, held_out, truth, truth_file)
 
 
 def _masked(views: Views, folder: Path) -> Views:

@@ -2,7 +2,7 @@
 
 GLB files are Y-up by their standard and are turned to our Z-up frame and back; OBJ and PLY state no axes and
 are taken as they are. Materials do not pass through a :class:`Mesh`: to move the vertices of a GLB file and keep
-all else, use :class:`gvla2.geometry.glb.GlbFile`.
+all else, use :func:`gvla2.geometry.glb.map_glb`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 ``names`` (S,) are the cameras' names. Arrays of view i: ``K_i`` (3, 3), ``world_from_camera_i`` (4, 4), ``image_i``
 (H, W, 3) uint8, and where the view has them ``depth_i`` (H, W) float32, ``mask_i`` (H, W) float32, ``robot_mask_i``
-(H, W) bool.
+(H, W) bool. ``subject``, where there is one, says in words what the masks show.
 """
 
 from __future__ import annotations
@@ -25,9 +25,11 @@ ARCHIVE = "views.npz"
 _OPTIONAL = ("depth", "mask", "robot_mask")
 
 
-def write_views(folder: str | os.PathLike[str], views: Views) -> Path:
+def write_views(folder: str | os.PathLike[str], views: Views, subject: str = "") -> Path:
     """Write ``views.npz`` into a folder that exists, whole or not at all; raises :class:`gvla2.errors.OutputError`."""
     arrays: dict[str, Any] = {"names": np.array([view.name for view in views])}
+    if subject:
+        arrays["subject"] = np.array(subject)
     for i, view in enumerate(views):
         arrays[f"K_{i}"] = view.camera.K
         arrays[f"world_from_camera_{i}"] = view.camera.world_from_camera
@@ -40,6 +42,15 @@ def write_views(folder: str | os.PathLike[str], views: Views) -> Path:
     path = Path(folder) / ARCHIVE
     write_whole(path, stream.getvalue())
     return path
+
+
+def subject_of(path: Path) -> str:
+    """What an archive's masks show, in words; "" where it does not say, or cannot be read."""
+    try:
+        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
+            return str(arrays["subject"]) if "subject" in arrays.files else ""
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return ""
 
 
 def read_archive(path: Path, numbers: Sequence[int] | None = None) -> Views:

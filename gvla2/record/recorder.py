@@ -158,7 +158,7 @@ class RunRecorder:
         things = objects_of_interest(scene, instruction)
         views = masked_views(observation, things[0]) if things else None
         if views is not None:
-            write_views(self.folder, views)
+            write_views(self.folder, views, things[0].label)
 
     def _show_plan(self, record: EpisodeRecord) -> None:
         if record.observation is None or record.plan is None or record.plan.trajectory is None:

@@ -55,7 +55,7 @@ def number(value: float | None, digits: int = 3) -> str:
 
 def fixed(value: float | None, digits: int) -> str:
     """A number with exactly ``digits`` decimals, "–" for none or not-a-number."""
-    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+    return "–" if value is None or not math.isfinite(value) else f"{value:z.{digits}f}"
 
 
 def seconds(value: float | None) -> str:

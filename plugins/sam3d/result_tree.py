@@ -40,13 +40,14 @@ class ResultFiles:
     """A result in its own canonical frame, Z-up.
 
     ``pose`` takes it into the frame of the first camera (OpenCV), up to the scale of the depth that it was made
-    with; None where the result does not say. ``note`` tells what was missing.
+    with; None where the result does not say. ``note`` tells what was missing; ``glb`` is the mesh's file.
     """
 
     gaussians: Gaussians | None
     mesh: Mesh | None
     pose: Sim3 | None
     note: str = ""
+    glb: Path | None = None
 
 
 def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultFiles:
@@ -74,7 +75,9 @@ def read_result(folder: str | os.PathLike[str], stem: str = "result") -> ResultF
         note = f"{glb.name} is missing"
     elif gaussians is None and not note:
         note = f"{ply.name} is missing"
-    return ResultFiles(gaussians, mesh, _read_pose(place_ / "params.npz"), note)
+    return ResultFiles(
+        gaussians, mesh, _read_pose(place_ / "params.npz"), note, None if mesh is None else glb
+    )
 
 
 def align_result(
@@ -108,7 +111,7 @@ def align_result(
         told.append(f"the silhouettes fit poorly, mean IoU {found.iou:.2f}")
     told = [text for text in told if text]
     status = f"fallback: {'; '.join(told)}" if told else "ok"
-    return replace(place(Reconstruction(gaussians, result.mesh), found.sim3), status=status)
+    return replace(place(Reconstruction(gaussians, result.mesh, glb=result.glb), found.sim3), status=status)
 
 
 def _silhouette_mesh(result: ResultFiles) -> Mesh:

@@ -140,9 +140,7 @@ def _verbless(tokens: list[str], amount: float | None) -> Intent | None:
     if theme is not None and theme.noun == "lamp" and (last == "on" or last in lexicon.SHINING):
         return Intent("press", last, theme)
     if wish and theme is not None and goal is not None:
-        if (
-            goal.landmark is not None and goal.landmark[1].pronoun
-        ):  # "what is left of the square belongs on it"
+        if goal.landmark and goal.landmark[1].pronoun:  # "what is left of the square belongs on it"
             at = replace(goal, landmark=None)
             return Intent("place", "want", replace(theme, landmark=(relation, at)), at, goal.landmark[0])
         if goal.landmark is not None:

@@ -133,8 +133,7 @@ def _kind(thing: SceneObject) -> str:
 
 
 def _button_score(thing: SceneObject, scene: Scene) -> float:
-    kind = _kind(thing)
-    if kind == "button":
+    if (kind := _kind(thing)) == "button":
         return 1.0
     plain = not kind or kind in lexicon.SHAPE_NOUNS
     return 0.6 + 0.1 * bool(thing.parent) if plain and is_button(thing, scene) else 0.0
@@ -150,9 +149,8 @@ def _of_colour(phrase: Phrase, fits: Fits, scene: Scene) -> Fits:
     coloured = _coloured(phrase.colour, fits)
     if phrase.owner is None:
         wholes = _coloured(phrase.colour, [(o, 1.0) for o in scene.objects if not o.parent])
-        part = (
-            phrase.colour and phrase.noun in lexicon.PARTS and not any(s > NEAR_COLOUR for _, s in coloured)
-        )
+        plainly = any(s > NEAR_COLOUR for _, s in coloured)
+        part = phrase.colour and phrase.noun in lexicon.PARTS and not plainly
         return (_parts_of(wholes, fits) if part else []) or coloured
     owner = ground(phrase.owner, scene)
     if isinstance(owner, Abstention) and phrase.colour and not phrase.owner.colour:
@@ -176,9 +174,9 @@ def _between(colour: str, thing: SceneObject) -> bool:
     """Whether a thing's colour is so far from every word that people differ about which it is, this one among them."""
     seen = tuple(float(v) for v in thing.rgb)
     ((_, off),) = nearest_colours(seen, 1)
-    return (
-        colour in COLOURS and off >= BETWEEN and float(colour_distance(COLOURS[colour], seen)) < LEEWAY * off
-    )
+    if colour not in COLOURS or off < BETWEEN:
+        return False
+    return float(colour_distance(COLOURS[colour], seen)) < LEEWAY * off
 
 
 def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
@@ -209,9 +207,7 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
         tied = [best[0]] if selector == "any" else extreme(tied, selector, scene)
     if len(tied) > 1:
         names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in tied)
-        return Abstention(
-            "ambiguous", f"'{phrase.text}' fits {names} equally; say which, for example by side."
-        )
+        return Abstention("ambiguous", f"'{phrase.text}' fits {names} equally; say which, by side perhaps.")
     plain = not phrase.colour or not tied[0].colour or meant_by(phrase.colour, [tied[0].colour])
     notes = () if plain else (f"Nothing is plainly {phrase.colour}; the {tied[0].label} was taken for it.",)
     return Grounded(tied[0], best[1], notes)

@@ -78,9 +78,8 @@ def combine(said: Sequence[Said]) -> Intent:
         acting = [i for i in acting if i.skill == "press" or _names(i.theme)]
     skill = _one_skill([i.skill for i in acting])
     named = [i.theme for i in acting if i.theme is not None and _names(i.theme)]
-    theme = (
-        _one_theme(named, skill) if named else next((i.theme for i in acting if i.theme is not None), None)
-    )
+    said_first = next((i.theme for i in acting if i.theme is not None), None)
+    theme = _one_theme(named, skill) if named else said_first
     aims = [i for i in intents if i.goal is not None]
     if skill == "pick" and aims:
         skill = "place"  # "get it out of the stack and onto the tray"
@@ -118,9 +117,8 @@ def _names(theme: Phrase | None) -> bool:
 def _goes_on(acting: Sequence[Intent], skill: str) -> bool:
     """Whether something else is done to the whole after a part of it was worked: "unscrew the lid, lift the jar"."""
     first = next(k for k, i in enumerate(acting) if i.skill == skill or i.skill in ABSORBS[skill])
-    later = (
-        acting[first + 1 :] if skill in ("twist", "open") and acting[first].skill in (skill, "open") else []
-    )
+    worked = skill in ("twist", "open") and acting[first].skill in (skill, "open")
+    later = acting[first + 1 :] if worked else []
     return any(
         i.skill in ("pick", "place") and i.theme is not None and _names(i.theme) and i.theme.noun not in PARTS
         for i in later
@@ -180,11 +178,8 @@ def settle(intent: Intent) -> Intent:
         return replace(intent, skill="press")
     if intent.skill == "press" and intent.verb in ("push down", "press down", "push on") and noun == "lid":
         return replace(intent, skill="close")
-    if (
-        intent.skill == "press"
-        and intent.verb in ("push down", "push on")
-        and noun not in ("", "button", "lamp")
-    ):
+    downward = intent.skill == "press" and intent.verb in ("push down", "push on")
+    if downward and noun not in ("", "button", "lamp"):
         return replace(intent, skill="push")
     return intent
 

@@ -93,9 +93,9 @@ SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".sp
 TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your|my left, furthest|farthest left, leftmost,
+    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, leftmost,
         left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at the right, on your|my right, furthest|farthest right,
+    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
         rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
     near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
@@ -127,16 +127,10 @@ UNTIL = _phrases("""until|till it is|sits|rests|lies|lands, so it is|sits|lies, 
 _AIMS = {
     (0.0, 1.0): "to the|your left, leftward|leftwards|left",
     (0.0, -1.0): "to the|your right, rightward|rightwards|right",
-    (
-        1.0,
-        0.0,
-    ): "away from you|yourself, away from the robot, to the front, forward|forwards|ahead|away, straight on",
-    (
-        -1.0,
-        0.0,
-    ): """toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot,
+    (1.0, 0.0): """away from you|yourself, away from the robot, to the front, forward|forwards|ahead|away, straight on""",
+    (-1.0, 0.0): """toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot,
         to the back, backward|backwards|back""",
-}
+}  # fmt: skip
 DIRECTIONS = {wording: aim for aim, listed in _AIMS.items() for wording in _phrases(listed)}
 """Directions in the robot's frame: x forward, y left."""
 UNITS: dict[str, float] = {
@@ -190,7 +184,8 @@ NEGATIONS = _phrases("""without, do not, don't, dont, never, not, but|and|rather
 EACH = frozenset("all any every each everything anything both".split())
 SORTING = _phrases("sort, group, separate, distribute, divide, match, matching, same, both, by")
 """Words of sentences about several things."""
-MISHAPS = tuple("toppl knock tip drop spill break damag touch hit bump disturb crush scratch fall".split())
+TOUCHES = tuple("knock touch hit bump disturb".split())
+MISHAPS = (*TOUCHES, *"toppl tip drop spill break damag crush scratch fall".split())
 """How the words begin that name what no motion is to do anyway: planning avoids it, said or not."""
 BACKGROUND = re.compile(
     r"(?:^|(?<=[,.;!?:] )|(?<= so )|(?<= so that )|(?<= because )|(?<= and ))(?:so |so that |because |since |as )?"
@@ -203,7 +198,7 @@ BACKGROUND = re.compile(
 WHATEVER = re.compile(r"\bwhat(?: 's| is|ever is) (?=(?:\w+ )?(?:in|on|inside)\b)")
 UNREAD = re.compile(
     r"\b(if (?!you|possible)\w+|only if|unless|otherwise|or|between|twice|thrice|times|upside|inverted|sideways|non|none"
-    r"|swap|exchange|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
+    r"|swap|exchange|my (?:left|right)|degrees?|second|third|fourth|fifth|both|half ?way|under|underneath|beneath|below|opposite|whichever"
     r"|(?:closest|nearest|nearer|closer|furthest|farthest) (?:to|from) (?!you|the robot|the gripper|me\b)[a-z ]{1,12}|(?:closer|nearer)$)\b"
 )
 """Words that change what a sentence asks for in ways that this grammar does not follow: it is declined then."""

@@ -51,9 +51,7 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     if "of" in tokens:  # the button of the lamp, the centre of the square
         cut = tokens.index("of")
         before, after = read_phrase(tokens[:cut], selectors), read_phrase(tokens[cut + 1 :], selectors)
-        if (
-            before.noun == "object" and after.noun and not before.unknown
-        ):  # "the middle one of the three pegs"
+        if before.noun == "object" and after.noun and not before.unknown:  # "the middle one of the pegs"
             return replace(after, text=" ".join(tokens), colour=before.colour or after.colour)
         if before.noun and after.noun:
             return replace(before, text=" ".join(tokens), owner=after)
@@ -78,9 +76,8 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
 
 def _is_noun(tokens: Sequence[str], i: int, coloured: bool) -> bool:
     """Whether the word is used as a noun here; "can" is one only after an article or an adjective."""
-    modal = (
-        tokens[i] == "can" and not coloured and "".join(tokens[max(i - 1, 0) : i]) not in lexicon.DETERMINERS
-    )
+    before = "".join(tokens[max(i - 1, 0) : i])
+    modal = tokens[i] == "can" and not coloured and before not in lexicon.DETERMINERS
     return bool(noun_class(tokens[i])) and not modal
 
 

@@ -39,8 +39,7 @@ class SkillPlanner:
 
     def __init__(self, config: SkillConfig) -> None:
         self.config = config
-        names = (f.name for f in fields(SkillOptions))
-        self.options = SkillOptions(**{name: getattr(config, name) for name in names})
+        self.options = SkillOptions(**{f.name: getattr(config, f.name) for f in fields(SkillOptions)})
 
     def plan(self, request: PlanRequest) -> Plan:
         """A plan or a typed abstention, whatever the instruction says."""
@@ -132,10 +131,12 @@ def _excepted(intent: Intent, scene: Scene) -> frozenset[str] | Abstention:
     out: set[str] = set()
     for denial in intent.denials:
         words = denial.text.split()
+        phrase = denial.phrase
+        if phrase is not None and phrase.noun and any(w.startswith(lexicon.TOUCHES) for w in words):
+            out |= {o.id for o in ground_all(phrase, scene)}  # "don't touch the red one"
         mishap = any(w.startswith(lexicon.MISHAPS) for w in words)
         if (mishap and intent.skill != "press") or lexicon.REMAINDER & set(words):
             continue  # planning avoids it anyway; "not the others"
-        phrase = denial.phrase
         if phrase is None or phrase.pronoun or phrase.everywhere:
             if not _apart(denial, intent):
                 return Abstention("other", f"It asks to {intent.skill} and says not to: '{denial.text}'.")

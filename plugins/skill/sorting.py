@@ -36,9 +36,7 @@ def sorting(sentence: str, scene: Scene, spelling: float = 0.85) -> list[Pair] |
         return None
     many = bool(EACH & set(tokens)) or any(_plural(t) for t in tokens)
     if many and any(phrase_at(tokens, i, (*lexicon.NEGATIONS, "but")) for i in range(len(tokens))):
-        return Abstention(
-            "other", "Which of several things are left out cannot be told with certainty; name each."
-        )
+        return Abstention("other", "Which of several things are left out cannot be told; name each.")
     containers = [o for o in scene.objects if _holds_things(o)]
     things = [o for o in scene.objects if o.shape != "region" and not o.parent and o not in containers]
     if not containers or not things:

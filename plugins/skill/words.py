@@ -20,9 +20,7 @@ def tokenise(sentence: str) -> list[str]:
     text = re.sub(r"\bcan't\b|\bcannot\b", "can not", text)
     text = re.sub(r"n't\b", " not", text)
     text = re.sub(r"(?<!\blet)(?<!\bit)'s\b", " 's", text)
-    text = re.sub(
-        r"\s-+\s|[–—]", " , ", text
-    )  # a dash between words is a stop, a hyphen inside a word a space
+    text = re.sub(r"\s-+\s|[–—]", " , ", text)  # a dash between words is a stop, a hyphen in one a space
     return _TOKEN.findall(text.replace("-", " "))
 
 

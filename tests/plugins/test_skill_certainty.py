@@ -52,6 +52,8 @@ LAMP = scene(
         ("lift the blue cube without touching the maroon one", {"b"}),
         ("don't push the blue cube, lift the maroon one", {"m"}),
         ("lift the lime cube, not the others", {"l"}),
+        ("don't touch the blue one and not the maroon one, lift the cube that is left over", {"l"}),
+        ("pick up any cube, but do not touch the lime one", {"b", "m"}),
     ],
 )
 def test_exceptions_are_heeded(sentence, themes):
@@ -68,6 +70,8 @@ def test_exceptions_are_heeded(sentence, themes):
         ("pick up the cube which isn't the one I like", CUBES),
         ("pick up all cubes but the blue one", CUBES),
         ("lift the second cube", CUBES),
+        ("lift the cube on my left", CUBES),
+        ("don't touch the green box, put the other box in the tray", replace(TRAY, objects=TRAY.objects[:2])),
         ("lift the cube closest to the maroon cube", CUBES),
         ("pick up the blue cube or the maroon cube", CUBES),
         ("if there is a red cube lift it, otherwise lift the blue one", CUBES),

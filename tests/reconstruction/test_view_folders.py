@@ -11,6 +11,7 @@ from gvla2.errors import ConfigurationError, GeometryError, OutputError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gso_views import gso_camera, opengl_extrinsic, write_gso
 from gvla2.geometry.plain_views import write_plain
+from gvla2.geometry.view_archive import subject_of
 from gvla2.geometry.view_folders import read_views, resized, write_views
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
@@ -243,6 +244,15 @@ def test_plain_files_that_do_not_fit(views, tmp_path):
     (tmp_path / "cameras.json").write_text("{")
     with pytest.raises(GeometryError, match=r"cameras\.json"):
         read_views(tmp_path)
+
+
+def test_an_archive_says_what_it_shows(views, tmp_path):
+    path = write_views(tmp_path, views)
+    assert subject_of(path) == ""
+    write_views(tmp_path, views, "yellow bottle")
+    assert subject_of(path) == "yellow bottle"
+    path.write_bytes(b"no archive")
+    assert subject_of(path) == ""
 
 
 def test_a_broken_archive(views, tmp_path):

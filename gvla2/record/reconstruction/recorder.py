@@ -7,7 +7,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from gvla2.geometry.mesh_files import write_mesh
+import numpy as np
+from scipy.spatial import KDTree
+
+from gvla2.geometry.glb import map_glb
+from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
 from gvla2.record.files import make_folder, write_bytes, write_json, write_text
@@ -47,10 +52,24 @@ class ReconstructionRecorder:
             write_gaussians(self.folder / PLY, thing.gaussians)
         else:
             self.notes.append(f"The reconstruction has no Gaussians, so there is no {PLY}.")
-        if thing.mesh is not None:
+        if thing.mesh is not None and not self._textured(thing.mesh, thing.glb):
             write_mesh(self.folder / GLB, thing.mesh)
-        else:
+        elif thing.mesh is None:
             self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
+
+    def _textured(self, mesh: Mesh, source: Path | None) -> bool:
+        """Write ``source`` with its vertices moved to the mesh's; False where there is none, or another surface."""
+        if source is None:
+            return False
+        before = read_mesh(source)
+        if not np.array_equal(before.faces, mesh.faces):
+            self.notes.append(
+                f"The surface is a new one: {GLB} has colours, not the materials of {source.name}."
+            )
+            return False
+        nearest = KDTree(before.vertices)
+        map_glb(source, self.folder / GLB, lambda points: mesh.vertices[nearest.query(points)[1]])
+        return True
 
     def numbers(self, record: ReconstructionRecord) -> None:
         """``result.json``."""
