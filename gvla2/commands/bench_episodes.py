@@ -43,7 +43,7 @@ class EpisodeUnit:
 
     ``layouts`` are the seeds that lay them out. The arm ``exploration`` varies the planner's theta and recalls
     nothing. ``bank`` is the file of the arm's frozen bank, "" where the arm has none; ``experiences`` are what an arm
-    without a file learns from; ``asked`` is what ``shuffled`` asks instead (None: nothing is to be had).
+    without a file learns from; ``asked`` is what ``shuffled`` asks instead (None: there is no such question).
     ``film`` names a folder for complete run pages.
     """
 

@@ -183,7 +183,7 @@ def build_parts(config: RunConfig, registry: Registry) -> Parts:
 
 
 def crashed_component(parts: Parts, registry: Registry, error: BaseException) -> str:
-    """Whose code raised an unforeseen error: "The planner 'mine' of plugin 'mine' crashed"; "" when it was nobody's.
+    """Whose code raised an unforeseen error: "The planner 'mine' of plugin 'mine' crashed"; "" where no component did.
 
     The innermost frame of the traceback that lies in the module or package of a component decides.
     """

@@ -12,7 +12,7 @@ import hashlib
 import io
 import logging
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -121,11 +121,6 @@ def render(textured: TexturedMesh, cameras: list[Camera], samples: int = SAMPLES
 
     caster = TexturedCaster(textured)
     return tuple(caster.view(camera, samples) for camera in cameras)
-
-
-def without_depth(views: Views) -> Views:
-    """The same views as a colour camera gives them."""
-    return Views(tuple(replace(view, depth=None) for view in views))
 
 
 def _file_name(name: str) -> str:

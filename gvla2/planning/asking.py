@@ -42,15 +42,15 @@ def _problem(plan: object) -> str:
     if not isinstance(plan, Plan):
         return f"{type(plan).__name__}, not a Plan"
     if not isinstance(plan.skill, str) or not _texts(plan.notes) or not isinstance(plan.fallback, str):
-        return "a plan whose skill, notes or fallback are no text"
+        return "a plan whose skill, notes or fallback are not text"
     if not isinstance(plan.roles, Mapping) or not _texts([*plan.roles, *plan.roles.values()]):
-        return f"roles that are no mapping from text to text: {plan.roles!r:.80}"
+        return f"roles that do not map text to text: {plan.roles!r:.80}"
     if not isinstance(plan.parameters, Mapping) or not all(_finite(v) for v in plan.parameters.values()):
-        return f"parameters that are no mapping from names to finite numbers: {plan.parameters!r:.200}"
+        return f"parameters that do not map names to finite numbers: {plan.parameters!r:.200}"
     if not isinstance(plan.scales, Mapping) or not all(_side(v) for v in plan.scales.values()):
-        return f"scales that are no mapping from names to a side and its length: {plan.scales!r:.200}"
+        return f"scales that do not map names to a side and its length: {plan.scales!r:.200}"
     if not all(isinstance(c, Candidate) for c in plan.candidates):
-        return "candidates that are none"
+        return "candidates that are not of type Candidate"
     if problem := _program_problem(plan):
         return problem
     refusal: object = plan.abstention

@@ -15,6 +15,14 @@ from typing import Any, Literal
 from gvla2.errors import PlanningError
 from gvla2.planning.scene import Scene, SceneObject
 
+_MARK = re.compile(r"<(?=\s*/?\s*memory\b)", re.IGNORECASE)
+
+
+def remembered(text: str) -> str:
+    """What memory says in words, for a prompt, between marks that nothing in it can end; "" where it says nothing."""
+    return f"<memory>\n{_MARK.sub('(', text.strip())}\n</memory>" if text.strip() else ""
+
+
 Language = Literal["calls", "waypoints"]
 FURTHER = ("third", "fourth", "fifth", "sixth")
 """Roles of objects that a plan's own roles do not name."""

@@ -141,7 +141,7 @@ def scales(
 
 
 def limited(theta: dict[str, float], theme: SceneObject, scene: Scene) -> tuple[dict[str, float], list[str]]:
-    """Theta as far as the scene allows it, whoever asked for it, and one sentence a change.
+    """Theta limited to what the scene allows, and a sentence for each change.
 
     The fingers are wider than a button: pressed lower than its height they would meet what it stands on, which is
     the thing that it is a part of, or whatever its own lower side rests on.

@@ -11,8 +11,7 @@ from typing import Any
 from gvla2.language import Message
 from gvla2.planning.colours import FAMILIES
 from gvla2.planning.contracts import PlanRequest
-from gvla2.planning.programs import told
-from gvla2.planning.prompts import remembered
+from gvla2.planning.programs import remembered, told
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.asked_paths import instruction_in
 from gvla2.skills.faithful import may_mean

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from gvla2.language import Message
 from gvla2.planning.contracts import PlanRequest
-from gvla2.planning.programs import told
-from gvla2.planning.prompts import remembered
+from gvla2.planning.programs import remembered, told
 from gvla2.planning.scene_brief import SceneBrief
 from gvla2.skills.asked_paths import instruction_in
 from gvla2.skills.examples import EXAMPLES

@@ -46,7 +46,7 @@ class ThingScore:
 
 @dataclass(frozen=True)
 class SceneScore:
-    """All true things of a scene, and the objects that are none of them."""
+    """All true things of a scene, and the perceived objects that match none of them."""
 
     things: tuple[ThingScore, ...]
     strays: tuple[Stray, ...]
@@ -80,8 +80,8 @@ def _score(thing: TrueThing, one: Match, scene: Scene) -> ThingScore:
 def extent_errors(true: SceneObject, seen: SceneObject) -> FloatArray:
     """(3,) metres by which side lengths are off, along the true box's axes.
 
-    Each true axis is compared with the perceived one that is most parallel to it: which of two level axes comes
-    first is nobody's business.
+    Each true axis is compared with the perceived one that is most parallel to it: the order of two level axes is
+    arbitrary.
     """
     along = np.abs(true.world_from_object[:3, :3].T @ seen.world_from_object[:3, :3])
     _, order = linear_sum_assignment(-along)

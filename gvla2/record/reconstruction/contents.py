@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction
+from gvla2.reconstruction.things import points_of
 from gvla2.record.reconstruction.measures import Measures
 
 
@@ -95,11 +95,3 @@ class ReconstructionRecord:
         if thing.mesh is None or thing.mesh.colours is None:
             return of_points
         return of_points + thing.mesh.colours.tobytes()
-
-
-def points_of(thing: Reconstruction) -> FloatArray:
-    """(N, 3) points that stand for a reconstruction: Gaussian centres, else mesh vertices."""
-    if thing.gaussians is not None and len(thing.gaussians):
-        return np.asarray(thing.gaussians.centres, dtype=np.float64)
-    assert thing.mesh is not None
-    return np.asarray(thing.mesh.vertices, dtype=np.float64)
