@@ -321,6 +321,7 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_or_less_deep(
         ((0.026, 0.0265), 2.88, ("undershoot", "turn", ">=", 2.88 + 0.785)),
         ((0.038, 0.026), 2.88, ("stalled", "turn", "<=", -2.88)),
         ((0.0235, 0.026), -2.88, ("stalled", "turn", ">=", 2.88)),
+        ((0.038, 0.026), 4.3, ("stalled", "turn", "<=", -np.pi)),
         ((0.026, 0.026), -2.88, ("undershoot", "turn", "<=", -2.88 - 0.785)),
     ],
 )
