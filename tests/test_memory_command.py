@@ -173,7 +173,7 @@ def test_export_and_import_go_round(run: Run, tmp_path: Path):
     assert len(made["added"]) == 2
     assert len(data(run, "list", "bank=second")) == 2
     assert data(run, "import", "out", "bank=second")["known"] == 2
-    (tmp_path / "broken.jsonl").write_text('{"memory_items": "Wait."}\nnonsense\n')
+    (tmp_path / "broken.jsonl").write_text('{"memory_id": "w", "content": "Wait.", "state": "active"}\nnonsense\n')
     status, out, _ = run("import", "broken.jsonl", "bank=third")
     assert status == 1
     assert "broken.jsonl, line 2" in out
@@ -260,7 +260,6 @@ def test_what_is_not_there_is_said(run: Run, argv: list[str], message: str):
     [
         (["list", "limti=3"], "Did you mean 'limit'?"),
         (["list", "states=[actve]"], "States: active"),
-        (["import", "x", "layout=csv"], "Layouts: states, items, robot"),
         (["search", "x", "embedder=nimilm"], "No embedder named 'nimilm'"),
     ],
 )

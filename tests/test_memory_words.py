@@ -19,7 +19,7 @@ from gvla2.commands.printable import counted
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 
-ROBOT = {"task_id": "t", "task_text": "lift", "outcome": "success", "memory_text": "Hold the rim."}
+LINE = {"memory_id": "t", "query": "lift", "source_status": "success", "state": "active", "content": "Hold the rim."}
 
 
 def admitted(url: str, content: str, task: str) -> None:
@@ -69,7 +69,7 @@ def test_other_overrides_are_left_alone(override: str):
 
 
 def test_banks_called_like_numbers(capsys: pytest.CaptureFixture[str], tmp_path: Path):
-    (tmp_path / "m.jsonl").write_text(json.dumps(ROBOT) + "\n")
+    (tmp_path / "m.jsonl").write_text(json.dumps(LINE) + "\n")
     names = ["2026_11", "1e3", "true", "b\u00fccher", "bu\u0308cher"]
     for name in names[:-1]:
         assert said(capsys, "import", "m.jsonl", f"bank={name}")[0] == 0
@@ -82,7 +82,7 @@ def test_a_name_that_cannot_be(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, verb: list[str], name: str
 ):
     admitted(f"sqlite:///{tmp_path / 'm.db'}", "Hold the rim.", "lift")
-    (tmp_path / "m.jsonl").write_text(json.dumps(ROBOT) + "\n")
+    (tmp_path / "m.jsonl").write_text(json.dumps(LINE) + "\n")
     status, told = error(capsys, *verb, f"bank={name}", f"url=sqlite:///{tmp_path / 'm.db'}")
     assert status == 2
     assert "cannot be the name of a bank" in told
@@ -130,7 +130,7 @@ def test_a_kept_head_is_looked_for(capsys: pytest.CaptureFixture[str], tmp_path:
 def pipe_in(tmp_path: Path, *argv: str) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-m", "gvla2.cli", "memory", *argv, f"url=sqlite:///{tmp_path / 'p.db'}", "--json"],
-        input=json.dumps(ROBOT) + "\nnonsense\n", capture_output=True, text=True, check=False,
+        input=json.dumps(LINE) + "\nnonsense\n", capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1, done.stderr
     document: dict[str, Any] = json.loads(done.stdout)

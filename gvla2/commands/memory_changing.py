@@ -20,7 +20,7 @@ MOST_REMARKS = 20
 
 
 def import_(request: Request) -> Answer:
-    """Read a memory of the released layouts; 1 when lines could not be read (the others are stored)."""
+    """Read a memory of the released layout; 1 when lines could not be read (the others are stored)."""
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
     if not os.path.exists(path):  # noqa: PTH110  # before a database is made for nothing; see read_path
@@ -32,13 +32,11 @@ def import_(request: Request) -> Answer:
             store,
             config.bank,
             path,
-            layout=config.layout,
             trusted=config.trusted,
             actor="gvla2 memory",
         )
     told = [
-        f"New in the bank '{config.bank}': {counted(len(done.added), 'record')} of the layout '{done.layout}'; "
-        f"known already: {done.known}."
+        f"New in the bank '{config.bank}': {counted(len(done.added), 'record')}; known already: {done.known}."
     ]
     if done.held_back:
         told.append(
@@ -54,7 +52,7 @@ def import_(request: Request) -> Answer:
 
 
 def export(request: Request) -> Answer:
-    """Write the bank in the released layout ``states``."""
+    """Write the bank in the released layout."""
     config, path = request.config, Path(request.words[0]).expanduser()
     with opened(request) as store:
         done = export_path(

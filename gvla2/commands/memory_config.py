@@ -11,7 +11,6 @@ from gvla2.component import ComponentConfig
 from gvla2.errors import ConfigurationError
 
 STATES = ("active", "provisional", "summary", "archive")
-LAYOUTS = ("", "states", "items", "robot")
 _HEAD = re.compile(r"\d{1,18}:[0-9a-f]{64}")
 
 
@@ -19,11 +18,11 @@ _HEAD = re.compile(r"\d{1,18}:[0-9a-f]{64}")
 class MemoryCommandConfig:
     """A bank and what to do with it.
 
-    ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for other
-    processes. ``limit`` bounds how many rows are shown (0: all; None: 50, and all as JSON). ``states`` keeps records
-    of these states in `list` and `export` (none given: all that there are). ``layout`` is that of `import` ("": as
-    the lines say); ``trusted`` imports a backup of one's own as it was. ``head`` is a head of the chain to `verify`
-    against, SEQ:HASH. ``archived_days`` lets `compact` forget what has been archived for longer than that.
+    ``url`` is the database, "" the default one; ``bank`` the bank in it; ``busy_seconds`` how long to wait for
+    other processes. ``limit`` bounds how many rows are shown (0: all; None: 50, and all as JSON). ``states`` keeps
+    records of these states in `list` and `export` (none given: all that there are). ``trusted`` imports a backup of
+    one's own as it was. ``head`` is a head of the chain to `verify` against, SEQ:HASH. ``archived_days`` lets
+    `compact` forget what has been archived for longer than that.
     """
 
     url: str = ""
@@ -31,7 +30,6 @@ class MemoryCommandConfig:
     busy_seconds: float = 5.0
     limit: int | None = None
     states: list[str] = field(default_factory=list)
-    layout: str = ""
     trusted: bool = False
     head: str = ""
     archived_days: float | None = None
@@ -44,8 +42,6 @@ class MemoryCommandConfig:
         unknown = [state for state in self.states if state not in STATES]
         if unknown:
             raise ConfigurationError(f"No state '{unknown[0]}'. States: {', '.join(STATES)}.")
-        if self.layout not in LAYOUTS:
-            raise ConfigurationError(f"No layout '{self.layout}'. Layouts: {', '.join(LAYOUTS[1:])}.")
         if not self.bank:
             raise ConfigurationError("A bank needs a name: bank=NAME.")
         self.bank = unicodedata.normalize("NFC", self.bank)

@@ -21,7 +21,6 @@ import numpy as np
 
 from gvla2.errors import ConfigurationError
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder, Lesson, Verdict
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.options import HybridOptions
@@ -90,7 +89,6 @@ def through_bank(conversation: Conversation, embedder: Embedder) -> list[float]:
             f"{folder}/memory.db",
             embedder=embedder,
             retriever=HybridRetriever(everything),
-            options=BankOptions(per_source=len(turns)),
         ) as bank,
     ):
         bank.admit_many(((Lesson("procedural_hint", text), verdict, "", "") for text in turns), trusted=True)

@@ -19,7 +19,7 @@ class BankOptions:
     unverified records, without binding force; ``frozen`` stops learning while recall goes on.
 
     Bounds: ``max_chars`` of a context; ``max_per_episode`` lessons; ``active_budget`` and ``provisional_budget``
-    records; ``per_source`` records that one source may have active in ``per_source_days``.
+    records.
 
     Consolidation: the ``rivals`` nearest are looked at, and records are compared from a cosine of ``match`` on.
     Governance: failures that nobody used retire after ``retire_days``; ``summary_size`` successes that are equal but
@@ -39,8 +39,6 @@ class BankOptions:
     max_per_episode: int = 16
     active_budget: int = 10_000
     provisional_budget: int = 2_000
-    per_source: int = 64
-    per_source_days: float = 1.0
     rivals: int = 16
     match: float = 0.35
     retire_days: float = 14.0

@@ -196,8 +196,7 @@ class Operations:
         ledger.expect(candidate.key for some in candidates for candidate in some)
         for (episode, verdict, own), some in zip(brought, candidates, strict=True):
             known = stored.get(episode.source)
-            taught = known.records if known else ()
-            learning = Learning(ledger, episode, verdict, options, outcome, own=own, known=taught)
+            learning = Learning(ledger, episode, verdict, options, outcome, own=own)
             for candidate in some:
                 learning.apply(candidate)
             if episode.source:
@@ -312,7 +311,6 @@ class Operations:
                 bounded,
                 verdict,
                 origin=Origin(own, episode.source),
-                query=episode.task.query,
                 admission=self._options.admission,
                 failures=self._options.failures,
                 ungrounded=unsure.get(lesson.content, ""),

@@ -32,30 +32,37 @@ def relative_steps(trajectory: Trajectory, scene: Scene, roles: Mapping[str, str
     if theme is None:
         return []
     steps: list[list[Any]] = []
-    for waypoint in _distinct(trajectory):
+    for waypoint, opened in _distinct(trajectory):
         at = np.asarray(waypoint.xyz)
         near_goal = goal is not None and float(np.linalg.norm((at - goal.centre)[:2])) < OVER
-        taken = bool(waypoint.carries) or any(s[-1] < 0.5 for s in steps)
+        taken = bool(waypoint.carries) or any(s[-1] == 0 for s in steps)
         first = goal if goal is not None and near_goal and taken else theme
         other = theme if first is goal else goal
-        steps.append(_step(at, waypoint.gripper, first, other))
-        if len(steps) > 1 and waypoint.gripper >= 0.5 > steps[-2][-1]:
+        steps.append(_step(at, opened, first, other))
+        if len(steps) > 1 and opened and not steps[-2][-1]:
             break  # let go
     return steps
 
 
-def _distinct(trajectory: Trajectory) -> list[Waypoint]:
-    kept: list[Waypoint] = []
+def _distinct(trajectory: Trajectory) -> list[tuple[Waypoint, bool]]:
+    """The waypoints that differ, each with whether the hand is open there.
+
+    Before a narrow hold the hand opens by little: open is what is wider than the middle of its openings. A hand that
+    never changes pushes or presses, and counts as closed.
+    """
+    openings = [waypoint.gripper for waypoint in trajectory]
+    middle = (min(openings) + max(openings)) / 2
+    kept: list[tuple[Waypoint, bool]] = []
     for waypoint in trajectory:
-        still = kept and float(np.linalg.norm(np.subtract(waypoint.xyz, kept[-1].xyz))) < STILL
-        if still and (kept[-1].gripper < 0.5) == (waypoint.gripper < 0.5):
-            continue
-        kept.append(waypoint)
+        opened = waypoint.gripper > middle
+        still = kept and float(np.linalg.norm(np.subtract(waypoint.xyz, kept[-1][0].xyz))) < STILL
+        if not still or kept[-1][1] != opened:
+            kept.append((waypoint, opened))
     return kept
 
 
-def _step(at: FloatArray, gripper: float, first: SceneObject, other: SceneObject | None) -> list[Any]:
-    up, g = round(1e3 * float(at[2] - first.top)), 1 if gripper >= 0.5 else 0
+def _step(at: FloatArray, opened: bool, first: SceneObject, other: SceneObject | None) -> list[Any]:
+    up, g = round(1e3 * float(at[2] - first.top)), int(opened)
     offset = (at - first.centre)[:2]
     if other is not None and float(np.linalg.norm(offset)) > ASIDE:
         way = (other.centre - first.centre)[:2]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.curation.transcripts import abstracted, steps_of
 from gvla2_plugins.memory_baselines.exemplars import show_exemplars, with_values
+from gvla2_plugins.memory_baselines.transcripts import abstracted, steps_of
 from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryItem, Verdict
-from gvla2.memory.curation.transcripts import abstracted, ending_of, steps_of
 from gvla2_plugins.memory_baselines.exemplars import show_exemplars, with_values
+from gvla2_plugins.memory_baselines.transcripts import abstracted, ending_of, steps_of
 from gvla2_plugins.memory_baselines.vector_store import Draft, Found
 
 _SENTENCE = re.compile(r"(?<=[.!?。！？])\s+|\n")

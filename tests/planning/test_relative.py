@@ -46,3 +46,20 @@ def test_a_place_on_the_way_to_the_goal_is_told_along_it():
 def test_nothing_is_told_without_a_theme():
     assert relative_steps(Trajectory(WAY), SCENE, {}) == []
     assert relative_steps(Trajectory(WAY), SCENE, {"theme": "gone"}) == []
+
+
+def test_a_hand_that_opens_by_little_before_a_narrow_hold_is_open():
+    narrow = [
+        at(RED, 0.1, 0.4),
+        at(RED, -0.03, 0.4),
+        at(RED, -0.03, 0.0),
+        at(RED, 0.15, 0.0, carries="red_cube"),
+    ]
+    steps = relative_steps(Trajectory(tuple(narrow)), SCENE, {"theme": "red_cube"})
+    assert [step[-1] for step in steps] == [1, 1, 0, 0]
+
+
+def test_a_hand_that_never_changes_pushes_and_counts_as_closed():
+    pushing = [at(RED, 0.1, 0.7), at(RED, -0.03, 0.7), at(BLUE, -0.03, 0.7)]
+    steps = relative_steps(Trajectory(tuple(pushing)), SCENE, ROLES)
+    assert [step[-1] for step in steps] == [0, 0, 0]

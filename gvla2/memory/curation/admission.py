@@ -11,12 +11,8 @@ from math import isfinite
 from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
 from gvla2.memory.curation.trust import Origin, trust_of
 from gvla2.memory.curation.trust import believed as is_believed
-from gvla2.memory.indexing.terms import terms
 from gvla2.memory.injection_patterns import screen, screened_effect
 
-QUARANTINED = "quarantined: "
-"""How the note of a record begins that no verdict can make active."""
-ECHO = 0.9
 _FAILED, _SUCCEEDED = 0.35, 0.70
 
 
@@ -40,7 +36,6 @@ def admit(
     *,
     origin: Origin | None = None,
     trust: Trust | None = None,
-    query: str = "",
     admission: bool = True,
     failures: bool = True,
     ungrounded: str = "",
@@ -50,7 +45,7 @@ def admit(
     Verified lessons may become active; what was uncertain, or could not be judged, is provisional. A failed episode
     teaches constraints, never recipes. ``origin`` is who says it (None: an episode of ours); ``trust`` is given instead
     for a record that is judged again. What is not believed stays provisional whatever its verdict, and so does what a
-    model wrote without evidence (``ungrounded`` says why) or what only repeats the ``query`` it would be found by.
+    model wrote without evidence (``ungrounded`` says why).
     ``admission`` False is the ablation that lets in all that is ours; ``failures`` False learns nothing from failures.
     """
     if not lesson.content.strip():
@@ -69,8 +64,6 @@ def admit(
     def held_back(note: str) -> Decision:
         return Decision("provisional", note, level, bool(suspicious))
 
-    if not lesson.effect and query and repeats(lesson.content, query):
-        return held_back(f"{QUARANTINED}the text only repeats the task")
     if ungrounded and not suspicious:
         return held_back(ungrounded)
     verified = failed or verdict.outcome == "verified_success"
@@ -85,12 +78,6 @@ def admit(
         return held_back(note)
     # With what others said of it, it may be believed after all.
     return Decision("active", note, level, bool(suspicious))
-
-
-def repeats(content: str, query: str) -> bool:
-    """Whether a text says hardly more than the task that it would be found by."""
-    said, asked = terms(content), terms(query)
-    return len(said & asked) >= ECHO * len(said | asked) and len(said) > 2
 
 
 def believed(verdict: Verdict) -> tuple[Verdict, str]:

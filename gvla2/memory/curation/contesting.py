@@ -6,12 +6,14 @@ has decided (:mod:`gvla2.memory.curation.judging`). Nothing is archived for a su
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 from gvla2.memory.indexing.terms import stem
-from gvla2.memory.meaning.effects import effects_conflict, same_parameter
 from gvla2.memory.meaning.english import PREPOSITIONS, is_english, word_set
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import quantities
@@ -23,16 +25,14 @@ SUSPECT: float = threshold()
 _FAILURE = re.compile(
     r"\b(?:fail|slip|collid|crash|stuck|missed|error|broke|did not|was not|could not)|\bdropped\b"
 )
-_IDLE = word_set(
-    """the a an its s you is are be been being has have always please just simply really ensure sure must should
-    carefully properly"""
-)
+_IDLE = word_set("the a an its is are be always please just simply really ensure sure carefully properly")
 _ORDERING = frozenset(
     map(stem, word_set("and then before after first next later last afterwards until once"))
 )
 _FRONT = frozenset(map(stem, PREPOSITIONS | word_set("before after when while if")))
 """What may stand in front, up to a comma, as well as behind."""
 _TOKEN = re.compile(r"\w+(?:[./:-]\w+)*")
+Effect = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ def compare(first: Record, second: Record) -> Compared:
 def same_lesson(first: Record, second: Record) -> bool:
     """Whether two records may be merged: of one type and skill, about one parameter, saying the same.
 
-    They may differ in the order and the forms of their words, in units, and in words that say nothing. Where there is
-    no telling they stay apart, for what is merged is lost: one word more may be another object.
+    They may differ in the forms of their words, in units, and in words that say nothing. Where there is no telling
+    they stay apart, for what is merged is lost: one word more may be another object.
     """
     if first.type != second.type or first.skill != second.skill:
         return False
@@ -74,24 +74,19 @@ def same_lesson(first: Record, second: Record) -> bool:
     if bool(mine) != bool(theirs) or "program" in (mine.get("kind"), theirs.get("kind")):
         return False
     if mine and not (
-        same_parameter(mine, theirs)
+        _same_parameter(mine, theirs)
         and all(mine.get(name) == theirs.get(name) for name in ("kind", "op", "skill", "object", "region"))
     ):
         return False
-    return first.content == second.content or same_words(first.content, second.content)
+    return first.content == second.content or _same_words(_said(first.content), _said(second.content))
 
 
-def same_words(first: str, second: str) -> bool:
-    """Whether two texts say the same in the same words: their forms, units and words that say nothing aside.
-
-    When or where it holds may stand in front or behind ("in the tunnel, slow down"); otherwise the order of the words
-    is kept, for "wrap it and pack it" is not "pack it and wrap it".
+def _same_words(one: tuple[str, ...], two: tuple[str, ...]) -> bool:
+    """When or where it holds may stand in front or behind ("in the tunnel, slow down"); otherwise the words keep their
+    order, for "wrap it and pack it" is not "pack it and wrap it".
     """
-    one, two = _said(first), _said(second)
-    if len(one) != len(two) or not one:
-        return False
-    if one == two:
-        return True
+    if len(one) != len(two) or one == two:
+        return one == two and bool(one)
     return any(
         turned[i:] + turned[:i] == kept
         for turned, kept in ((one, two), (two, one))
@@ -114,3 +109,49 @@ def _said(text: str) -> tuple[str, ...]:
     parts += _TOKEN.findall(plain[last:])
     english = is_english(text)
     return tuple(stem(part) if english else part for part in parts if part not in _IDLE)
+
+
+def effects_conflict(first: Effect, second: Effect) -> str:
+    """How two typed effects contradict each other, "" where they don't.
+
+    Bounds that leave nothing between them; means too far apart for their deviations (or by half, where single
+    successes have none); what is both forbidden and successful. Two programs never do: there are many ways to succeed.
+    """
+    kinds = (first.get("kind"), second.get("kind"))
+    if "program" in kinds or not _same_parameter(first, second):
+        return ""
+    name = str(first.get("parameter"))
+    if "forbid" in kinds:
+        return f"{name} is forbidden and succeeded" if "prior" in kinds else ""
+    try:
+        a, b = float(first.get("value", math.nan)), float(second.get("value", math.nan))
+        deviations = [float(effect.get("sd", 0.0)) for effect in (first, second)]
+        counts = [max(int(effect.get("count", 1)), 1) for effect in (first, second)]
+    except (TypeError, ValueError, OverflowError):
+        return ""
+    if not all(map(math.isfinite, (a, b, *deviations))):
+        return ""
+    scale = max(abs(a), abs(b))
+    if kinds == ("bound", "bound"):
+        ops = (first.get("op", ">="), second.get("op", ">="))
+        low, high = (a, b) if ops[0] == ">=" else (b, a)
+        if set(ops) == {">=", "<="} and low - high > 1e-9 * scale:
+            return f"{name} at least {low:.4g} against at most {high:.4g}"
+    if kinds == ("prior", "prior"):
+        squares = sum((n - 1) * sd**2 for n, sd in zip(counts, deviations, strict=True))
+        pooled = math.sqrt(squares / max(sum(counts) - 2, 1))
+        if abs(a - b) > max(3.0 * pooled, (0.5 if min(counts) < 3 else 0.25) * scale):
+            return f"{name} {a:.4g} against {b:.4g}"
+    return ""
+
+
+def _same_parameter(first: Effect, second: Effect) -> bool:
+    """Whether both are about one parameter of one skill and object, where these are given; metres and shares of a
+    side do not compare.
+    """
+    if any(str(first.get(name) or "") != str(second.get(name) or "") for name in ("parameter", "scale")):
+        return False
+    return all(
+        not first.get(name) or not second.get(name) or first[name] == second[name]
+        for name in ("skill", "object")
+    )

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Trust, Verdict
-from gvla2.memory.curation.admission import repeats
+from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import MAX_PHRASINGS, MAX_QUERY, Record, clean, dump, finite, record_id
 
 MAX_SOURCES = 32
@@ -55,15 +55,9 @@ def new_record(
 
 
 def restarted(old: Record, fresh: Record, episode: MemoryEpisode) -> Record:
-    """Verified evidence in place of unverified evidence; the record keeps its id, age and phrasings.
-
-    Save those that its text only repeats: a copy of a likely question is not to be found by it.
-    """
-    lines = old.query.split("\n")
-    if not fresh.effect:
-        lines = [line for line in lines if not repeats(fresh.content, line)]
+    """Verified evidence in place of unverified evidence; the record keeps its id, age and phrasings."""
     kept = {name: getattr(old, name) for name in ("id", "dedup_key", "created", "used", "usage", "recalled")}
-    query = phrasings("\n".join(lines), episode.task.query)
+    query = phrasings(old.query, episode.task.query)
     told = provenance(old, episode)
     return replace(fresh, **kept, query=query, provenance=told, version=old.version, rev=old.rev)
 
@@ -115,11 +109,9 @@ def evidence(record: Record) -> float:
     return round(support(record) * max(record.count, 1), 6)
 
 
-def stronger(first: Record, second: Record) -> bool:
-    """Whether the first record prevails: more evidence, then later, then the smaller id."""
-    if evidence(first) != evidence(second):
-        return evidence(first) > evidence(second)
-    return (first.updated, second.id) > (second.updated, first.id)
+def standing(record: Record) -> tuple[int, float, float, str]:
+    """By which contradicting records are sorted; the first one stays: trust, evidence, then the later one, then ids."""
+    return -LEVELS.index(record.trust), -evidence(record), -record.updated, record.id
 
 
 def phrasings(known: str, query: str) -> str:
@@ -134,12 +126,8 @@ def phrasings(known: str, query: str) -> str:
 
 def provenance(known: Record | None, episode: MemoryEpisode) -> str:
     """Who made it, and the sources up to now with this episode's; what else was noted there stays."""
-    others: dict[str, Any] = {}
-    try:
-        others = known.provenance_json() if known is not None else {}
-        sources = list(known.sources()) if known is not None else []
-    except (ValueError, TypeError, AttributeError):
-        sources = []
+    others = known.provenance_json() if known is not None else {}
+    sources = list(known.sources()) if known is not None else []
     if episode.source:
         source = clean(episode.source, 200)
         sources = [other for other in sources if other != source] + [source]
@@ -159,35 +147,24 @@ def pooled_effects(
     """Two effects on the same parameter as one, as JSON.
 
     Priors pool mean, deviation and count (parallel variance); of two bounds the tighter one holds; a ban stays, and
-    so does a program. An effect whose numbers are absent or not finite gives way to the other.
+    so does a program. Where numbers are absent the first one stays.
     """
-    if second is None or not _sound(second):
-        return dict(first) if first else None
-    if first is None or not _sound(first) or first.get("kind") != second.get("kind"):
+    if not first or not second:
+        return dict(second or first or {}) or None
+    kind = first.get("kind")
+    if kind != second.get("kind") or (first.get("scale") or "") != (second.get("scale") or ""):
         return dict(second)
-    if first["kind"] == "program":
-        return dict(first)
-    if (first.get("scale") or "") != (second.get("scale") or ""):
-        return dict(second)
-    if first["kind"] == "bound":
-        tightest = max if second.get("op", ">=") == ">=" else min
-        return {**second, "value": tightest(float(first["value"]), float(second["value"]))}
-    if first["kind"] != "prior":
-        return dict(second)
-    # Mean and sample deviation of both groups together (Chan et al., 1983).
-    n, m = max(int(first.get("count", 1)), 1), max(int(second.get("count", 1)), 1)
-    a, b = float(first["value"]), float(second["value"])
-    squares = (n - 1) * float(first.get("sd", 0.0)) ** 2 + (m - 1) * float(second.get("sd", 0.0)) ** 2
-    squares += (b - a) ** 2 * n * m / (n + m)
-    deviation = math.sqrt(squares / (n + m - 1))
-    return {**second, "value": (a * n + b * m) / (n + m), "sd": deviation, "count": n + m}
-
-
-def _sound(effect: Mapping[str, Any]) -> bool:
     try:
-        numbers = [float(effect.get(name, 0.0)) for name in ("sd", "count")]
-        if effect.get("kind") in ("bound", "prior"):
-            numbers.append(float(effect["value"]))
+        if kind == "bound":
+            tightest = max if second.get("op", ">=") == ">=" else min
+            return {**second, "value": tightest(float(first["value"]), float(second["value"]))}
+        if kind == "prior":  # mean and sample deviation of both groups together (Chan et al., 1983)
+            n, m = max(int(first.get("count", 1)), 1), max(int(second.get("count", 1)), 1)
+            a, b = float(first["value"]), float(second["value"])
+            squares = (n - 1) * float(first.get("sd", 0.0)) ** 2 + (m - 1) * float(second.get("sd", 0.0)) ** 2
+            squares += (b - a) ** 2 * n * m / (n + m)
+            deviation = math.sqrt(squares / (n + m - 1))
+            return {**second, "value": (a * n + b * m) / (n + m), "sd": deviation, "count": n + m}
     except (KeyError, TypeError, ValueError):
-        return False
-    return all(map(math.isfinite, numbers))
+        return dict(first)
+    return dict(first if kind == "program" else second)

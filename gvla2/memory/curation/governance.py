@@ -13,11 +13,9 @@ import numpy as np
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.curation.contesting import SUSPECT, compare
-from gvla2.memory.curation.evidence import evidence
-from gvla2.memory.curation.judging import prevails
+from gvla2.memory.curation.evidence import evidence, standing
 from gvla2.memory.curation.ledger import Ledger
-from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shares, summary_of, tasks_of
-from gvla2.memory.curation.trust import LEVELS
+from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shared_terms, summary_of, tasks_of
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
@@ -88,24 +86,25 @@ class Governing:
 
     def retire(self) -> None:
         """Archive failures that nobody used for ``retire_days``, summaries aside."""
+        limit = self._options.retire_days
         held = self._ledger.index.candidates(("active",), now=self._ledger.now)
-        stale = np.flatnonzero((held.ages >= self._options.retire_days) & (held.usage == 0))
-        for place in stale.tolist():
+        for place in np.flatnonzero((held.ages >= limit) & (held.usage == 0)).tolist():
             record = self._ledger.get(held.ids[place])
-            limit = self._options.retire_days * SECONDS_PER_DAY
             if (
-                record is not None
-                and record.state == "active"
-                and record.outcome != "verified_success"
-                and record.usage == 0
-                and self._ledger.now - max(record.updated, record.used) >= limit
+                record is None
+                or record.state != "active"
+                or record.usage
+                or record.outcome == "verified_success"
             ):
-                why = f"a failure that nobody used for {self._options.retire_days:g} days"
-                self._archive(record, "RETIRE", why)
+                continue
+            if self._ledger.now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
+                self._archive(record, "RETIRE", f"a failure that nobody used for {limit:g} days")
                 self.done.retired.append(record.id)
 
     def resolve(self, records: Iterable[Record]) -> None:
-        """Archive what a stronger record about the same parameter contradicts, as after a bank was written by hand."""
+        """Archive what a stronger record about the same parameter contradicts: what replay promoted, or what came in
+        while governance was off.
+        """
         groups: dict[tuple[str, ...], list[Record]] = defaultdict(list)
         for record in records:
             effect = record.effect_json() if record.effect else None
@@ -113,18 +112,17 @@ class Governing:
                 about = [str(effect.get(name, "")) for name in ("parameter", "object", "region")]
                 groups[record.type, record.skill, *about].append(record)
         for group in groups.values():
-            ranked = sorted(group, key=lambda r: (-LEVELS.index(r.trust), -evidence(r), -r.updated, r.id))
-            for place, loser in enumerate(ranked):
-                for winner in ranked[:place]:
-                    alive = self._ledger.latest(winner).state == "active" and prevails(winner, loser)
-                    if alive and (found := compare(winner, loser)).effect:
-                        self._archive(
-                            loser, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}"
-                        )
-                        for kind in ("replaces", "conflict"):
-                            self._ledger.link(winner.id, kind, loser.id, found.effect)
-                        self.done.replaced.append(loser.id)
-                        break
+            kept: list[Record] = []
+            for record in sorted(group, key=standing):
+                found = ((winner, compare(winner, record).effect) for winner in kept)
+                winner, why = next(((one, why) for one, why in found if why), (record, ""))
+                if not why:
+                    kept.append(record)
+                    continue
+                self._archive(record, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}")
+                for kind in ("replaces", "conflict"):
+                    self._ledger.link(winner.id, kind, record.id, why)
+                self.done.replaced.append(record.id)
 
     def keep_few_programs(self, records: Iterable[Record]) -> None:
         """Of the programs of one skill and the same kinds of things, keep the best of each of the few best kinds."""
@@ -200,7 +198,7 @@ class Governing:
             return False
         if alike_but_for_numbers(record, other):
             return True
-        if shares(record, other)[0] < self._options.summary_match:
+        if shared_terms(record, other) < self._options.summary_match:
             return False
         found = compare(record, other)
         return not found.effect and (found.suspicion or 0.0) < SUSPECT

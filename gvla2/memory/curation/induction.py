@@ -10,22 +10,42 @@ from __future__ import annotations
 import re
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
-from gvla2.memory.curation.transcripts import acts_of
 from gvla2.memory.indexing.terms import terms
 
-MAX_STEPS = 8
+MAX_STEPS, MOST_ACTS = 8, 60
 MAX_STEP = 160
 MAX_CONTENT = 1200
-_STEP = re.compile(
-    r"^\s*(?:[-*•]|\d+[.)]|\$|>>>|#|step\s+\d+[:.]|schritt\s+\d+[:.]|action:|aktion:|tool:|cmd:|command:)\s*(.+)$",
-    re.IGNORECASE,
+_LONGEST = 20_000
+_EXECUTED = re.compile(r"^Executed:\n((?:- .*(?:\n|\Z))+)", re.MULTILINE)
+_WAYPOINT = re.compile(r"^- \d+ (.+?): ", re.MULTILINE)
+_MARKED = (
+    re.compile(r"<action>\s*(.*?)\s*</action>", re.DOTALL | re.IGNORECASE),
+    re.compile(r"^[ \t]*```(?:bash|sh|shell|mswea_bash_command)\n(.*?)^[ \t]*```", re.DOTALL | re.MULTILINE),
+    re.compile(r"^[ \t]*[$>][ \t]+(\S.*)$", re.MULTILINE),
+    re.compile(r"^[ \t]*action[ \t]*(?:\d+[ \t]*)?:[ \t]*(\S.*)$", re.MULTILINE | re.IGNORECASE),
+    re.compile(r"^[ \t]*(?:step[ \t]+)?\d+[.):][ \t]+(\S.*)$", re.MULTILINE | re.IGNORECASE),
 )
+_STEP = re.compile(r"^\s*(?:[-*•]|>>>|#|tool:|cmd:|command:)\s*(.+)$", re.IGNORECASE)
 _FURTHER = re.compile(r"(?<=[a-z\])])[.;!?](?:\s|$)")
 _TROUBLE = re.compile(
-    r"error|exception|traceback|fail|abort|stopped|denied|not found|time[d]? ?out|refused|invalid|no such"
-    r"|fehler|gescheitert|abgebrochen|erreur|échou|fallo|错误|失败",
+    r"error|exception|traceback|fail|abort|stopped|denied|not found|time[d]? ?out|refused|invalid|no such",
     re.IGNORECASE,
 )
+
+
+def acts_of(transcript: str) -> list[str]:
+    """The actions that a transcript marks as such, one line each, at most 60; repeats in a row count once.
+
+    Known are the robot's own transcripts, actions in tags or after "action:", shell sessions (fenced blocks,
+    `$ command`), and numbered or "Step n:" lists. None of any other text: a line may be what a tool said.
+    """
+    text = transcript[:_LONGEST]
+    executed = _EXECUTED.search(text)
+    forms = [_WAYPOINT.findall(executed[1]) if executed else [], *(form.findall(text) for form in _MARKED)]
+    for form in forms:
+        if steps := [line for found in form if (line := " ".join(found.split()))]:
+            return [s for i, s in enumerate(steps) if i == 0 or s != steps[i - 1]][:MOST_ACTS]
+    return []
 
 
 class RulesInducer:
@@ -40,36 +60,24 @@ class RulesInducer:
         """The lessons of an episode; the same episode and verdict give the same."""
         if episode.lessons:
             return episode.lessons
-        lines = [line for line in episode.transcript.splitlines() if line.strip()]
-        subject = " ".join(episode.task.query.split())[:200]
-        if not lines or not subject:
+        subject, steps = " ".join(episode.task.query.split())[:200], _steps(episode.transcript)
+        if not subject:
             return ()
         if verdict.outcome == "verified_fail":
-            return self._from_failure(subject, episode.transcript)
-        steps = _steps(episode.transcript)
+            trouble = [line.strip() for line in episode.transcript.splitlines() if _TROUBLE.search(line)]
+            if trouble:
+                # What went wrong, and not what a tool says one should do about it.
+                told = _FURTHER.split(trouble[-1], maxsplit=1)[0][:MAX_STEP]
+                return (_bounded("failure_avoidance", f"{subject}: failed because of: {told}"),)
+            last = (f"{subject}: failed although it ended with: {step}" for step in steps[-1:])
+            return tuple(_bounded("failure_avoidance", text) for text in last)
         if not steps:
             return ()
-        content = f"{subject}: these steps led to the end: " + "; ".join(steps)
-        return (_bounded("procedural_hint", content),)
-
-    @staticmethod
-    def _from_failure(subject: str, transcript: str) -> tuple[Lesson, ...]:
-        trouble = [line.strip() for line in transcript.splitlines() if _TROUBLE.search(line)]
-        last = _steps(transcript)[-1:]
-        if trouble:
-            # What went wrong, and not what a tool says one should do about it.
-            told = _FURTHER.split(trouble[-1], maxsplit=1)[0][:MAX_STEP]
-            return (_bounded("failure_avoidance", f"{subject}: failed because of: {told}"),)
-        if last:
-            return (_bounded("failure_avoidance", f"{subject}: failed although it ended with: {last[0]}"),)
-        return ()
+        return (_bounded("procedural_hint", f"{subject}: these steps led to the end: " + "; ".join(steps)),)
 
 
 def _steps(transcript: str) -> list[str]:
-    """The acts, without repeats, the last ones where there are too many: those marked as such, else what looks like it.
-
-    Where acts are marked, a line that begins like one may be what a tool said.
-    """
+    """The acts, each once, the last ones where there are too many: those marked as such, else what looks like it."""
     found = acts_of(transcript) or [
         match[1].strip() for line in transcript.splitlines() if (match := _STEP.match(line))
     ]
@@ -99,8 +107,7 @@ def ungrounded(lesson: Lesson, episode: MemoryEpisode) -> str:
         return "it names no evidence in the episode"
     if any(passage not in transcript for passage in passages):
         return "its evidence does not stand in the episode"
-    acts = acts_of(episode.transcript)
-    own = terms(" ".join([episode.task.query, *episode.task.things, *acts]))
+    own = terms(" ".join([episode.task.query, *episode.task.things, *acts_of(episode.transcript)]))
     said = terms(lesson.content)
     if len(said & (terms(episode.transcript) - own)) > len(said & own):
         return "it passes on what a tool returned"

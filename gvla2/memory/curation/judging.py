@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from gvla2.memory.contracts import Judge, Judgement, Suspects
-from gvla2.memory.curation.evidence import stronger
-from gvla2.memory.curation.trust import LEVELS
+from gvla2.memory.curation.evidence import standing
 from gvla2.memory.records import Record
 
 SUSPICION, CONFLICT, DISMISSED = "suspicion", "conflict", "dismissed"
@@ -106,13 +105,7 @@ def ruled(first: Record, second: Record, answer: Judgement) -> Ruling | None:
         return Ruling(first.id, second.id, DISMISSED, why)
     if first.type != second.type:
         return Ruling(first.id, second.id, CONFLICT, why)
-    return Ruling(first.id, second.id, CONFLICT, why, loser=(second if prevails(first, second) else first).id)
-
-
-def prevails(first: Record, second: Record) -> bool:
-    """Whether the first of two contradicting records stays: the more trusted, then the one with more evidence."""
-    mine, theirs = LEVELS.index(first.trust), LEVELS.index(second.trust)
-    return mine > theirs if mine != theirs else stronger(first, second)
+    return Ruling(first.id, second.id, CONFLICT, why, loser=max(first, second, key=standing).id)
 
 
 def _suspects(first: Record, second: Record) -> Suspects:

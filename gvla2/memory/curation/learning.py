@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +16,6 @@ from gvla2.memory.curation.ledger import Ledger, Outcome
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
-from gvla2.memory.storage.forgetting import SUMMED_UP
-
-SECONDS_PER_DAY = 86400.0
 
 
 @dataclass(frozen=True)
@@ -39,10 +35,7 @@ class Candidate:
 
 
 class Learning:
-    """Brings the candidates of one episode into a bank, within one transaction.
-
-    ``own`` is whether it is a verified episode of ours; ``known`` are the ids that its source taught before.
-    """
+    """Brings the candidates of one episode, ``own`` or foreign, into a bank, within one transaction."""
 
     def __init__(
         self,
@@ -53,11 +46,9 @@ class Learning:
         outcome: Outcome,
         *,
         own: bool = True,
-        known: Sequence[str] = (),
     ) -> None:
         self._ledger, self._episode, self._verdict = ledger, episode, verdict
         self._options, self._outcome = options, outcome
-        self._known = list(dict.fromkeys(known))
         self._origin = str(Origin(own, episode.source))
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
@@ -151,12 +142,6 @@ class Learning:
 
     def _verified(self, candidate: Candidate, fresh: Record, known: Record | None) -> None:
         options = self._options
-        if options.admission and self._recent() >= options.per_source:
-            note = f"its source brought {options.per_source} records of late, as many as one may"
-            self._unverified(
-                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin
-            )
-            return
         record = fresh
         if known is not None and known.state == "provisional":
             record = restarted(known, fresh, self._episode)
@@ -182,7 +167,7 @@ class Learning:
 
     def _add(self, record: Record, candidate: Candidate, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
-        self._store(record, edit.action, edit.why, vector=vector, origin=self._origin, cosine=edit.cosine)
+        self._store(record, edit.action, edit.why, vector=vector, origin=self._origin)
         (self._outcome.merged if record.version else self._outcome.added).append(record.id)
         if record.version:
             self._outcome.note(f"{record.id} is verified now and became active.")
@@ -237,9 +222,8 @@ class Learning:
         *,
         vector: NDArray[np.float32] | None = None,
         origin: str = "",
-        cosine: float = 0.0,
     ) -> None:
-        scores = {"quality": record.quality, "confidence": record.confidence, "cosine": cosine}
+        scores = {"quality": record.quality, "confidence": record.confidence}
         self._ledger.put(record, action, why, scores, vector=vector, origin=origin)
         self.touched.append(record.id)
 
@@ -256,14 +240,3 @@ class Learning:
                     seen.add(link.source)
                     due.append(link.source)
         return None
-
-    def _recent(self) -> int:
-        """How many records the episode's source brought of late that planners see, also summed up."""
-        if not self._episode.source:
-            return 0
-        since = self._ledger.now - self._options.per_source_days * SECONDS_PER_DAY
-        mine = {*self._known, *self.touched}
-        if len(mine) < self._options.per_source:
-            return len(mine)
-        told = [r for r in self._ledger.records(mine, "archive") if r.note.startswith(SUMMED_UP)]
-        return sum(record.created >= since for record in [*self._ledger.records(mine, "active"), *told])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, LifecycleState, Verdict
-from gvla2.memory.curation.admission import QUARANTINED, admit
+from gvla2.memory.curation.admission import admit
 from gvla2.memory.curation.evidence import pooled_quality
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import StoredEpisode
@@ -43,13 +43,10 @@ def doubtful(records: Iterable[Record], contested: Collection[str], options: Ban
     found = [
         record
         for record in records
-        if not record.note.startswith(QUARANTINED)
-        and (
-            record.state == "provisional"
-            or (
-                record.state == "active"
-                and (record.id in contested or record.confidence < options.replay_confidence)
-            )
+        if record.state == "provisional"
+        or (
+            record.state == "active"
+            and (record.id in contested or record.confidence < options.replay_confidence)
         )
     ]
     return sorted(found, key=lambda record: (record.confidence, record.updated, record.id))
@@ -78,7 +75,7 @@ def revise(
     if verdict.outcome == "unavailable" or record.state not in ("provisional", "active"):
         return None
     lesson = Lesson(record.type, record.content, record.effect_json())
-    decision = admit(lesson, verdict, trust=record.trust, query=episode.task.query, failures=options.failures)
+    decision = admit(lesson, verdict, trust=record.trust, failures=options.failures)
     if record.state == "provisional":
         return _reconsidered(record, verdict, decision.state == "active", now)
     contradicted = verdict.outcome != "uncertain" and verdict.outcome != record.outcome

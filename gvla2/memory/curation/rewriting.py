@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import ConsolidationEdit, Near
+from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.governance import Governing
-from gvla2.memory.curation.judging import prevails
 from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.summaries import LENGTH, numbers_in
 from gvla2.memory.indexing.index import Index
@@ -96,7 +96,7 @@ def carry_out(
             )
             text = ""
         done.merged.append(Governing(ledger, options).write([candidate, target], text).id)
-    elif edit.action == "REPLACE" and prevails(candidate, target):
+    elif edit.action == "REPLACE" and standing(candidate) < standing(target):
         note = f"replaced by {candidate.id}"
         ledger.put(replace(target, state="archive", note=note), "REPLACED", note)
         ledger.link(candidate.id, "replaces", target.id, edit.reason)

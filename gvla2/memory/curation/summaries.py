@@ -10,9 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
-from gvla2.memory.contracts import Trust
 from gvla2.memory.curation.evidence import MAX_SOURCES, phrasings, support
 from gvla2.memory.curation.trust import least
 from gvla2.memory.indexing.terms import terms
@@ -39,14 +37,6 @@ class Wording:
     count: int
     gaps: list[dict[str, list[str]]]
 
-    @classmethod
-    def of(cls, record: Record) -> Wording:
-        """What one record says."""
-        content = " ".join(record.content.split())
-        tasks = [line[:_TASK] for line in record.query.split("\n")[:1] if line]
-        gaps = [{value: list(tasks)} for value in _NUMBER.findall(content)]
-        return cls(_NUMBER.sub(_GAP, content), record.count, gaps)
-
     @property
     def key(self) -> str:
         """What equal wordings have in common."""
@@ -60,16 +50,12 @@ class Wording:
                 known = mine.setdefault(value, [])
                 known += [task for task in tasks if task not in known][: max(0, _SHOWN - len(known))]
             while len(mine) > _KEPT:  # the extremes stay: they are the range
-                ordered = sorted(mine, key=_size)
-                del mine[ordered[len(ordered) // 2]]
+                del mine[sorted(mine, key=_size)[len(mine) // 2]]
 
     def told(self) -> str:
         """The text with its numbers filled in."""
-        parts = self.text.split(_GAP)
-        said = parts[0]
-        for gap, part in zip(self.gaps, parts[1:], strict=False):
-            said += _filled(gap) + part
-        return said
+        said, *parts = self.text.split(_GAP)
+        return said + "".join(_filled(gap) + part for gap, part in zip(self.gaps, parts, strict=False))
 
 
 def _filled(gap: Mapping[str, Sequence[str]]) -> str:
@@ -90,55 +76,32 @@ def _size(value: str) -> tuple[float, str]:
 
 
 def wordings_of(record: Record) -> list[Wording]:
-    """What a record, or a summary, tells."""
-    kept: Any = record.provenance_json().get("told") if record.state == "summary" else None
-    if isinstance(kept, list):
-        return [Wording(one["text"], one["count"], one["gaps"]) for one in kept]
-    return [Wording.of(record)]
+    """What a record, or a summary, tells; the caller's own."""
+    if record.state == "summary" and (kept := load_object(record.provenance).get("told")):
+        return [Wording(**one) for one in kept]
+    content = " ".join(record.content.split())
+    tasks = [line[:_TASK] for line in record.query.split("\n")[:1] if line]
+    gaps = [{value: list(tasks)} for value in _NUMBER.findall(content)]
+    return [Wording(_NUMBER.sub(_GAP, content), record.count, gaps)]
+
+
+@lru_cache(maxsize=16384)
+def _seen(record: Record) -> tuple[frozenset[str], tuple[frozenset[str], ...]]:
+    """The keys and the terms of what a record tells."""
+    told = wordings_of(record)
+    return frozenset(one.key for one in told), tuple(terms(one.told()) for one in told)
 
 
 def alike_but_for_numbers(first: Record, second: Record) -> bool:
     """Whether two records, or what summaries tell, have a wording in common."""
     if (first.type, first.skill) != (second.type, second.skill):
         return False
-    return not _keys(first).isdisjoint(_keys(second))
+    return not _seen(first)[0].isdisjoint(_seen(second)[0])
 
 
-def _keys(record: Record) -> frozenset[str]:
-    return _kept_keys(record.provenance) if record.state == "summary" else frozenset((_key(record.content),))
-
-
-@lru_cache(maxsize=1024)
-def _kept_keys(provenance: str) -> frozenset[str]:
-    kept = load_object(provenance).get("told") or ()
-    return frozenset(Wording(one["text"], one["count"], one["gaps"]).key for one in kept)
-
-
-@lru_cache(maxsize=16384)
-def _key(content: str) -> str:
-    return Wording(_NUMBER.sub(_GAP, " ".join(content.split())), 1, []).key
-
-
-@lru_cache(maxsize=16384)
-def _terms(text: str) -> frozenset[str]:
-    return terms(text)
-
-
-def shares(first: Record, second: Record) -> tuple[float, float]:
-    """Of the terms of two records (of a summary, of the wording that is likest): the shared among all, and among
-    those of the shorter one.
-    """
-    best = (0.0, 0.0)
-    for mine in _texts(first):
-        for theirs in _texts(second):
-            a, b = _terms(mine), _terms(theirs)
-            if shared := len(a & b):
-                best = max(best, (shared / len(a | b), shared / min(len(a), len(b))))
-    return best
-
-
-def _texts(record: Record) -> list[str]:
-    return [w.told() for w in wordings_of(record)] if record.state == "summary" else [record.content]
+def shared_terms(first: Record, second: Record) -> float:
+    """The share of their terms that two records (of a summary, the wording that is likest) have in common."""
+    return max(len(a & b) / max(len(a | b), 1) for a in _seen(first)[1] for b in _seen(second)[1])
 
 
 def tasks_of(group: Iterable[Record]) -> list[str]:
@@ -155,33 +118,30 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
     old = next((record for record in group if record.state == "summary"), None)
     best = old or max(group, key=lambda r: (support(r), r.count, r.id))
     told: dict[str, Wording] = {}
+    query, sources = "", list[str]()
     for record in [best, *(r for r in group if r is not best)]:
         for wording in wordings_of(record):
             if wording.key in told:
                 told[wording.key].take_in(wording)
             else:
                 told[wording.key] = wording
+        query = phrasings(query, record.query) if query else record.query
+        sources += [source for source in record.sources() if source not in sources]
     most = sorted(told.values(), key=lambda wording: -wording.count)[:LINES]
     count = sum(record.count for record in group)
     quality = sum(record.quality * record.count for record in group) / count
-    query, sources = "", list[str]()
-    for record in [best, *(r for r in group if r is not best)]:
-        query = phrasings(query, record.query) if query else record.query
-        sources += [source for source in record.sources() if source not in sources]
-    content = text or _rendered(most, count)
     key = old.dedup_key if old else dedup_key(best.type, f"summary of {most[0].key}", best.skill, None)
     provenance = {
         "made_by": {"governance": "summary"},
         "sources": sources[-MAX_SOURCES:],
-        "told": [{"text": one.text, "count": one.count, "gaps": one.gaps} for one in most],
+        "told": [vars(one) for one in most],
     }
-    trust: Trust = least(record.trust for record in group)
     return replace(
         best,
         id=old.id if old else "summary-" + record_id(best.type, best.bank, key).partition("-")[2],
         state="summary",
         query=query,
-        content=content,
+        content=text or _rendered(most, count),
         dedup_key=key,
         quality=quality,
         confidence=min(max(r.confidence for r in group), 2 * abs(quality - 0.5)),
@@ -191,7 +151,7 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
         used=max(r.used for r in group),
         provenance=dump(provenance),
         note=f"sums up {count} episodes",
-        trust=trust,
+        trust=least(record.trust for record in group),
         created=old.created if old else now,
         updated=max(r.updated for r in group),
         version=old.version if old else 0,

@@ -1,4 +1,4 @@
-"""A bank as a folder of the layout ``states``: whole on disk, or not there. Nothing is ever replaced."""
+"""A bank as a folder of JSON lines: whole on disk, or not there. Nothing is ever replaced."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from pathlib import Path
 
 from gvla2.errors import OutputError
 from gvla2.memory.contracts import LifecycleState
-from gvla2.memory.interop.layouts import STATES, write_states
-from gvla2.memory.interop.lines import to_bytes
+from gvla2.memory.interop.states import STATES, to_bytes, write_record
 from gvla2.memory.storage.store import Store
 from gvla2.writing import write_whole
 
@@ -47,7 +46,7 @@ def export_path(
             fresh.mkdir()
             for state in STATES:
                 rows = [
-                    write_states(r, *(targets.get((r.id, kind), []) for kind in ("replaces", "conflict")))
+                    write_record(r, *(targets.get((r.id, kind), []) for kind in ("replaces", "conflict")))
                     for r in sorted(shown, key=lambda r: (r.created, r.id))
                     if r.state == state
                 ]

@@ -1,85 +1,153 @@
-"""One statement of an English text: what it is about, which way, how much, and whether it forbids."""
+"""What an English text says, in clauses: what each is about, which way, how much, whether it forbids; and what comes
+before what, what is taken rather than what. It reads for features, where a wrong guess costs a little probability.
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 from gvla2.memory.indexing.terms import STOP_WORDS, stem
 from gvla2.memory.meaning.english import (
     CONDITIONS,
-    DETERMINERS,
-    ENDING,
-    NEEDLESS,
+    IDIOMS,
+    MAX_READ,
     NEGATORS,
-    PLACES,
-    PREPOSITIONS,
+    SIDES,
     SOFT,
     WORD,
+    Side,
+    joined,
 )
-from gvla2.memory.meaning.opposites import PHRASES, SIDES
+from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import Quantity, quantities
 
 Words = frozenset[str]
 Order = tuple[Words, Words]
-Side = tuple[str, int]
-Sides = tuple[Side, ...]
-"""Axes and signs in reading order."""
 
 _AHEAD = re.compile(r"\b(?:before|prior to|ahead of|until|till)\b")
 _BEHIND = re.compile(r"\b(?:after|once|as soon as|following)\b")
-_EVERY = re.compile(r"\b(?:every|each|per)\s*$")
 _LEAVING = re.compile(r"\b(?:rather than|instead of|in place of|not|never|don't|do|avoid)\b")
 _COMMA = "xcommax"
-_PARTICLES = ("on", "off", "out", "alone")
+_SENTENCE = re.compile(r"[!?;\n]+|\.(?=\s|$)")
+_STEP = re.compile(
+    r",?\s*\b(?:and )?then\b,?\s*|,\s+(?:and|but)\s+|\s+but\s+"
+    r"|\s+and\s+(?=\w+\s+(?:the|a|an|it|them|its|each|every|all|to|by|for|at|in|into|on|with|from|after|before|lightly"
+    r"|slowly|gently|only|until|afterwards?|later|next|last|first)\b)"
+)
+_ANY_AND = re.compile(r",?\s*\b(?:and )?then\b,?\s*|,?\s+and\s+|,\s+")
+_FIRST = re.compile(r"\b(?:first|to begin with)\b")
+_LATER = re.compile(r"\b(?:afterwards?|after that|later|last|next|finally|subsequently)\b")
+_INSTEAD = re.compile(r"^\s*(?:rather than|instead of)\s+(?P<two>[^,]+),\s*(?P<one>.+)")
+_CHOSEN = re.compile(
+    r"(?P<one>.+?),?\s+(?:rather than|instead of|in place of|in preference to|and not)\s+(?P<two>.+)"
+    r"|(?P<one4>.+?)\s+(?:(?:is|are|was|were|works?|worked|does|do) (?:\w+ )?better than|beats?)\s+(?P<two4>.+)"
+    r"|(?:.*?\b)?(?:prefer|trust|choose|favou?r|pick)\w*\s+(?P<one2>.+?)\s+(?:over|to|before)\s+(?P<two2>.+)"
+    r"|(?P<one3>.+?),\s+(?:and |but )?(?:not|never)\s+(?P<two3>.+)"
+    r"|(?:do not|don't|never|avoid)\s+(?:use |take |using |taking )(?P<two5>[^,]+?)(?:,| but)\s+(?:but )?(?P<one5>.+)"
+)
+_NOT = re.compile(r"\b(?:not|never|don't|avoid)\b")
+_CASE = re.compile(r"\s*(?:if|when|while|once|unless|after|before|until|with|without|for|in|on|at)\b")
+_NEEDLESS = re.compile(
+    r"\b(?:no need|need not|needn't|not (?:necessary|needed|required)|optional"
+    r"|(?:don't|do not|does(?: not|n't)) (?:need|have) to)\b"
+)
+_SWITCHED = re.compile(
+    r"\b(?:turn|switch|power|keep|leave|stay)(?:ed|s|ing)?\b(?P<what>(?: (?!on\b|off\b)[\w-]+){0,4}?) (?P<way>on|off)\b"
+)
 
 
 @dataclass(frozen=True)
 class Clause:
-    """``words`` are stems of what it is about, ``names`` those of single things ("nr12"), ``sides`` its opposing words
-    by axis, ``named`` those that tell which thing is meant ("the left drawer").
-
-    ``when`` are the words of what comes before or after it (sides as "axis+"), ``things`` those behind an article or a
-    preposition, ``roles`` the prepositions they stand behind, ``lacks`` what it does without. ``forbidden``: the text
-    says not to; ``open``: it need not be.
+    """``words`` are stems of what it is about, ``sides`` its opposing words by axis, ``when`` the words of what comes
+    before or after it (sides as "axis+"), ``ahead`` whether those come later, ``lacks`` what it does without.
+    ``forbidden``: the text says not to.
     """
 
     words: Words
-    names: Words
-    sides: Sides
-    named: Sides
+    sides: tuple[Side, ...]
     figures: tuple[Quantity, ...]
     when: Words
-    things: Words = frozenset()
-    roles: tuple[tuple[str, str], ...] = ()
+    ahead: bool = False
     lacks: Words = frozenset()
     forbidden: bool = False
-    open: bool = False
 
     @cached_property
     def everything(self) -> Words:
         """Words and sides together."""
-        return self.words | {side_word(axis, sign) for axis, sign in self.sides + self.named}
+        return self.words | {side_word(*side) for side in self.sides}
 
     @cached_property
     def topics(self) -> Words:
         """What it speaks of, whichever way: words, axes, and what comes before or after it."""
-        return self.words | self.when | {axis for axis, _ in self.sides + self.named}
+        return self.words | self.when | {axis for axis, _ in self.sides}
 
 
-@dataclass
-class _Sorted:
-    """The words of a clause, sorted as they are read."""
+@dataclass(frozen=True)
+class Reading:
+    """A text taken apart. ``orders`` are pairs of what comes before and what after; ``choices`` what is taken and
+    what left; ``words`` all stems.
+    """
 
-    words: set[str] = field(default_factory=set)
-    sides: list[Side] = field(default_factory=list)
-    named: list[Side] = field(default_factory=list)
-    things: set[str] = field(default_factory=set)
-    lacks: set[str] = field(default_factory=set)
-    roles: list[tuple[str, str]] = field(default_factory=list)
-    negations: int = 0
+    clauses: tuple[Clause, ...]
+    orders: tuple[Order, ...]
+    choices: tuple[Order, ...]
+    words: Words
+
+
+@lru_cache(maxsize=4096)
+def read(text: str) -> Reading:
+    """The reading of an English text; of any other, whatever it may give."""
+    clauses: list[Clause] = []
+    orders: list[Order] = []
+    choices: list[Order] = []
+    plain = _SWITCHED.sub(_switched, joined(IDIOMS.sub(" ", plain_text(text[:MAX_READ]))))
+    for sentence in _SENTENCE.split(plain):
+        parts: list[Words] = []
+        first = last = -1
+        for step in _steps(sentence):
+            taken, left = _choice(step)
+            if taken and left:
+                choices.append((content(taken), content(left)))
+            clause, order = clause_of(step, left)
+            clauses.append(clause)
+            orders += [order] if order else []
+            first = len(parts) if _FIRST.search(step) else first
+            last = len(parts) if _LATER.search(step) else last
+            parts.append(order[0] | order[1] if order else clause.everything)
+        if len(parts) == 2 and (first > 0 or last == 0):
+            parts.reverse()
+        if first >= 0 or last >= 0 or "then" in sentence:
+            orders += [(parts[i], later) for i in range(len(parts)) for later in parts[i + 1 :]]
+    words = {word for clause in clauses for word in clause.words | clause.when}
+    words |= {word for taken_, left_ in choices for word in taken_ | left_}
+    return Reading(tuple(clauses), tuple(orders), tuple(choices), frozenset(words))
+
+
+def _switched(found: re.Match[str]) -> str:
+    return f"{'enable' if found['way'] == 'on' else 'disable'}{found['what']}"
+
+
+def _steps(sentence: str) -> list[str]:
+    """The statements of a sentence."""
+    cut = _ANY_AND if _FIRST.search(sentence) or _LATER.search(sentence) else _STEP
+    found: list[str] = []
+    for step in cut.split(sentence):
+        head, comma, tail = step.partition(",")
+        # "Don't pull it, push it" forbids one thing and asks for another.
+        two = comma and _NOT.search(head) and len(tail.split()) > 1 and not _CASE.match(head)
+        found += [head, tail] if two and not _choice(step)[1] else [step]
+    return [step for step in found if WORD.search(step)]
+
+
+def _choice(step: str) -> tuple[str, str]:
+    """What a step takes, and what it leaves; ("", "") where it does not choose."""
+    found = _INSTEAD.match(step) or _CHOSEN.fullmatch(step.strip())
+    groups = found.groupdict(default="") if found is not None else {}
+    taken, left = ("".join(groups[name] for name in groups if name.startswith(n)) for n in ("one", "two"))
+    return taken, left
 
 
 def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
@@ -88,17 +156,9 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
     """
     text = _LEAVING.sub(" ", step.replace(left, " ")) if left else step
     order, main, when = _ordered(text)
-    figures: list[Quantity] = []
-    kept, last = [], 0
-    for found in quantities(main):
-        kept.append(main[last : found.start])
-        every = found.quantity.dimension == "time" and _EVERY.search(kept[-1]) is not None
-        figures.append(found.quantity._replace(dimension="period") if every else found.quantity)
-        last = found.end
-    main = " ".join([*kept, main[last:]])
-    said = _sorted(main)
-    open_ = NEEDLESS.search(text) is not None
-    forbidden = said.negations % 2 == 1 and not open_
+    main, figures = _without_figures(main)
+    words, lacks, sides, negations = _sorted(main)
+    forbidden = negations % 2 == 1 and _NEEDLESS.search(text) is None
     if forbidden and any(figure.one_sided for figure in figures):  # "never above 5" says "at most 5"
         figures = [figure.inverted() if figure.one_sided else figure for figure in figures]
         forbidden = False
@@ -106,32 +166,17 @@ def clause_of(step: str, left: str) -> tuple[Clause, Order | None]:
         order, forbidden = (order[1], order[0]) if order else None, False
     if forbidden and "unless" in text:  # "not unless it is on" asks for it when it is on
         forbidden = False
-    if forbidden and said.lacks:  # "don't solder without flux" asks for flux
-        said.words, said.lacks, forbidden = said.words | said.lacks, set(), False
-    names = frozenset(word for word in said.words if any(map(str.isdigit, word)))
-    return Clause(
-        words=frozenset(said.words),
-        names=names,
-        sides=tuple(said.sides),
-        named=tuple(said.named),
-        figures=tuple(figures),
-        when=when,
-        things=frozenset(said.things),
-        roles=tuple(said.roles),
-        lacks=frozenset(said.lacks | content(left)),
-        forbidden=forbidden,
-        open=open_,
-    ), order
+    if forbidden and lacks:  # "don't solder without flux" asks for flux
+        words, lacks, forbidden = words | lacks, set(), False
+    missing = frozenset(lacks | content(left))
+    ahead = bool(when and order and order[1] == when)
+    return Clause(frozenset(words), tuple(sides), tuple(figures), when, ahead, missing, forbidden), order
 
 
 def content(text: str) -> Words:
     """The telling words of a text: stems, and sides as "axis+"."""
     found: set[str] = set()
-    rest, last = [], 0
-    for quantity in quantities(text):
-        rest.append(text[last : quantity.start])
-        last = quantity.end
-    for word in _joined(WORD.findall(" ".join([*rest, text[last:]]))):
+    for word in WORD.findall(_without_figures(text)[0]):
         if word not in NEGATORS and word not in CONDITIONS:
             _take(word, found, None)
     return frozenset(found)
@@ -142,32 +187,38 @@ def side_word(axis: str, sign: int) -> str:
     return f"{axis}{'+' if sign > 0 else '-'}"
 
 
-def _sorted(main: str) -> _Sorted:
-    said = _Sorted()
-    lacking = noun = False
-    place = ""
-    words = [*_joined(WORD.findall(main.replace(",", f" {_COMMA} "))), ""]
-    for before, word, behind in zip(["", *words], words, words[1:], strict=False):
-        noun = word in DETERMINERS or word in PREPOSITIONS or (noun and word not in STOP_WORDS)
-        if noun and word not in STOP_WORDS:
-            _take(word, said.things, [])
-            said.roles.append((place, word))
-        place = word if word in PREPOSITIONS else place
+def _without_figures(text: str) -> tuple[str, list[Quantity]]:
+    figures, kept, last = [], [], 0
+    for found in quantities(text):
+        kept.append(text[last : found.start])
+        figures.append(found.quantity)
+        last = found.end
+    return " ".join([*kept, text[last:]]), figures
+
+
+def _sorted(main: str) -> tuple[set[str], set[str], list[Side], int]:
+    """Words, what it does without, sides, and how many words forbid."""
+    words, lacks, sides, negations = set[str](), set[str](), list[Side](), 0
+    lacking = False
+    for word in _ended(WORD.findall(main.replace(",", f" {_COMMA} "))):
         if word == _COMMA:
             lacking = False
         elif word == "without":
             lacking = True
-        elif word in NEGATORS or (word in ENDING and behind.endswith("ing")):
-            said.negations += 1
+        elif word in NEGATORS:
+            negations += 1
         elif lacking:
-            _take(word, said.lacks, None)
-        elif before in DETERMINERS and behind and behind not in STOP_WORDS | {_COMMA}:
-            _take(word, said.words, said.named)
-        elif before in DETERMINERS:
-            _take(word, said.words, said.sides, only=PLACES)
+            _take(word, lacks, None)
         elif word not in CONDITIONS:
-            _take(word, said.words, said.sides)
-    return said
+            _take(word, words, sides)
+    return words, lacks, sides, negations
+
+
+def _ended(words: list[str]) -> Iterator[str]:
+    """The words; "on" and "off" at the end of a phrase are a state: "with the lights on"."""
+    for word, behind in zip(words, [*words[1:], _COMMA], strict=False):
+        ends = behind == _COMMA or behind in CONDITIONS
+        yield {"on": "enabled", "off": "disabled"}.get(word, word) if ends else word
 
 
 def _ordered(text: str) -> tuple[Order | None, str, Words]:
@@ -189,13 +240,13 @@ def _ordered(text: str) -> tuple[Order | None, str, Words]:
     return None, text, frozenset()
 
 
-def _take(word: str, words: set[str], sides: list[Side] | None, only: Words = frozenset()) -> None:
-    """Sort a word in: to ``sides`` where it has some (of the axes ``only``; to ``words`` as "axis+" where ``sides`` is
-    None), else to ``words`` by its stem, else nowhere.
+def _take(word: str, words: set[str], sides: list[Side] | None) -> None:
+    """Sort a word in: to ``sides`` where it has some (to ``words`` as "axis+" where ``sides`` is None), else to
+    ``words`` by its stem, else nowhere.
     """
     word = word.removesuffix("'s")
     root = stem(word)
-    known = [side for side in SIDES.get(root, ()) if not only or side[0] in only]
+    known = list(SIDES.get(root, ()))
     if not known and word[:2] == "un" and len(word) > 6:
         root = "un" + stem(word[2:])
         known = [(axis, -sign) for axis, sign in SIDES.get(stem(word[2:]), ())]
@@ -205,25 +256,6 @@ def _take(word: str, words: set[str], sides: list[Side] | None, only: Words = fr
         words |= {side_word(axis, sign) for axis, sign in known}
     elif "-" in word:
         for part in word.split("-"):
-            _take(part, words, sides, only)
+            _take(part, words, sides)
     elif word not in SOFT and word not in STOP_WORDS and word != _COMMA and len(word) > 1:
         words.add(root)
-
-
-def _joined(words: list[str]) -> Iterator[str]:
-    """The words, those that mean something together as one; "turn the light on" is "turn on the light"."""
-    i = 0
-    while i < len(words):
-        for rest, meant in PHRASES.get(stem(words[i]), ()):
-            if tuple(words[i + 1 : i + 1 + len(rest)]) == rest:
-                yield meant
-                i += 1 + len(rest)
-                break
-            if len(rest) == 1 and rest[0] in _PARTICLES and rest[0] in words[i + 2 : i + 6]:
-                yield meant
-                i += 1
-                break
-        else:
-            ends = i + 1 == len(words) or words[i + 1] == _COMMA or words[i + 1] in CONDITIONS
-            yield {"on": "enabled", "off": "disabled"}.get(words[i], words[i]) if ends and i else words[i]
-            i += 1

@@ -1,9 +1,15 @@
-"""Words of English that the reader knows: those that say nothing, those that forbid, and how to tell the language."""
+"""Words of English that the reader knows: those that say nothing, forbid, or oppose one another; and how to tell the
+language.
+"""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
+from types import MappingProxyType
+
+from gvla2.memory.indexing.terms import stem
 
 
 def word_set(text: str) -> frozenset[str]:
@@ -31,25 +37,15 @@ NEGATORS = word_set(
     """not never no don't dont doesn't mustn't shouldn't can't cannot won't isn't aren't avoid refrain skip omit nothing
     neither forbidden prohibited nobody none wrong unwise mistake"""
 )
-ENDING = word_set("stop quit cease")
-"""Before a gerund these forbid as well: "stop stirring"."""
 CONDITIONS = word_set("if when whenever while once unless during where")
-DETERMINERS = word_set("the a an its their your each this that")
 PREPOSITIONS = word_set(
     "of to in at by for from with into onto on under near inside through along against between"
 )
-PLACES = word_set("side height depth inside ends daytime")
-"""Axes whose words may stand alone behind an article: "on the left"; others are nouns there ("the light")."""
 IDIOMS = re.compile(
     r"\b(?:do not|don't|never) (?:forget|hesitate|fail|omit|neglect)\b(?: to)?|\bnot only\b|\bno doubt\b|\bnot just\b"
-    r"|\bno (?:later|sooner|more|less|fewer|longer|lower|higher) than\b|\bnot (?:a )?(?:bad|wrong)(?: idea)?\b"
-    r"|\bnot (?:forbidden|prohibited)\b|\bnothing wrong with\b|\bno matter\b"
+    r"|\bnot (?:a )?(?:bad|wrong)(?: idea)?\b|\bnot (?:forbidden|prohibited)\b|\bnothing wrong with\b|\bno matter\b"
 )
 """Negations that forbid nothing."""
-NEEDLESS = re.compile(
-    r"\bno need\b|\bneed not\b|\bneedn't\b|\bnot (?:necessary|needed|required)\b|\bnot enough\b|\boptional\b"
-    r"|\b(?:don't|do not|does not|doesn't) (?:need|have) to\b"
-)
 
 _TELLING = word_set(
     """the a of and to is it for with on at by from be are as or not this that before after when if then than into while
@@ -71,3 +67,85 @@ def is_english(text: str) -> bool:
     mine = sum(word in _TELLING for word in words)
     theirs = sum(word in _FOREIGN or not word.isascii() for word in words)
     return bool(words) and (theirs == 0 or mine > 2 * theirs)
+
+
+# Opposites: "axis: one side / other side", inflected forms found by stem --------------------------------------------
+
+_OPPOSITES = """
+side: left leftward leftmost port-side / right rightward rightmost
+height: face-up above top upper overhead uppermost up upward upright-up / face-down below bottom lower under beneath
+    underneath down downward underside lowest
+depth: front forward forwards frontal foremost / back backward backwards rear behind reverse
+inside: inside into indoors inner interior internal inward / outside outdoors outer exterior external outward
+turning: clockwise cw / counterclockwise anticlockwise ccw counter-clockwise anti-clockwise
+opening: open unclose reopen ajar / close closed shut
+moving: push shove / pull drag tug haul
+power: enabled enable energise energize activate active / disabled disable deactivate inactive
+running: start begin launch resume boot run running start-up / stop halt end pause quit terminate kill shut-down
+amount: increase more larger greater raise grow maximise maximize maximum extra / decrease less fewer smaller reduce
+    shrink minimise minimize minimum
+vertical: lift raise elevate hoist go-up / lower drop descend go-down put-down
+speed: fast quick quickly rapid rapidly swift swiftly faster hurry accelerate brisk briskly speed-up / slow slowly
+    slower decelerate unhurried creep slow-down
+force: hard firm firmly forceful strong strongly / gentle gently soft softly
+level: high tall / low
+heat: hot warm heat warmed boiling preheat / cold cool chilled chill ice-cold lukewarm
+wetness: wet moist damp moisten soak soaked humid / dry dried dryer
+filling: full fill refill / empty drain emptied
+tension: tighten tight fasten / loosen loose slacken slack
+locking: lock locked latch / unlock unlocked unlatch
+joining: attach connect plug mount couple join / detach disconnect unplug unmount decouple remove
+allowing: allow permit accept / forbid prohibit deny reject refuse
+including: include / exclude
+adding: add insert append / remove delete erase
+order: ascending oldest-first / descending newest-first
+axis: vertical vertically / horizontal horizontally
+sequence: parallel concurrently simultaneously / sequential sequentially serially
+distance: near close-by nearby nearer adjacent / far distant away farther
+size: big large huge / small little tiny
+light: bright brighten / dark dim darken
+thickness: thick / thin
+length: long / short
+holding: grasp grab grip hold clamp pinch press engage pick-up / release disengage let-go ungrip unclamp
+toward: toward towards / away
+stream: upstream / downstream
+need: necessary required mandatory must-have / unnecessary optional needless
+width: wide broad / narrow
+depthwise: deep / shallow
+wrapping: wrap / unwrap
+daytime: day daytime / night nighttime
+ends: first beginning start / last end
+freezing: freeze frozen froze / thaw defrost
+facing: face-up upright / face-down upside-down
+whole: whole entire complete completely fully / half partial partially halfway half-way
+newness: new fresh newer / old stale older
+stiffness: stiff rigid / flexible compliant loose
+packing: compress zip / decompress unzip
+"""
+
+Side = tuple[str, int]
+"""An axis, and on which side of it a word stands: +1 or -1."""
+
+
+def _sides() -> dict[str, tuple[tuple[str, int], ...]]:
+    found: dict[str, list[tuple[str, int]]] = {}
+    for line in _OPPOSITES.strip().replace("\n    ", " ").split("\n"):
+        axis, _, rest = line.partition(":")
+        for sign, words in zip((1, -1), rest.split("/"), strict=True):
+            for word in words.split():
+                sides = found.setdefault(stem(word), [])
+                if all(known != axis for known, _ in sides):
+                    sides.append((axis, sign))
+    return {word: tuple(sides) for word, sides in found.items()}
+
+
+SIDES: Mapping[str, tuple[tuple[str, int], ...]] = MappingProxyType(_sides())
+"""Stem -> the axes that it stands on, and which side of each, +1 or -1."""
+_PHRASES = re.compile(
+    rf"\b(?:{'|'.join(w.replace('-', ' ') for w in re.findall(r'[a-z]+-[a-z-]+', _OPPOSITES))})\b"
+)
+
+
+def joined(text: str) -> str:
+    """The text with a hyphen in what the table knows as one word: "let go" is "let-go"."""
+    return _PHRASES.sub(lambda found: found.group().replace(" ", "-"), text)

@@ -1,7 +1,4 @@
-"""One way to write a text, whatever keyboard it came from, so that no two numbers or names become one by it.
-
-Names ("room 12", "python 3.11", "cam-0", "#42") measure nothing; where they differ, two texts speak of two things.
-"""
+"""One way to write a text: whatever keyboard it came from, numbers in digits, and names with numbers as one word."""
 
 from __future__ import annotations
 
@@ -31,70 +28,82 @@ def unified(text: str) -> str:
 
 @lru_cache(maxsize=256)
 def plain_text(text: str) -> str:
-    """The casefolded text as it is taken apart: unified, "10^5" as "1e5", with names as words of their own."""
+    """The casefolded text as it is taken apart: "10^5" is "1e5", "half an hour" "0.5 hour", "bin 3" "bin nr3"."""
     text = unified(text)
     if "10^" in text:
         text = _POWER_OF_TEN.sub(_exponent, text)
-    return name_things(_AMPERES.sub(" amps", text).casefold().replace("’", "'"))
+    text = _AMPERES.sub(" amps", text).casefold().replace("’", "'")
+    return _NAMES.sub(_named, _COUNTED.sub(_counted, _HALVES.sub(_half, text)))
 
 
 def _exponent(found: re.Match[str]) -> str:
     return f"{found['times'] or '1'}e{found['sign'].replace('−', '-')}{found['power']}"
 
 
-_VERSIONED = (
-    "python|numpy|torch|cuda|driver|node|java|ruby|rust|gcc|cmake|ros|django|react|postgres|mysql|redis|docker|kubernetes"
-    "|nginx|ubuntu|debian|windows|android|ios|kernel|usb|tls|http|api|firmware|version|release|rev|build"
+# Numbers in words ---------------------------------------------------------------------------------------------------
+
+_SMALL = (
+    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen seventeen "
+    "eighteen nineteen"
 )
-_NAMED = (
-    "room|bay|issue|ticket|case|gate|platform|station|cell|slot|socket|rack|aisle|floor|unit|part|model|type|class|page"
-    "|joint|axis|servo|motor|sensor|camera|robot|arm|drawer|shelf|bin|tray|lane|zone|site|server|host|machine|line|row"
-    "|column|step|phase|round|trial|episode|scene|route"
+_TENS = "twenty thirty forty fifty sixty seventy eighty ninety"
+_VALUES = {word: i for i, word in enumerate(_SMALL.split())}
+_VALUES |= {word: 10 * i for i, word in enumerate(_TENS.split(), 2)}
+_POWERS = {"hundred": 100, "thousand": 1000, "million": 1_000_000, "dozen": 12}
+_TIMES = {"twice": "2 times", "thrice": "3 times", "hourly": "1 h", "daily": "1 day", "weekly": "1 week"}
+_SMALLS, _MANY = "|".join(w for w in _SMALL.split() if w != "one"), "|".join(_POWERS)
+_UNITS = (
+    r"(?:second|minute|hour|day|week|month|turn|revolution|degree|newton|volt|percent|lit(?:er|re)"
+    r"|[a-z]*met(?:er|re))s?\b"
 )
-_NO_BOUND = (
-    r"(?!\s*(?:[%°]|or\b|and (?:above|up|later|newer)|[a-z]+/|mm|cm|m?s\b|[mn]\b|kg|\+"
-    r"|(?:sec|min|hour|day|week|times|second)[a-z]*\b))"
+_ONE = rf"one(?= {_UNITS})|(?<!\d )an?(?= (?!second){_UNITS})"
+_COUNTED = re.compile(
+    rf"(?<!\bthe )(?<!\bthese )(?<!\bthose )\b(?:(?P<times>{'|'.join(_TIMES)})"
+    rf"|(?:(?P<tens>{_TENS.replace(' ', '|')})(?:[- ](?P<ones>{'|'.join(_SMALL.split()[1:10])}))?|(?P<small>{_SMALLS})"
+    rf"|(?:one|an?)(?= (?:{_MANY})\b)|(?<!each )(?<!every )(?<!any )(?:{_ONE}))"
+    rf"(?: (?P<power>{_MANY}))?(?P<half> and a half)?)\b(?!-)"
 )
-_NO_MEASURE = (
-    r"(?![\w%.,:]*\d)(?!\s*-?\s?(?:[%°]|(?:mm|cm|m|s|ms|n|nm|g|b|[kmg]b|hz|px|or|x|times|min|mins)\b"
-    r"|kg|deg|met|cent|mill|sec|hour|minu|inch|grad|newt|volt|bolt|gram))"
+_HALVES = re.compile(
+    r"(?<!\band )(?<!\band a )\b(?:(?P<three>three |3 )|an? )?(?P<part>half|quarter)s?(?: of)?(?: an?)?"
+    rf"(?: (?P<turn>turn)\b|(?= {_UNITS}))"
+    r"|\b(?:an? )?(?P<share>half|quarter) (?:of (?:the|its)\b|(?=full|speed|power|pressure|force|load|volume))"
+)
+
+
+def _counted(found: re.Match[str]) -> str:
+    if found["times"]:
+        return _TIMES[found["times"]]
+    value = _VALUES[found["tens"] or found["small"] or "one"] + (
+        _VALUES[found["ones"]] if found["ones"] else 0
+    )
+    return f"{value * _POWERS.get(found['power'], 1) + (0.5 if found['half'] else 0):g}"
+
+
+def _half(found: re.Match[str]) -> str:
+    value = (0.5 if "half" in (found["part"], found["share"]) else 0.25) * (3 if found["three"] else 1)
+    return (
+        f"{100 * value:g} % "
+        if found["share"]
+        else f"{360 * value:g} degrees"
+        if found["turn"]
+        else f"{value:g}"
+    )
+
+
+# Names --------------------------------------------------------------------------------------------------------------
+
+_NUMBERED = (
+    "python|numpy|torch|cuda|driver|node|java|usb|http|version|release|firmware|room|bay|issue|gate|station|cell|slot|rack|aisle"
+    "|floor|part|joint|axis|motor|sensor|camera|robot|arm|drawer|shelf|bin|tray|lane|zone|server|machine|line|row|column|step"
+    "|waypoint|marker|page"
 )
 _NAMES = re.compile(
-    # 2024-03-01, 01.03.2024; addresses, and versions of three parts and more; v1.2, v2
-    r"(?<![\w.])(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[./]\d{1,2}[./]\d{4})(?!\w)"
-    r"|(?<![\w.,])v?\d+(?:\.\d+){2,}(?:[-.]?[a-z]+[\w.]*)?(?::\d+)?(?!\w)"
-    r"|(?<![\w.])v\d+(?:\.\d+)*[a-z]*\d*(?!\w)"
-    rf"|(?<!\w)(?P<product>(?:{_VERSIONED})[ -]?)(?P<version>(?>v?\d+(?:\.(?:\d+|x))*))(?!\w){_NO_BOUND}"
-    rf"|(?<!\w)(?P<thing>(?:{_NAMED})s? (?:no\.? |nr\.? |number )?)"
-    rf"(?P<which>(?>#?\d+(?:\.\d+)?[a-z]?)){_NO_MEASURE}"
-    # abc-1042, a-17; not utf-8 and its like, which are chosen by their number
-    r"|(?<![\w-])(?!(?:utf|sha|aes|md|rsa)-)(?:[a-z]{1,6}-\d+[a-z]?(?:-\w+)*|[a-z]\d+-\w+)(?!\w)"
-    # #42; 7bd02aa, m6x20: digits and letters that are no figure and its unit
-    r"|(?<!\w)#\d+(?!\w)"
-    r"|(?<![\w.,/])(?P<mixed>\d+[a-z]+\d[\da-z]*|[a-z]+\d+[a-z]+\w*|[a-z]+\d+(?:[._-]\d+)+)(?!\w)"
+    r"(?<![\w.,])(?:v?\d+(?:[./-]\d+){2,}[\w.]*|v\d[\w.]*|#\d+)(?!\w)"  # dates, addresses, versions
+    rf"|(?<!\w)(?P<thing>(?:{_NUMBERED})s? )(?P<which>(?>\d+(?:\.\d+)*[a-z]?))(?![\w.]*\d|\w)"
+    r"(?!\s*(?:[%°]|or\b|[a-z]+/|mm|cm|m?s\b|[mn]\b|kg|times\b|met|cent|mill|sec|hour|minu|deg|newt))"
 )
-_FIGURE = re.compile(r"\d+[x×]\d+(?:[x×]\d+)?(?:[mcµ]?m|px)?$|\d+(?:e-?\d+|[µmckd]?m[23])$")
-_DIGIT = re.compile(r"\d")
-_JOIN = re.compile(r"\W+")
+"""What measures nothing: where names differ, two texts speak of two things."""
 
 
-def name_things(text: str) -> str:
-    """A casefolded text in which each name with a number is one word: "python 3.11" becomes "python nr3_11".
-
-    Words that begin with "nr" agree only where they are equal. A version with a bound ("2.1 or newer") stays a number.
-    """
-    return _NAMES.sub(_named, text) if _DIGIT.search(text) else text
-
-
-def _named(match: re.Match[str]) -> str:
-    if match["version"]:
-        return f"{match['product'].rstrip(' -')} {_one_word(match['version'])}"
-    if match["which"]:
-        return f"{match['thing']}{_one_word(match['which'])}"
-    if match["mixed"] and (match["mixed"].startswith("nr") or _FIGURE.match(match["mixed"])):
-        return match.group()
-    return _one_word(match.group())
-
-
-def _one_word(name: str) -> str:
-    return "nr" + _JOIN.sub("_", name).strip("_")
+def _named(found: re.Match[str]) -> str:
+    return (found["thing"] or "") + "nr" + re.sub(r"\W+", "_", found["which"] or found.group()).strip("_")

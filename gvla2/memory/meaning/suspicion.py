@@ -11,7 +11,6 @@ import json
 import math
 from functools import cache, lru_cache
 from importlib.resources import files
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,24 +39,18 @@ def _suspicion(first: str, second: str, first_query: str, second_query: str) -> 
     ways = candidates(first, second, first_query, second_query)
     if not len(ways):
         return 0.0
-    head = _head()
-    return 1.0 / (1.0 + math.exp(-(float((ways @ head.weights).max()) + head.bias)))
+    weights, bias, _ = _head()
+    return 1.0 / (1.0 + math.exp(-(float((ways @ weights).max()) + bias)))
 
 
-@cache
 def threshold() -> float:
     """The probability from which on two texts are suspected, picked out of fold on the training pairs."""
-    return _head().threshold
-
-
-class _Head(NamedTuple):
-    weights: NDArray[np.float64]  # (F,)
-    bias: float
-    threshold: float
+    return _head()[2]
 
 
 @cache
-def _head() -> _Head:
+def _head() -> tuple[NDArray[np.float64], float, float]:
+    """Weights (F,), bias, and threshold."""
     table = json.loads((files("gvla2.memory.meaning") / "suspicion_weights.json").read_text("utf-8"))
     weights = np.array([float(table["weights"].get(name, 0.0)) for name in FEATURES])
-    return _Head(weights, float(table["bias"]), float(table["threshold"]))
+    return weights, float(table["bias"]), float(table["threshold"])

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from itertools import groupby
+from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import Candidates, MemoryTask, Ranked
-from gvla2.memory.indexing.terms import questions
-from gvla2.memory.retrieval.diversity import chosen
+from gvla2.memory.contracts import TYPES, Candidates, MemoryTask, Ranked
+from gvla2.memory.indexing.terms import questions, words
+from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions
 from gvla2.memory.retrieval.scoring import filled, relative_difference, scene_distance, score_terms
 
 Array = NDArray[np.float64]
-_FIRST = 64
+_CONSTRAINT = TYPES.index("failure_avoidance")
+_LOOKED_AT = 256
+"""Constraints, hints and programs, of each the best so many, are looked at."""
+_LANGUAGES = 4
+"""Programs of a fifth language are passed over, so that recall is bounded."""
 
 
 class HybridRetriever:
@@ -70,14 +74,48 @@ class HybridRetriever:
                 f"{len(rows)} records are about this, none reliable enough: the best score is {scores.max():.2f}, at "
                 f"least {options.min_score:.2f} is asked."
             )
-        reliable = scores >= options.min_score
-        ranked = _best_first(rows[reliable], scores[reliable], candidates.ids)
-        best = chosen(ranked, rows[reliable], candidates, options)
-        places = np.searchsorted(rows, best).tolist()
         return [
-            Ranked(row, float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
-            for row, i in zip(best, places, strict=True)
+            Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
+            for i in self._chosen(rows, scores, candidates)
         ], ""
+
+    def _chosen(self, rows: NDArray[np.intp], scores: Array, candidates: Candidates) -> list[int]:
+        """The places in ``rows`` (K,) of those that are told, best first: each thing once, however many say it.
+
+        Constraints, hints and the programs of each language have places of their own: a planner reads programs of one
+        language, which those of another must not crowd out.
+        """
+        options, ids, row = self._options, candidates.ids, rows.tolist()
+        programs = candidates.programs[rows]
+        constraints = (candidates.types[rows] == _CONSTRAINT) & ~programs
+        taken: list[int] = []
+        for kind, most in (
+            (constraints, options.top_k_constraints),
+            (~constraints & ~programs, options.top_k),
+            (programs, options.programs),
+        ):
+            some = np.flatnonzero(kind & (scores >= options.min_score))
+            if len(some) > _LOOKED_AT:
+                some = some[np.argpartition(-scores[some], _LOOKED_AT)[:_LOOKED_AT]]
+            groups: dict[str, list[int]] = {}
+            for i in sorted(some.tolist(), key=lambda i: (-scores[i], ids[row[i]])):
+                name = str((candidates.effect(row[i]) or {}).get("language")) if programs[i] else ""
+                if name not in groups and len(groups) == _LANGUAGES:
+                    continue
+                group = groups.setdefault(name, [])
+                if len(group) < most and not any(self._same(row[i], row[j], candidates) for j in group):
+                    group.append(i)
+                elif len(group) >= most and not name:
+                    break
+            taken += [i for group in groups.values() for i in group]
+        return sorted(taken, key=lambda i: (-scores[i], ids[row[i]]))
+
+    def _same(self, one: int, other: int, candidates: Candidates) -> bool:
+        """Whether two records say the same; the numbers of their effects aside, which one of them wins with."""
+        mine, theirs = _wording(candidates.content(one)), _wording(candidates.content(other))
+        if len(mine & theirs) < self._options.same_words * len(mine | theirs):
+            return False
+        return _parameter(candidates, one) == _parameter(candidates, other)
 
     def _fitting(self, task: MemoryTask, candidates: Candidates) -> NDArray[np.bool_]:
         """(N,) whether all that is essential of the scene is near enough, where both know it."""
@@ -114,12 +152,14 @@ def _filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) ->
     return found
 
 
-def _best_first(rows: NDArray[np.intp], scores: Array, ids: Sequence[str]) -> Iterator[int]:
-    """Rows by falling score, equal ones by id; the first few, which are mostly enough, without sorting the rest."""
-    first = np.argpartition(-scores, _FIRST)[:_FIRST] if len(scores) > _FIRST else np.arange(len(scores))
-    least = scores[first].min(initial=np.inf)
-    for part in (np.flatnonzero(scores >= least), np.flatnonzero(scores < least)):
-        order = part[np.argsort(-scores[part], kind="stable")].tolist()
-        for _, equal in groupby(order, key=lambda i: float(scores[i])):
-            alike = [int(rows[i]) for i in equal]
-            yield from alike if len(alike) == 1 else sorted(alike, key=lambda row: ids[row])
+@lru_cache(maxsize=1024)
+def _wording(content: str) -> frozenset[str]:
+    return frozenset(words(content))
+
+
+def _parameter(candidates: Candidates, row: int) -> str:
+    """What an effect is about; a program is about nothing but itself."""
+    effect = candidates.effect(row) or {}
+    if effect.get("kind") == "program":
+        return dump(dict(effect))
+    return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill")])

@@ -87,18 +87,6 @@ def relative_difference(known: Array, asked: float) -> Array:
     return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))
 
 
-def signature_distance(first: Mapping[str, float], second: Mapping[str, float]) -> float | None:
-    """The same of two scenes: mean relative difference, 0 (alike) to 2; None when they share no numbers."""
-    shared = [
-        (float(first[name]), float(second[name]))
-        for name in sorted(first.keys() & second.keys())
-        if math.isfinite(first[name]) and math.isfinite(second[name])
-    ]
-    if not shared:
-        return None
-    return sum(abs(a - b) / max(abs(a), abs(b), 1e-9) for a, b in shared) / len(shared)
-
-
 def filled(effect: Mapping[str, Any] | None, things: Sequence[str]) -> float | None:
     """How well the things can fill the program's roles, each thing one of them: 0 (no role) to 1 (every role in full).
 
@@ -106,27 +94,18 @@ def filled(effect: Mapping[str, Any] | None, things: Sequence[str]) -> float | N
     pairs are taken first. None for what is no program, or has no roles, or where nothing is known of the things.
     """
     roles = (effect or {}).get("roles")
-    if (
-        not effect
-        or effect.get("kind") != "program"
-        or not isinstance(roles, Mapping)
-        or not (roles and things)
-    ):
+    if (effect or {}).get("kind") != "program" or not isinstance(roles, Mapping) or not (roles and things):
         return None
-    wanted = [terms(str(role)) for role in roles.values()]
-    offered = [terms(thing) for thing in things]
-    pairs = sorted(
-        (
-            (len(need & have) / len(need) if need else 1.0, i, j)
-            for i, need in enumerate(wanted)
-            for j, have in enumerate(offered)
-        ),
-        key=lambda pair: (-pair[0], pair[1:]),
-    )
-    total, done, taken = 0.0, set[int](), set[int]()
-    for share, i, j in pairs:
-        if i not in done and j not in taken:
+    wanted, offered = [terms(str(role)) for role in roles.values()], [terms(thing) for thing in things]
+    pairs = [
+        (len(need & have) / len(need) if need else 1.0, i, j)
+        for i, need in enumerate(wanted)
+        for j, have in enumerate(offered)
+    ]
+    total, done, used = 0.0, set[int](), set[int]()
+    for share, i, j in sorted(pairs, key=lambda pair: (-pair[0], pair[1:])):
+        if i not in done and j not in used:
             total += share
             done.add(i)
-            taken.add(j)
+            used.add(j)
     return total / len(wanted)

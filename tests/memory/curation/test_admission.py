@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from gvla2.memory.contracts import Lesson, Trust, Verdict
-from gvla2.memory.curation.admission import QUARANTINED, admit, believed, repeats
+from gvla2.memory.curation.admission import admit, believed
 from gvla2.memory.curation.trust import Origin
 
 YES = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="bench")
@@ -57,13 +57,6 @@ def test_without_admission_what_is_ours_is_let_in_and_nothing_else() -> None:
 def test_a_model_names_its_evidence() -> None:
     decision = admit(HINT, YES, ungrounded="it names no evidence in the episode")
     assert (decision.state, decision.note) == ("provisional", "it names no evidence in the episode")
-
-
-def test_what_only_repeats_the_task_is_no_lesson() -> None:
-    copy = Lesson("procedural_hint", "Pick up the red cube, please!")
-    assert admit(copy, YES, query="Pick up the red cube").note.startswith(QUARANTINED)
-    assert admit(replace(copy, effect={"kind": "prior"}), YES, query="Pick up the red cube").state == "active"
-    assert not repeats("Pick up the red cube from above, with 5 N.", "Pick up the red cube")
 
 
 def test_a_verdict_that_contradicts_itself_is_not_believed() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask, RecordType
 from gvla2.memory.curation.consolidation import consolidate
-from gvla2.memory.curation.evidence import evidence, stronger
+from gvla2.memory.curation.evidence import evidence, standing
 from gvla2.memory.records import Record, dedup_key, dump
 
 Open = Callable[..., Any]
@@ -69,8 +69,7 @@ def test_contradicting_effects_are_settled_by_evidence() -> None:
     assert (edit.action, edit.target) == ("DISCARD", often.id)
     assert edit.conflicts[0][0] == often.id
     assert evidence(often) > evidence(new)
-    assert stronger(often, new)
-    assert not stronger(new, often)
+    assert standing(often) < standing(new)
     assert decide(record("At most 5 cm.", effect=low, trust="confirmed"), old).action == "DISCARD"
     assert decide(new, record("At least 15 cm.", effect=high, count=4, trust="confirmed")).action == "REPLACE"
 

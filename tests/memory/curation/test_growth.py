@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gvla2.memory.contracts import Lesson, Verdict
+from gvla2.memory.contracts import Lesson
 
 Open = Callable[..., Any]
 CUP = "lift the cup"
@@ -72,33 +72,6 @@ def test_words_without_a_source_are_all_counted(open_bank: Open, verdicts: Any) 
     assert heights(bank) == {"Lift the cup 10 cm.": 3}
 
 
-def test_summaries_do_not_free_what_one_source_may_bring(open_bank: Open) -> None:
-    bank = open_bank(per_source=8)
-    words = (
-        "apple",
-        "bread",
-        "chair",
-        "glove",
-        "knife",
-        "lemon",
-        "mango",
-        "onion",
-        "quilt",
-        "razor",
-        "shirt",
-    )
-    for i, word in enumerate(words * 2):
-        lesson = Lesson(
-            "tool_usage", f"Wipe the {word} with the soft cloth in the kitchen before it is used ({i})."
-        )
-        sure = Verdict.from_criteria({"done": 0.9}, verifier=f"v{i}")
-        bank.admit(lesson, sure, task=f"wipe the {word} {i}", source="one", trusted=True)
-    rested = [r for r in bank.records() if r.state != "provisional" and r.type == "tool_usage"]
-    assert sum(r.state == "active" or r.note.startswith("summed up") for r in rested) <= 8 + len(
-        bank.records(["summary"])
-    )
-
-
 @pytest.mark.parametrize("number", [{"sd": -5.0}, {"value": 1e308}, {"count": -1}, {"value": "much"}])
 def test_effects_of_impossible_numbers_are_left_out(open_bank: Open, verdicts: Any, number: Any) -> None:
     effect = {
@@ -151,33 +124,12 @@ def test_effects_of_different_objects_are_not_pooled(open_bank: Open, verdicts: 
     assert found == {"egg": (2, pytest.approx(2.1)), "brick": (1, 40.0)}
 
 
-def test_a_copy_of_a_question_is_not_found_by_it_later(open_bank: Open, verdicts: Any) -> None:
-    bank = open_bank()
-    question = "Wash the large window in the hall"
-    bank.admit(
-        Lesson("procedural_hint", question + "."),
-        verdicts["success"],
-        task=question,
-        source="one",
-        trusted=True,
-    )
-    assert not bank.recall(question).items
-    bank.admit(
-        Lesson("procedural_hint", question + "."),
-        verdicts["success"],
-        task="Sort the bolts",
-        source="two",
-        trusted=True,
-    )
-    (record,) = bank.records()
-    assert record.query == "Sort the bolts"
-
-
 def test_an_empty_effect_is_none(open_bank: Open, verdicts: Any) -> None:
     bank = open_bank()
-    question = "Wash the large window in the hall"
-    bank.admit(Lesson("procedural_hint", question, {}), verdicts["success"], task=question, trusted=True)
-    assert [r.state for r in bank.records()] == ["provisional"]
+    bank.admit(
+        Lesson("procedural_hint", "Start at the top.", {}), verdicts["success"], task="wash it", trusted=True
+    )
+    assert [r.effect for r in bank.records()] == [""]
 
 
 def test_sources_are_the_same_however_they_are_written(open_bank: Open, verdicts: Any) -> None:

@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from gvla2.memory.contracts import Judgement, Suspects
-from gvla2.memory.curation.judging import BATCH, Judged, decide, open_suspicions, prevails, ruled
+from gvla2.memory.curation.evidence import standing
+from gvla2.memory.curation.judging import BATCH, Judged, decide, open_suspicions, ruled
 from gvla2.memory.records import Record
 
 
@@ -72,8 +73,7 @@ def test_the_less_trusted_one_loses_then_the_one_with_less_evidence() -> None:
         assert ruling is not None
         assert (ruling.kind, ruling.loser) == ("conflict", "b")
     many = record("c", count=9)
-    assert prevails(many, ours)
-    assert not prevails(ours, many)
+    assert standing(many) < standing(ours)
 
 
 def test_a_hint_and_a_constraint_both_stay() -> None:

@@ -31,7 +31,7 @@ def near_copies(count: int, how: str) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize("how", ["numbers", "counters", "objects", "words"])
 def test_800_near_copies_end_as_a_few_records(open_bank: Open, verdicts: Any, how: str) -> None:
-    bank = open_bank(per_source=10_000)
+    bank = open_bank()
     items = [
         (Lesson("procedural_hint", text), verdicts["success"], task, f"run/{i}")
         for i, (text, task) in enumerate(near_copies(800, how))

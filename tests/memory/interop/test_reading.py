@@ -32,15 +32,18 @@ def test_a_memory_comes_through_a_pipe(tmp_path: Path):
     os.mkfifo(pipe)
     feeding = threading.Thread(target=pipe.write_text, args=(json.dumps(GOOD) + "\nnonsense\n",))
     feeding.start()
-    _, entries, remarks = read_path(pipe)
+    lines, remarks = read_path(pipe)
     feeding.join()
-    assert ([entry.key for entry in entries], [remark.line for remark in remarks]) == (["good"], [2])
-    assert read_path(Path("/dev/null"))[1:] == ([], [])
+    assert ([line.fields["memory_id"] for line in lines], [remark.line for remark in remarks]) == (
+        ["good"],
+        [2],
+    )
+    assert read_path(Path("/dev/null")) == ([], [])
 
 
 def test_a_file_of_nonsense_is_no_empty_memory(tmp_path: Path):
     (tmp_path / "m.jsonl").write_text("nonsense\n")
-    with pytest.raises(MemoryStoreError, match="no known layout"):
+    with pytest.raises(MemoryStoreError, match="is no memory"):
         read_path(tmp_path / "m.jsonl")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from gvla2.errors import ConfigurationError, MemoryStoreError, OutputError
+from gvla2.errors import MemoryStoreError, OutputError
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.interop.exporting import export_path
@@ -87,7 +87,7 @@ def folder(tmp_path: Path) -> tuple[Path, dict[str, list[dict[str, Any]]]]:
 def test_a_folder_of_states_is_provisional_until_it_is_borne_out(store: Store, tmp_path: Path):
     source, _ = folder(tmp_path)
     done = import_path(store, "b", source, now=NOW)
-    assert (done.layout, len(done.added), done.known, done.held_back, done.broken) == ("states", 6, 1, 5, ())
+    assert (len(done.added), done.known, done.held_back, done.broken) == (6, 1, 5, ())
     assert {(r.state, r.trust) for r in store.records("b")} == {
         ("provisional", "foreign"),
         ("archive", "foreign"),
@@ -148,7 +148,7 @@ def test_importing_again_adds_nothing(store: Store, tmp_path: Path):
     source, _ = folder(tmp_path)
     first = import_path(store, "b", source, now=NOW)
     rev = store.rev("b")
-    again = import_path(store, "b", source.parent, now=NOW + 1)  # the root holds one model
+    again = import_path(store, "b", source, now=NOW + 1)
     assert (again.added, again.known) == ((), len(first.added) + 1)
     assert store.rev("b") == rev
 
@@ -162,30 +162,6 @@ def test_an_export_reads_back_whole(store: Store, tmp_path: Path):
     before, after = ({(r.query, r.content, r.outcome, r.state) for r in store.records(bank)} for bank in "bc")
     assert after == before
     assert len(store.links("c")) == len(store.links("b")) > 0
-
-
-def test_items_and_robot_lines(store: Store, tmp_path: Path):
-    items = [
-        {"task_id": "1", "query": "q", "think_list": ["hm"], "memory_items": "# Memory Item 1\n## Title A\n"
-         "## Content b\n# Memory Item 2\n## Title C\n## Content d\n", "status": "success"},
-        {"task_id": "2", "query": "q", "memory_items": ["", "first", "second"], "status": "fail"},
-    ]  # fmt: skip
-    robot = [
-        {
-            "task_id": "v",
-            "task_text": "lift",
-            "outcome": "failure",
-            "failure_reason": "slip",
-            "memory_text": "rim",
-        }
-    ]
-    assert import_path(store, "items", write(tmp_path / "i.jsonl", items), now=NOW).layout == "items"
-    said = {(r.content, r.type) for r in store.records("items")}
-    assert said == {("A\nb", "procedural_hint"), ("C\nd", "procedural_hint"), ("first", "failure_avoidance"),
-                    ("second", "failure_avoidance")}  # fmt: skip
-    assert import_path(store, "robot", write(tmp_path / "r.jsonl", robot), now=NOW).layout == "robot"
-    (record,) = store.records("robot")
-    assert (record.content, record.type) == ("rim\nFailed: slip", "failure_avoidance")
 
 
 def test_two_files_are_one_source(store: Store, tmp_path: Path):
@@ -227,22 +203,15 @@ def test_text_that_databases_refuse(store: Store, tmp_path: Path):
     [
         (lambda p: p / "absent", "nothing at"),
         (lambda p: p, "no active.jsonl"),
-        (lambda p: write(p / "x.jsonl", [{"a": 1}]), "no known layout"),
-        (lambda p: write(p / "two" / "m1" / "active.jsonl", []).parent.parent, "m1"),
+        (lambda p: write(p / "x.jsonl", [{"a": 1}]), "is no memory"),
     ],
 )
 def test_a_path_that_is_no_memory_is_explained(store: Store, tmp_path: Path, make, message: str):
     place = tmp_path / "place"
     place.mkdir()
-    write(place.parent / "place" / "two" / "m2" / "active.jsonl", [])
     with pytest.raises(MemoryStoreError, match=message):
         import_path(store, "b", make(place), now=NOW)
     assert store.banks() == []
-
-
-def test_an_unknown_layout_names_the_known_ones(store: Store, tmp_path: Path):
-    with pytest.raises(ConfigurationError, match="states, items, robot"):
-        import_path(store, "b", write(tmp_path / "a.jsonl", []), layout="csv", now=NOW)
 
 
 # -- writing ----------------------------------------------------------------------------------------------------

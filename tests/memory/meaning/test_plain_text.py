@@ -4,8 +4,8 @@ import unicodedata
 
 import pytest
 
+from gvla2.memory.meaning.clauses import read
 from gvla2.memory.meaning.plain_text import plain_text, unified
-from gvla2.memory.meaning.reader import read
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,6 @@ Wrap the glass first, then put it in the crate. | Put the glass in the crate fir
 Push the tray to the left. | Push the tray to the right.
 Hold the jar with at most 5 N. | The jar needs at least 20 N.
 Keep the lights on while mapping the hall. | Keep the lights off while mapping the hall.
-Pour the acid into the water. | Pour the water into the acid.
 """
 FITTING = """
 Lift the cup 15 cm. | Lift the cup 150 mm.

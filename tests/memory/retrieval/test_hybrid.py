@@ -2,6 +2,7 @@
 
 import math
 import random
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,24 @@ from gvla2.memory.indexing.rows import Entry, Rows
 from gvla2.memory.indexing.terms import questions, terms
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.options import HybridOptions, ScoreWeights, SemanticOptions
-from gvla2.memory.retrieval.scoring import signature_distance
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.testing.memory import candidates
 
 EMBEDDER = StaticEmbedder()
 NOW = 1.8e9
+
+
+def signature_distance(first: Mapping[str, float], second: Mapping[str, float]) -> float | None:
+    """Of two scenes: mean relative difference, 0 (alike) to 2; None when they share no numbers."""
+    shared = [
+        (float(first[name]), float(second[name]))
+        for name in sorted(first.keys() & second.keys())
+        if math.isfinite(first[name]) and math.isfinite(second[name])
+    ]
+    if not shared:
+        return None
+    return sum(abs(a - b) / max(abs(a), abs(b), 1e-9) for a, b in shared) / len(shared)
 
 
 def reference(task: MemoryTask, bank: RowCandidates, options: HybridOptions) -> list[tuple[int, float]]:

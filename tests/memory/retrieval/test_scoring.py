@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gvla2.memory.retrieval.options import ScoreWeights
-from gvla2.memory.retrieval.scoring import scene_distance, score_terms, signature_distance
+from gvla2.memory.retrieval.scoring import scene_distance, score_terms
 from gvla2.testing.memory import candidates
 
 
@@ -86,18 +86,13 @@ def test_a_program_counts_by_the_roles_that_can_be_filled(filled: float, bonus: 
     assert terms(filled=filled)["program"] == pytest.approx(bonus)
 
 
-def test_scenes_are_compared_alike_one_by_one_and_together() -> None:
-    scenes = [{"w": 0.05, "h": 1.0}, {"w": 0.1}, {}, {"h": 2.0, "x": 1.0}, {"w": 0.0}]
+def test_scenes_are_compared_by_the_numbers_that_both_have() -> None:
+    scenes = [{"w": 0.05, "h": 1.0}, {"w": 0.1}, {}, {"h": 2.0}]
     bank = candidates(["lift it"] * len(scenes), signatures=scenes)
-    for asked in ({"w": 0.05}, {"w": 0.2, "h": 1.5}, {"w": 0.0, "x": math.nan}, {}):
-        expected = [signature_distance(asked, scene) for scene in scenes]
+    for asked, expected in (
+        ({"w": 0.05}, [0.0, 0.5, math.nan, math.nan]),
+        ({"w": 0.05, "h": 2.0}, [0.25, 0.5, math.nan, 0.0]),
+        ({"w": math.nan}, [math.nan] * 4),
+    ):
         found = scene_distance(asked, bank, np.arange(len(scenes)))
-        np.testing.assert_allclose(found, [math.nan if d is None else d for d in expected], atol=1e-12)
-
-
-def test_signature_distance() -> None:
-    assert signature_distance({"w": 0.05, "h": 1}, {"w": 0.05}) == 0.0
-    assert signature_distance({"w": 0.1}, {"w": 0.05}) == pytest.approx(0.5)
-    assert signature_distance({"w": 0.1}, {"h": 0.1}) is None
-    assert signature_distance({"w": math.nan}, {"w": 0.1}) is None
-    assert signature_distance({"w": 0.0}, {"w": 0.0}) == 0.0
+        np.testing.assert_allclose(found, expected, atol=1e-12)

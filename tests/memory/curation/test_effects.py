@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gvla2.memory.meaning.effects import effects_conflict
+from gvla2.memory.curation.contesting import effects_conflict
 
 
 def bound(op: str, value: float, **more: Any) -> dict[str, Any]:
