@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from gvla2.errors import PlanningError
-from gvla2.loop.diagnosis import diagnose
+from gvla2.loop.diagnosis import diagnose, theme_of
 from gvla2.memory.contracts import MemoryContext
-from gvla2.planning.contracts import Advice
+from gvla2.planning.contracts import Advice, Done
 from gvla2.planning.effects import Effect
 from gvla2.planning.programs import Program
 from gvla2.record.contents import EpisodeRecord
+from gvla2.skills.outcome import Signal
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
 
@@ -24,16 +25,29 @@ def advice_for(record: EpisodeRecord, skills: Mapping[str, Skill] = STANDARD) ->
     effects = [Effect.from_json(effect, source) for effect, source in told if not _is_program(effect)]
     programs = [Program.from_json(effect, source) for effect, source in told if _is_program(effect)]
     lines = [context.text] if context.text else []
+    done: list[Done] = []
     for number, attempt in enumerate(record.attempts, 1):
         source, signals = f"attempt {number}", diagnose(attempt, skills)
         effects += [replace(signal.effect, source=source) for signal in signals if signal.effect is not None]
+        done += _done(attempt, signals, skills)
         reasons = [signal.words for signal in signals]
         if not reasons and attempt.verdict is not None:
             reasons = [reason.rstrip(".") for reason in attempt.verdict.reasons]
         why = "; ".join(reasons) or "the goal was not reached"
         skill = f" ({attempt.plan.skill})" if attempt.plan is not None and attempt.plan.skill else ""
         lines.append(f"Earlier in this episode, {source}{skill} failed: {why}.")
-    return Advice("\n".join(lines), tuple(effects), tuple(programs))
+    return Advice("\n".join(lines), tuple(effects), tuple(programs), tuple(done))
+
+
+def _done(attempt: EpisodeRecord, signals: Sequence[Signal], skills: Mapping[str, Skill]) -> list[Done]:
+    """What an attempt did of the parameters that last, where that was not enough."""
+    plan, theme = attempt.plan, theme_of(attempt)
+    if plan is None or theme is None or plan.skill not in skills:
+        return []
+    x, y, z = (float(v) for v in theme.centre)
+    short = {s.effect.parameter for s in signals if s.kind == "undershoot" and s.effect is not None}
+    lasting = [name for name in skills[plan.skill].lasting if name in short]
+    return [Done(plan.skill, name, plan.parameters[name], (x, y, z)) for name in lasting]
 
 
 def with_sound_effects(context: MemoryContext) -> tuple[MemoryContext, tuple[str, ...]]:

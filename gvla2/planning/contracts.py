@@ -28,15 +28,29 @@ class Perceiver(Protocol):
 
 
 @dataclass(frozen=True)
+class Done:
+    """What a failed attempt of the same episode did that stays done: so much of ``parameter`` (its own unit, all that
+    attempts before it did included) to what is at ``place``, metres. A cap that was turned has been turned.
+    """
+
+    skill: str
+    parameter: str
+    value: float
+    place: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Advice:
     """What memory has to say to a planner: a bounded text block, typed effects and programs; all may be empty.
 
-    ``programs`` are what succeeded in episodes alike, best first (see :mod:`gvla2.planning.programs`).
+    ``programs`` are what succeeded in episodes alike, best first (see :mod:`gvla2.planning.programs`). ``done`` is of
+    this episode's own attempts.
     """
 
     text: str = ""
     effects: tuple[Effect, ...] = ()
     programs: tuple[Program, ...] = ()
+    done: tuple[Done, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.arm import IKSolution
 from gvla2.planning.checks import check_trajectory
@@ -15,6 +17,9 @@ from gvla2.skills.proposals import Proposal
 
 LIMIT_COMFORT, EASE, ROOM = 0.5, 0.64, 0.04
 """Distance to joint limits (radians), manipulability (share of the best) and clearance (metres) that are enough."""
+
+LEAP = 2.0
+"""A joint that would turn by more than this on one straight way leaps to another of the arm's postures, radians."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +126,9 @@ def _ease(proposal: Proposal, request: PlanRequest, reach: _Reach) -> tuple[floa
             xyz = ", ".join(f"{v:.2f}" for v in waypoint.xyz)
             why = "out of the arm's reach" if reach.inside(pose[:3, 3]) else "outside the workspace"
             return round(proposal.preference - 1.0, 4), f"{waypoint.stage} at ({xyz}) is {why}"
+        if waypoint.motion == "linear" and np.abs(solution.joints - near).max() > LEAP:
+            why = "the arm gets there in another posture only, not in a straight line"
+            return round(proposal.preference - 1.0, 4), f"{waypoint.stage}: {why}"
         margin, manipulability = (
             min(margin, solution.limit_margin),
             min(manipulability, solution.manipulability),

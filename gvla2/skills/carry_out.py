@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.calls import SkillCall, SkillOptions
-from gvla2.planning.contracts import Abstention, Plan, PlanRequest
+from gvla2.planning.contracts import Abstention, Done, Plan, PlanRequest
 from gvla2.planning.effects import apply_effects, sides_of
 from gvla2.planning.looks import look_of, own_first
 from gvla2.planning.scene import SceneObject
@@ -27,6 +27,8 @@ from gvla2.skills.table import STANDARD
 from gvla2.skills.wholes import assembled, clear_height
 
 DEFAULTS = SkillOptions()
+SAME_PLACE = 0.02
+"""What is found this near to where it was is the same thing, metres."""
 
 
 def carry_out(calls: Sequence[SkillCall], request: PlanRequest, options: SkillOptions = DEFAULTS) -> Plan:
@@ -109,12 +111,19 @@ def _propose(
     seen = next((o for o in perceived.objects if o.id == theme.id), None)
     told = own_first(request.advice.effects, look_of(seen, perceived))
     request = replace(request, advice=replace(request.advice, effects=told))
-    theta, notes = _theta(call, skill, theme, request, options)
+    done = _done(request.advice.done, skill, theme)
+    theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
+    done = {name: before for name, before in done.items() if before * theta[name] > 0.0}  # the same way
+    if (
+        options.explore <= 0.0
+    ):  # to get it done, as much again as at first; to find out how much, step by step
+        first = _done(request.advice.done[::-1], skill, theme)
+        theta |= {name: theta[name] + first[name] for name in done}
     role = skill.role("goal")
     relation = call.relation or (role.relations[0] if goal is not None and role and role.relations else "")
     job = Job(
         skill.name, scene, request.arm.hand, request.arm.workspace, theta, theme, goal, relation,
-        _target(call, theme, options), share,
+        _target(call, theme, options), share, done,
     )  # fmt: skip
     lengths = sides_of(theme)
     given = scales(skill.scaled, theta, lengths)
@@ -133,9 +142,16 @@ def _propose(
 
 
 def _theta(
-    call: SkillCall, skill: Skill, theme: SceneObject, request: PlanRequest, options: SkillOptions
+    call: SkillCall,
+    skill: Skill,
+    theme: SceneObject,
+    request: PlanRequest,
+    options: SkillOptions,
+    stepwise: frozenset[str],
 ) -> tuple[dict[str, float], list[str]]:
-    """The numbers: defaults, the call's own, memory's, varied to explore, and as far as the scene lets them."""
+    """The numbers: defaults, the call's own, memory's, varied to explore (but for those that go ``stepwise`` now), and
+    as far as the scene lets them.
+    """
     theta = dict(skill.defaults(theme, request.arm.hand, options))
     if "lift_height" in theta:
         theta["lift_height"] = max(theta["lift_height"], clear_height(theme, request.scene))
@@ -146,13 +162,23 @@ def _theta(
     lengths, effects = sides_of(theme), request.advice.effects
     theta, notes = apply_effects(theta, effects, skill.name, lengths=lengths)
     if options.explore > 0.0:
-        said = frozenset(own)
+        said = frozenset(own) | stepwise
         theta, tried = varied(theta, options.explore, options.explore_seed, request, theme.id, said)
         bounds = [e for e in effects if e.kind == "bound"]
         theta, kept = apply_effects(theta, bounds, skill.name, lengths=lengths)
         notes += [*tried, *kept]
     theta, limits = limited(theta, theme, request.scene)
     return theta, [*notes, *limits]
+
+
+def _done(told: Sequence[Done], skill: Skill, theme: SceneObject) -> dict[str, float]:
+    """What was done to this very thing that stays done: parameters and how much of them, as the last one tells."""
+    return {
+        one.parameter: one.value
+        for one in told
+        if one.skill == skill.name
+        and float(np.linalg.norm(np.subtract(one.place, theme.centre))) <= SAME_PLACE
+    }
 
 
 def _target(call: SkillCall, theme: SceneObject, options: SkillOptions) -> FloatArray | None:

@@ -22,7 +22,7 @@ LONGEST_LINE = 0.5
 class Job:
     """One grounded request. ``goal`` is the object that the theme goes to, or None; ``target`` (2,) where the theme's
     centre is to be, world metres, where the sentence says so by a direction. ``relation`` is the goal's.
-    ``share``: it is the k-th of n things that go there.
+    ``share``: it is the k-th of n things that go there. ``done``: so much of a parameter was done to the theme before.
     """
 
     skill: str
@@ -35,6 +35,7 @@ class Job:
     relation: str = ""
     target: FloatArray | None = None
     share: tuple[int, int] = (0, 1)
+    done: Mapping[str, float] = field(default_factory=dict)
 
     def own(self) -> frozenset[str]:
         """Ids of the theme and its parts: what the hand that takes hold of it may touch."""

@@ -20,6 +20,8 @@ SWING_MARGIN = 0.2
 """Radians to swing a lid further by, or to take it further over before it is let go."""
 TURN_MARGIN = 0.785
 """Radians to turn a cap further by: 45 degrees, one step of the wrist."""
+HALF_TURN = np.pi
+"""No more than this is asked for the other way, radians: any wrist gets so far from one of a square cap's faces."""
 FORCED = 0.002
 """Fingers whose gap changes by so much while they turn went round what they held, metres."""
 PRESS_MARGIN = 0.003
@@ -118,7 +120,8 @@ def of_twist(outcome: Outcome) -> Signal | None:
     turn = outcome.plan.parameters.get("turn", 0.0)
     closed = next((r.gripper_width for r in outcome.reached if r.stage == "close"), None)
     if closed is not None and max(abs(r.gripper_width - closed) for r in turning) > FORCED:
-        back = outcome.changed("turn", -2.0 * turn, "<=" if turn > 0 else ">=")
+        other = -float(np.copysign(min(abs(turn), HALF_TURN), turn))  # which way is known, not how far
+        back = outcome.changed("turn", other - turn, "<=" if turn > 0 else ">=")
         return Signal("stalled", "the cap did not turn with the fingers, it opens the other way", back)
     further = outcome.changed("turn", float(np.copysign(TURN_MARGIN, turn)), ">=" if turn >= 0 else "<=")
     return Signal("undershoot", "the cap was not turned until it came loose", further)

@@ -68,7 +68,8 @@ class Skill:
     naming a part means the whole. ``words`` is how lessons name the skill ("Pick up (grasp, lift)"), so that other
     wordings of an instruction find them; ``key`` are the parameters that decide most, which successes teach;
     ``scaled`` names those that go with a side of the theme ("height"). ``held_back``: what it moves may hold the hand
-    back, so that a slip is a matter of theta. ``diagnose`` tells from an outcome what went wrong, with what to change.
+    back, so that a slip is a matter of theta. ``lasting`` are parameters of which a failed attempt's share stays done.
+    ``diagnose`` tells from an outcome what went wrong, with what to change.
     ``fits`` tells whether the skill can be done to a thing of a scene at all (None: to anything), and ``examples`` show
     a language model how it is called. An ``implied`` skill is what others turn into where the scene asks for it, so
     prompts leave it out.
@@ -87,6 +88,7 @@ class Skill:
     free: bool = False
     whole: bool = False
     held_back: bool = False
+    lasting: Sequence[str] = ()
     diagnose: Callable[[Outcome], Signal | None] | None = None
     fits: Callable[[SceneObject, Scene, Hand], bool] | None = None
     examples: Sequence[Example] = ()
@@ -146,7 +148,9 @@ def fault_of(offered: object) -> str:
         if not callable(getattr(offered, what)):
             return f"'{name}' has a {what} that cannot be called."
     known = {p.name for p in offered.parameters}
-    strange = [n for n in (*offered.key, *offered.scaled, offered.amount) if n and n not in known]
+    strange = [
+        n for n in (*offered.key, *offered.scaled, *offered.lasting, offered.amount) if n and n not in known
+    ]
     if strange:
         return f"'{name}' speaks of '{strange[0]}', which is none of its parameters: {', '.join(known) or 'none'}."
     if not offered.description:

@@ -133,6 +133,7 @@ _SKILLS = (
         words="Twist (turn, unscrew, open, take off a cap)",
         key=("turn", "grasp_depth", "standoff"),
         scaled={"grasp_depth": "height"}, amount="lift_height", free=True, held_back=True,
+        lasting=("turn",),
     ),
     _standard(
         "insert", "insert", "parameters", True,

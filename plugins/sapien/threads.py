@@ -20,6 +20,10 @@ BINDS = 0.01
 """Radians of a step of physics from which a long thread binds: a hand turns it more slowly, and fingers that slip off
 its cap would spin it loose.
 """
+LEANS = np.deg2rad(1.0)
+"""A screwed part that leans by more is set upright: the engine holds it in its place, but fingers that slip off it tip
+it on its edge, where it would stay.
+"""
 HALF = np.pi - SLACK
 """Radians either way that the engine can bound."""
 
@@ -74,11 +78,25 @@ class Screwed:
             turned = Rotation.from_matrix(relative @ self._start.T)
             self.angle = float(turned.as_rotvec() @ self._axis) if self._within() else self._further(turned)
             self.peak = max(self.peak, abs(self.angle))
+            self._upright(turned)
             if abs(self.angle - self._tied_at) > FAR and not self._within():
                 self._tie(self.angle)
             if self.peak >= self._thread.release:
                 self._child.remove_component(self._drive)
                 self.loose = True
+
+    def _upright(self, turned: Rotation) -> None:
+        """Take away the lean of a part that is turned so far from where it began."""
+        cosine = float(turned.apply(self._axis) @ self._axis)
+        if cosine >= np.cos(LEANS):
+            return
+        world_from_parent = _turn(self._parent)
+        straight = Rotation.from_rotvec(self.angle * self._axis).as_matrix()
+        pose = np.eye(4)
+        pose[:3, :3] = world_from_parent @ straight @ self._start
+        pose[:3, 3] = self._child.pose.p
+        self._child.set_pose(pose_of(pose))
+        self._mover.set_angular_velocity([0.0, 0.0, 0.0])
 
     def _further(self, turned: Rotation) -> float:
         """The turn of a long thread, radians, over whole turns: about the axis, whatever the part tilts."""

@@ -11,8 +11,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
+from gvla2.loop.advice import advice_for
 from gvla2.loop.diagnosis import diagnose
-from gvla2.planning.contracts import Candidate, Plan
+from gvla2.planning.contracts import Candidate, Done, Plan
 from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Trajectory, Waypoint
@@ -213,6 +214,15 @@ def test_a_cap_that_stayed_on_is_turned_further(z: float, width: float, expected
     assert told(record) == expected
 
 
+def test_what_was_turned_of_a_cap_that_stayed_on_is_told_to_the_next_attempt() -> None:
+    caps = {h: (thing("k", (0.3, 0, h), (0.028, 0.028, 0.01), "red", "disc"),) for h in (0.285, 0.4)}
+    for after, done in ((0.285, [Done("twist", "turn", 1.5, (0.3, 0.0, TABLE + 0.285))]), (0.4, [])):
+        tried = episode("twist", caps[0.285], caps[after], TWIST, {"turn": 1.5}, width=0.026, held=None,
+                        roles={"theme": "k"})  # fmt: skip
+        advice = advice_for(replace(tried, attempts=(tried,)))
+        assert advice.done == tuple(done)
+
+
 @pytest.mark.parametrize(
     ("at", "expected"),
     [
@@ -311,6 +321,7 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_or_less_deep(
         ((0.026, 0.0265), 2.88, ("undershoot", "turn", ">=", 2.88 + 0.785)),
         ((0.038, 0.026), 2.88, ("stalled", "turn", "<=", -2.88)),
         ((0.0235, 0.026), -2.88, ("stalled", "turn", ">=", 2.88)),
+        ((0.038, 0.026), 4.3, ("stalled", "turn", "<=", -np.pi)),
         ((0.026, 0.026), -2.88, ("undershoot", "turn", "<=", -2.88 - 0.785)),
     ],
 )

@@ -111,6 +111,18 @@ def test_a_thread_of_more_than_half_a_turn_holds_to_its_end_and_keeps_its_stop(p
         assert state.joint("thread") < 5.0
 
 
+def test_a_lid_that_is_tipped_stays_upright_on_its_thread(panda):
+    panda.reset(jar(limits=(0.0, 2 * np.pi), release=4.5), 0)
+    state = panda.true_state()
+    push(panda, "lid", 0.2, torque=(0.0, 0.0, 0.05))
+    for _ in range(20):
+        push(panda, "lid", 0.02, force=(0.0, 0.0, 20.0), torque=(3.0, 0.0, 0.0))
+        assert state.pose("lid")[2, 2] > np.cos(np.deg2rad(3.0))
+    push(panda, "lid", 0.1)
+    np.testing.assert_allclose(state.pose("lid")[:3, 2], UP, atol=0.02)
+    assert not state.loose("thread")
+
+
 @pytest.mark.parametrize(
     ("task", "message"),
     [

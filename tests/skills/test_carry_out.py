@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.planning.calls import SkillCall, SkillOptions
+from gvla2.planning.contracts import Advice, Done
 from gvla2.planning.effects import Effect
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.table import STANDARD
@@ -97,6 +98,43 @@ def test_exploring_leaves_what_the_call_said():
     plan = carry_out([call], asked, SkillOptions(explore=0.3))
     assert (plan.parameters["lift_height"], plan.parameters["standoff"]) == (0.1, 0.05)
     assert plan.parameters["grasp_depth"] != carry_out([call], asked).parameters["grasp_depth"]
+
+
+def turned(plan) -> float:
+    """Radians by which the hand turns while it holds, as its closing direction tells."""
+    ways = [w.orientation.closing for w in plan.trajectory if w.stage in ("close", "turn")]
+    angles = np.unwrap([np.arctan2(y, x) for x, y, _ in ways])
+    return float(angles[-1] - angles[0])
+
+
+def test_what_was_turned_stays_turned_and_exploring_goes_on_step_by_step():
+    jars, twist = jar(), SkillCall("twist", "cap")
+    place = tuple(jars[1].centre)
+    advice = Advice(
+        "", (Effect("bound", "turn", 3.6, ">=", skill="twist"),), (), (Done("twist", "turn", 2.8, place),)
+    )
+    asked = request(*jars)
+    assert turned(carry_out([twist], asked)) == pytest.approx(2.88)
+    again = replace(asked, advice=advice)
+    step = carry_out([twist], again, SkillOptions(explore=0.3))
+    assert (step.parameters["turn"], turned(step)) == (pytest.approx(3.6), pytest.approx(0.8))
+    whole = carry_out([twist], again)
+    assert (whole.parameters["turn"], turned(whole)) == (pytest.approx(6.4), pytest.approx(3.6))
+    more = (*advice.done, Done("twist", "turn", 6.4, place))
+    effects = (Effect("bound", "turn", 7.2, ">=", skill="twist"),)
+    third = carry_out([twist], replace(asked, advice=replace(advice, effects=effects, done=more)))
+    assert (third.parameters["turn"], turned(third)) == (pytest.approx(10.0), pytest.approx(3.6))
+    elsewhere = Done("twist", "turn", 2.8, (0.0, 0.0, 0.0))
+    back = Done("twist", "turn", -2.8, place)
+    for other in (elsewhere, back):  # another cap; the other way
+        plan = carry_out([twist], replace(asked, advice=replace(advice, done=(other,))))
+        assert (plan.parameters["turn"], turned(plan)) == (pytest.approx(3.6), pytest.approx(3.6))
+
+
+def test_a_straight_way_on_which_a_joint_would_leap_is_not_tried():
+    plan = carry_out([SkillCall("twist", "cap", theta={"turn": 4.7})], request(*jar()), SkillOptions(tries=1))
+    assert turned(plan) == pytest.approx(4.7)
+    assert any("another posture" in c.rejected for c in plan.candidates)
 
 
 def test_a_part_that_only_moves_with_its_whole_means_the_whole():

@@ -69,16 +69,17 @@ def _twist(
     touching = job.own() | job.resting() | ({theme.parent} - {""})
     path = take(job, grasp, touching)
     path.carries = ""  # it stays where it is until it is loose
-    steps = int(np.ceil(abs(theta["turn"]) / STEP - 1e-9))
+    rest = theta["turn"] - job.done.get("turn", 0.0)
+    steps = int(np.ceil(abs(rest) / STEP - 1e-9))
     closing = grasp.closing
     for k in range(1, steps + 1):
-        closing = Rotation.from_euler("z", theta["turn"] * k / steps).apply(grasp.closing)
+        closing = Rotation.from_euler("z", rest * k / steps).apply(grasp.closing)
         path.orientation = pointing(closing, grasp.approach)
         path.line("turn", grasp.centre, allowed=touching, slow=True)
     path.carries = theme.id
     up = grasp.centre + np.array([0.0, 0.0, theta["lift_height"]])
     path.line("lift", np.minimum(up, [np.inf, np.inf, job.ceiling()]), allowed=touching)
-    how = f"{grasp.description}, turned by {np.degrees(theta['turn']):.0f}°"
+    how = f"{grasp.description}, turned by {np.degrees(rest):.0f}°"
     if spot is None:
         return Proposal(how, grasp.approaches, grasp.preference, path.trajectory())
     turned = replace(grasp, closing=closing)
