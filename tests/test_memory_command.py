@@ -174,7 +174,9 @@ def test_export_and_import_go_round(run: Run, tmp_path: Path):
     assert len(made["added"]) == 2
     assert len(data(run, "list", "bank=second")) == 2
     assert data(run, "import", "out", "bank=second")["known"] == 2
-    (tmp_path / "broken.jsonl").write_text('{"memory_id": "w", "content": "Wait.", "state": "active"}\nnonsense\n')
+    (tmp_path / "broken.jsonl").write_text(
+        '{"memory_id": "w", "content": "Wait.", "state": "active"}\nnonsense\n'
+    )
     status, out, _ = run("import", "broken.jsonl", "bank=third")
     assert status == 1
     assert "broken.jsonl, line 2" in out

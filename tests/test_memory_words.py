@@ -19,7 +19,13 @@ from gvla2.commands.printable import counted
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 
-LINE = {"memory_id": "t", "query": "lift", "source_status": "success", "state": "active", "content": "Hold the rim."}
+LINE = {
+    "memory_id": "t",
+    "query": "lift",
+    "source_status": "success",
+    "state": "active",
+    "content": "Hold the rim.",
+}
 
 
 def admitted(url: str, content: str, task: str) -> None:
