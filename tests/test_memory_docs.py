@@ -45,7 +45,7 @@ def test_without_the_agent_the_example_says_what_to_install(monkeypatch, capsys:
     monkeypatch.setitem(sys.modules, "minisweagent.agents.default", None)
     with pytest.raises(SystemExit) as left:
         runpy.run_path(str(EXAMPLE))
-    assert left.value.code is None
+    assert not left.value.code
     assert "pip install" in capsys.readouterr().out
 
 

@@ -42,9 +42,9 @@ def ground(
 ) -> Grounded | Abstention:
     """The one object that a phrase means; ``movable`` leaves painted regions out, ``exclude`` are ids it cannot be."""
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
-    noun = phrase.noun
-    if movable and noun == "target" and not any(_last_word(o.label) in tokenise(phrase.text) for o in pool):
-        noun = "block"  # "lift the red square"; a marker that is called so is no place
+    called = {word for o in pool for word in tokenise(o.label)[-1:]} & set(tokenise(phrase.text))
+    place = phrase.noun == "target" and not called  # what is called a marker is no place
+    noun = "block" if movable and place else phrase.noun  # "lift the red square"
     fits = _fits(phrase, noun, pool)
     fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
     return _single(phrase, _of_colour(phrase, fits, scene), scene)
@@ -127,10 +127,6 @@ def _noun_score(phrase: Phrase, noun: str, thing: SceneObject) -> float:
     if kind and kind not in lexicon.SHAPE_NOUNS and noun != "object":
         return 0.0  # a lamp is no cup, whatever its shape
     return lexicon.SHAPES.get(noun, {}).get(thing.shape, 0.0) * sure
-
-
-def _last_word(label: str) -> str:
-    return (tokenise(label) or [""])[-1]
 
 
 def _kind(thing: SceneObject) -> str:

@@ -52,8 +52,7 @@ class SkillPlanner:
 
 def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abstention:
     """The skill calls of a sentence; an abstention where it cannot be read with certainty."""
-    pairs = sorting(sentence, scene, spelling)
-    if isinstance(pairs, Abstention):
+    if isinstance(pairs := sorting(sentence, scene, spelling), Abstention):
         return pairs
     if pairs:
         return Reading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
@@ -62,8 +61,7 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
         absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
         gone = isinstance(absent, Abstention) and absent.kind == "nothing_matches"
         return absent if gone and intent.skill in STANDARD else refusal
-    out = _excepted(intent, scene)
-    if isinstance(out, Abstention):
+    if isinstance(out := _excepted(intent, scene), Abstention):
         return out
     theme = _theme(intent, scene, out)
     if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
