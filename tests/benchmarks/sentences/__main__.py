@@ -6,8 +6,9 @@
 One scene a task of the paper, layout 310, seen by the perceiver. The sentences were written by people who saw the
 scenes as lists of shapes, colours and places and knew no lexicon; a quarter of them ask for what cannot be done there.
 ``first`` (70) and ``second`` (56) are what the planners were developed on; ``third`` (56) was kept back until the last
-change to them, and is development data from then on. ``fourth`` (56) is by a stranger who saw pictures of the scenes. Nothing moves: a plan counts as right when skill, thing and goal
-are ones that the sentence's author allowed, and as declined when it has no trajectory, whatever the reason.
+change to them, and is development data from then on. ``fourth`` (56) is by a stranger who saw pictures of the scenes.
+Nothing moves: a plan counts as right when skill, thing and goal are ones that the sentence's author allowed, and as
+declined when it has no trajectory, whatever the reason.
 """
 
 import json
