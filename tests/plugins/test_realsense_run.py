@@ -1,6 +1,7 @@
 """Whole episodes that see through librealsense, and what a recording of it shows again."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from gvla2.robot.calibration import Calibration, Intrinsics
 from gvla2_plugins.piper import PiperConfig, SceneryConfig
 from gvla2_plugins.piper.backend import Piper
 from gvla2_plugins.piper.scenery import Scenery
+from gvla2_plugins.piper.watch import WatchLimits
 from gvla2_plugins.realsense import RealsenseConfig
 from gvla2_plugins.realsense.camera import RealsenseCamera
 from gvla2_plugins.realsense.record import main as record_main
@@ -66,9 +68,12 @@ def table(software, hand_eye):
 
 
 @pytest.fixture
-def episode(compose_run, registry, tmp_path):
+def episode(compose_run, registry, tmp_path, monkeypatch):
     """Run one episode of the Piper on its virtual bus; afterwards, the robot is still there to be looked at."""
     made = []
+    # A busy machine may starve the virtual arm for a tenth of a second; test_piper_safety is about these limits.
+    patient = partial(WatchLimits, stale=2.0, stale_status=2.0, heartbeat=2.0, lateness=2.0)
+    monkeypatch.setattr("gvla2_plugins.piper.session.WatchLimits", patient)
 
     def run(camera, **options):
         config = compose_run("robot=sapien_panda", "memory=none", "planner.lift_height=0.05")
