@@ -114,9 +114,8 @@ def _propose(
     done = _done(request.advice.done, skill, theme)
     theta, notes = _theta(call, skill, theme, request, options, frozenset(done))
     done = {name: before for name, before in done.items() if before * theta[name] > 0.0}  # the same way
-    if (
-        options.explore <= 0.0
-    ):  # to get it done, as much again as at first; to find out how much, step by step
+    # To get it done, as much again as at first; to find out how much, step by step.
+    if options.explore <= 0.0:
         first = _done(request.advice.done[::-1], skill, theme)
         theta |= {name: theta[name] + first[name] for name in done}
     role = skill.role("goal")

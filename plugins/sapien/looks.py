@@ -71,12 +71,16 @@ def _read_mesh(path: Path, rgb: tuple[float, ...], thinned: bool) -> PaintedMesh
     if path.suffix.lower() == ".dae":
         return read_collada(path)
     try:
+        if path.suffix.lower()[1:] not in trimesh.available_formats():
+            raise ValueError("a file of another kind")
         mesh = trimesh.load_mesh(path)
-    except (ValueError, OSError, NotImplementedError) as error:
+    except (ValueError, OSError) as error:
         raise RobotError(
             f"The mesh {path} can't be read ({error}); STL, OBJ, PLY and COLLADA can."
         ) from error
     faces = np.asarray(mesh.faces, dtype=np.int64)
+    if not len(faces):
+        raise RobotError(f"The mesh {path} has no triangles: it is empty, or damaged.")
     return PaintedMesh(np.asarray(mesh.vertices), faces, np.tile(rgb, (len(faces), 1)))
 
 

@@ -6,7 +6,7 @@ from gvla2.geometry.transform import rigid
 from gvla2.robot.task import Body, Primitive
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.sapien.collada import PaintedMesh, read_collada, thin
-from gvla2_plugins.sapien.looks import body_surface, link_surfaces
+from gvla2_plugins.sapien.looks import _read_mesh, body_surface, link_surfaces
 from gvla2_plugins.sapien.urdf import find_file, find_mesh, read_urdf
 
 DAE = """<?xml version="1.0"?>
@@ -117,3 +117,11 @@ def test_a_bodys_solids_become_one_surface():
         corners = surface.vertices[faces].reshape(-1, 3)
         np.testing.assert_allclose(corners.min(axis=0), low, atol=2e-3)
         np.testing.assert_allclose(corners.max(axis=0), high, atol=2e-3)
+
+
+@pytest.mark.parametrize(("name", "why"), [("link.xyzq", "another kind"), ("link.stl", "no triangles")])
+def test_a_mesh_that_is_none_is_named(tmp_path, name, why):
+    file = tmp_path / name
+    file.write_text("nothing")
+    with pytest.raises(RobotError, match=rf"{name}.*{why}"):
+        _read_mesh(file, (0.5, 0.5, 0.5), False)
