@@ -49,27 +49,9 @@ class Sim3:
             self.scale * (np.asarray(points, dtype=np.float64) @ self.rotation.T) + self.translation
         )
 
-    def apply_to_poses(self, world_from_camera: ArrayLike) -> FloatArray:
-        """Camera poses (..., 4, 4) in the target's frame: centres are scaled, rotations stay rigid."""
-        poses = np.array(world_from_camera, dtype=np.float64)
-        poses[..., :3, 3] = self.apply(poses[..., :3, 3])
-        poses[..., :3, :3] = self.rotation @ poses[..., :3, :3]
-        return poses
-
     def compose(self, first: Sim3) -> Sim3:
         """``first``, then this one."""
         return Sim3(self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation))
-
-    def inverse(self) -> Sim3:
-        """From the target's frame back to the source's."""
-        return Sim3(1.0 / self.scale, self.rotation.T, -(self.rotation.T @ self.translation) / self.scale)
-
-    def matrix(self) -> FloatArray:
-        """(4, 4) for homogeneous points."""
-        result = np.eye(4)
-        result[:3, :3] = self.scale * self.rotation
-        result[:3, 3] = self.translation
-        return result
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from gvla2.reconstruction.sim3 import Sim3
 from gvla2.reconstruction.surfels import surfels
 from gvla2_plugins.sam3d import ResultTreeConfig, gvla2_reconstructors
 from gvla2_plugins.sam3d.placement import place_gaussians, place_mesh
+from tests.similarities import inverse, moved_poses
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +84,7 @@ def test_a_canonical_result_is_brought_to_the_masks(views, shape, tmp_path, word
     scale, shift = (
         (0.4, np.array([0.2, -0.1, 0.3])) if word == "auto" else (0.93, np.array([0.03, 0.02, -0.04]))
     )
-    canonical = place_mesh(shape, Sim3(1.0, turn, np.zeros(3)).inverse())
+    canonical = place_mesh(shape, inverse(Sim3(1.0, turn, np.zeros(3))))
     canonical = place_mesh(canonical, Sim3(scale, np.eye(3), shift))
     _write(tmp_path, canonical)
     made = _build(tmp_path, axes=word).reconstruct(views)
@@ -100,7 +101,7 @@ def test_the_pose_of_params_npz_is_used_and_its_scale_searched(views, shape, tmp
     p3d_from_camera = np.diag([-1.0, -1.0, 1.0])
     tilt = Rotation.from_euler("xyz", [0.5, -0.8, 1.9]).as_matrix()
     canonical = place_mesh(shape, Sim3(0.8, tilt, np.array([0.1, 0.0, -0.2])))
-    world_from_canonical = Sim3(0.8, tilt, np.array([0.1, 0.0, -0.2])).inverse()
+    world_from_canonical = inverse(Sim3(0.8, tilt, np.array([0.1, 0.0, -0.2])))
     R = p3d_from_camera @ camera.camera_from_world[:3, :3] @ world_from_canonical.rotation
     t = p3d_from_camera @ (
         camera.camera_from_world[:3, :3] @ world_from_canonical.translation + camera.camera_from_world[:3, 3]
@@ -196,7 +197,7 @@ def test_gaussians_turn_with_all_they_have(shape):
     move = Sim3(1.7, Rotation.from_euler("xyz", [0.4, 1.0, -2.0]).as_matrix(), np.array([0.5, 2.0, -1.0]))
     eye = np.array([0.6, -1.6, 0.9])
     here = Camera.from_fov(0.9, look_along(eye, -eye), 48, 48)
-    there = Camera(here.K, move.apply_to_poses(here.world_from_camera), 48, 48)
+    there = Camera(here.K, moved_poses(move, here.world_from_camera), 48, 48)
     before, _ = renderer.render(rich, here)
     after, _ = renderer.render(place_gaussians(rich, move), there)
     assert before.std() > 0.05

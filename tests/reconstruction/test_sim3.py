@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import rigid
 from gvla2.reconstruction.sim3 import Sim3, align_cameras
+from tests.similarities import inverse, matrix, moved_poses
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -31,8 +32,8 @@ def test_compose_and_inverse_are_those_of_the_matrices(seed):
     rng = np.random.default_rng(seed)
     a, b, points = random_sim3(rng), random_sim3(rng), rng.normal(size=(5, 3))
     np.testing.assert_allclose(a.compose(b).apply(points), a.apply(b.apply(points)), atol=1e-9)
-    np.testing.assert_allclose(a.inverse().apply(a.apply(points)), points, atol=1e-9)
-    np.testing.assert_allclose(a.compose(b).matrix(), a.matrix() @ b.matrix(), atol=1e-9)
+    np.testing.assert_allclose(inverse(a).apply(a.apply(points)), points, atol=1e-9)
+    np.testing.assert_allclose(matrix(a.compose(b)), matrix(a) @ matrix(b), atol=1e-9)
     assert Sim3.identity().apply(points) == pytest.approx(points)
 
 
@@ -52,17 +53,17 @@ def test_a_mirror_is_named():
 def test_cameras_are_aligned_exactly(seed, count):
     rng = np.random.default_rng(seed)
     truth, poses = random_sim3(rng), random_poses(rng, count)
-    fit = align_cameras(poses, truth.apply_to_poses(poses))
+    fit = align_cameras(poses, moved_poses(truth, poses))
     assert fit.status == "ok"
-    np.testing.assert_allclose(fit.sim3.matrix(), truth.matrix(), atol=1e-6)
+    np.testing.assert_allclose(matrix(fit.sim3), matrix(truth), atol=1e-6)
 
 
 def test_collinear_centres_fix_the_rotation_by_their_axes():
     rng = np.random.default_rng(3)
     truth, poses = random_sim3(rng), random_poses(rng, 4)
     poses[:, :3, 3] = np.outer(np.arange(4), [1.0, 0.5, -0.2])
-    fit = align_cameras(poses, truth.apply_to_poses(poses))
-    np.testing.assert_allclose(fit.sim3.matrix(), truth.matrix(), atol=1e-8)
+    fit = align_cameras(poses, moved_poses(truth, poses))
+    np.testing.assert_allclose(matrix(fit.sim3), matrix(truth), atol=1e-8)
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -70,7 +71,7 @@ def test_without_a_baseline_the_scale_stays_open(count):
     rng = np.random.default_rng(4)
     truth, poses = random_sim3(rng), random_poses(rng, count)
     poses[:, :3, 3] = [10.0, 20.0, 30.0]
-    fit = align_cameras(poses, truth.apply_to_poses(poses))
+    fit = align_cameras(poses, moved_poses(truth, poses))
     assert fit.status == "scale_undetermined"
     assert fit.sim3.scale == 1.0
     np.testing.assert_allclose(fit.sim3.rotation, truth.rotation, atol=1e-9)
@@ -81,7 +82,7 @@ def test_noise_shows_little_in_the_answer():
     truth, poses = random_sim3(rng), random_poses(rng, 6)
     noisy = poses.copy()
     noisy[:, :3, 3] += rng.normal(scale=0.01, size=(6, 3))
-    fit = align_cameras(noisy, truth.apply_to_poses(poses))
+    fit = align_cameras(noisy, moved_poses(truth, poses))
     assert fit.sim3.scale == pytest.approx(truth.scale, rel=0.02)
 
 

@@ -1,0 +1,8 @@
+"""``python -m gvla2``: the command line, where the installed script is not at hand."""
+
+import sys
+
+from gvla2.cli import main
+
+if __name__ == "__main__":
+    sys.exit(main())
