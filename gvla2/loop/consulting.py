@@ -23,9 +23,6 @@ from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.skills.skill import Skill
 
-GIVES_WAY = ("other", "unknown_skill", "unreachable")
-"""Kinds of abstention after which another planner may know better; the other kinds are answers to the instruction."""
-
 _FAILED = (LanguageModelError, PlanningError)
 
 
@@ -64,7 +61,7 @@ class Consultation:
             record = self._compared(record, self.fallback)
         plan = record.plan
         assert plan is not None
-        gave_way = plan.abstention is not None and plan.abstention.kind in GIVES_WAY
+        gave_way = plan.abstention is not None and plan.abstention.gives_way
         if (
             plan.abstention is not None
             and gave_way
@@ -88,9 +85,9 @@ class Consultation:
         except _FAILED as error:
             return _noted(record, f"The fallback planner was to agree, and failed: {error}")
         refusal = other.abstention
-        if (refusal is not None and refusal.kind in GIVES_WAY) or _alike(plan, other):
+        if (refusal is not None and refusal.gives_way) or _alike(plan, other):
             return record
-        if plan.abstention is not None and plan.abstention.kind not in GIVES_WAY and not other.sure:
+        if plan.abstention is not None and not plan.abstention.gives_way and not other.sure:
             return record  # a refusal for good needs no second voice
         if refusal is not None or other.sure or plan.abstention is not None:
             said = f"refused ({refusal.kind})" if refusal is not None else f"planned to {other.skill}"
@@ -158,7 +155,7 @@ class Consultation:
         if again.abstention is not None:
             said = f"asked again, the planner declined: {again.abstention.message}"
             record = _noted(record, f"The plan was rejected ({'; '.join(reasons)}); {said}")
-            return record, report, again.abstention.kind in GIVES_WAY
+            return record, report, again.abstention.gives_way
         if record.plan is not None and record.plan.fallback and not again.fallback:
             again = replace(again, fallback=record.plan.fallback)
         note = f"The first plan was rejected ({'; '.join(reasons)}) and the planner asked again."

@@ -80,11 +80,18 @@ class Abstention:
     """A planner's typed refusal: nothing is moved.
 
     ``kind`` is one of ``unknown_skill``, ``nothing_matches``, ``ambiguous``, ``no_goal``, ``unreachable``,
-    ``too_wide``, ``other``.
+    ``too_wide``, ``other``. ``unread``: words of the instruction were not understood, so that a planner that
+    understands more may come to a plan; it need not be that the thing is absent.
     """
 
     kind: str
     message: str
+    unread: bool = False
+
+    @property
+    def gives_way(self) -> bool:
+        """Whether another planner may know better; otherwise it is an answer to the instruction."""
+        return self.unread or self.kind in ("other", "unknown_skill", "unreachable")
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ HARMLESS = re.compile(
 )
 """Wordings with such words that rule nothing out; how a motion is not to be, the checks see to."""
 UNLIFTED = re.compile(r"\bwithout (?:lifting|picking|raising|grasping|grabbing|carrying|taking)\b")
+LIFTED = frozenset(("pick", "draw", "pull", "open", "twist"))
 PUT = ("place", "insert", "push", "twist", "close", "draw")
 ACTS = {
     "push": ("push", "press"),
@@ -45,9 +46,13 @@ ACTS = {
     "close": ("close",),
     "shut": ("close",),
     "open": ("open", "twist", "pull"),
-    **dict.fromkeys(("put", "place", "lay", "set", "stack"), PUT),
+    **dict.fromkeys(("put", "place", "lay", "set", "stack", "belongs"), PUT),
 }
 """Verbs that say by which skill, where a program might do the like by another."""
+RAISED = re.compile(
+    r"^(?!.*\b(?:on|onto|on to|in|into|over|beside|next to)\b).*\b(?:lift|raise|hoist|heave)\b"
+)
+"""A wish to lift that names no place to put it."""
 TAKEN_THERE = re.compile(r"\b(?:move|bring|carry|transfer|take|get)\b[^.;]*\b(?:onto|into)\b")
 NEAR = 0.015
 """Things whose boxes are no farther apart touch, metres."""
@@ -85,6 +90,8 @@ def named_things(instruction: str, scene: Scene, names: Mapping[str, str]) -> li
     ]
     if UNLIFTED.search(instruction.casefold()):
         found.append(Named("The task says not to lift it.", frozenset(), skills=frozenset(("push", "pull"))))
+    if RAISED.search(asked(instruction)):
+        found.append(Named("The task says to lift it, not where to put it.", frozenset(), skills=LIFTED))
     if TAKEN_THERE.search(asked(instruction)):
         found.append(Named("The task says where it goes.", frozenset(), skills=frozenset(PUT)))
     for colour in _meant(instruction, scene):

@@ -59,8 +59,8 @@ def _negation(tokens: Sequence[str], i: int) -> str:
     """The wording at ``i`` from which on it is said what is not meant: "without", "do not", "any cube but"."""
     if said := phrase_at(tokens, i, lexicon.NEGATIONS):
         return said
-    among = lexicon.EACH & set(tokens[:i])
-    return "but" if tokens[i] == "but" and among and tokens[i + 1 : i + 2] != ["then"] else ""
+    among = tokens[i] == "but" and lexicon.EACH & set(tokens[:i])
+    return "but" if among and tokens[i + 1 : i + 2] != ["then"] else ""
 
 
 def phrase_at(tokens: Sequence[str], i: int, phrases: Sequence[str]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from gvla2.planning.colours import COLOURS, FAMILIES, colour_distance, meant_by, nearest_colours
+from gvla2.planning.colours import COLOURS, FAMILIES, meant_by, naming_distance, nearest_colours
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.selecting import extreme, located
@@ -43,8 +43,8 @@ def ground(
     """The one object that a phrase means; ``movable`` leaves painted regions out, ``exclude`` are ids it cannot be."""
     pool = [o for o in scene.objects if o.id not in exclude and not (movable and o.shape == "region")]
     called = {word for o in pool for word in tokenise(o.label)[-1:]} & set(tokenise(phrase.text))
-    place = phrase.noun == "target" and not called  # what is called a marker is no place
-    noun = "block" if movable and place else phrase.noun  # "lift the red square"
+    # "lift the red square"; but what is called a marker is no place
+    noun = "block" if movable and phrase.noun == "target" and not called else phrase.noun
     fits = _fits(phrase, noun, pool)
     fits = [(o, s) for o, s in fits if {*phrase.unknown, *phrase.kinds} and not strange(phrase, o)] or fits
     return _single(phrase, _of_colour(phrase, fits, scene), scene)
@@ -178,7 +178,7 @@ def _between(colour: str, thing: SceneObject) -> bool:
     ((_, off),) = nearest_colours(seen, 1)
     if colour not in COLOURS or off < BETWEEN:
         return False
-    return float(colour_distance(COLOURS[colour], seen)) < LEEWAY * off
+    return float(naming_distance(COLOURS[colour], seen)) < LEEWAY * off
 
 
 def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
@@ -203,9 +203,8 @@ def _single(phrase: Phrase, fits: Fits, scene: Scene) -> Grounded | Abstention:
         return Abstention("nothing_matches", f"Which is '{said}' cannot be told; {inventory}.")
     best = max(fits, key=lambda f: f[1])
     tied = [o for o, s in fits if s >= TIE * best[1]]
-    for selector in [
-        s for s in phrase.selectors if s != "any"
-    ] or phrase.selectors:  # "the left one of the posts"
+    singled = [s for s in phrase.selectors if s != "any"]  # "the left one of the posts"
+    for selector in singled or phrase.selectors:
         tied = [best[0]] if selector == "any" else extreme(tied, selector, scene)
     if len(tied) > 1:
         names = ", ".join(f"{o.label} at ({o.centre[0]:.2f}, {o.centre[1]:.2f})" for o in tied)

@@ -60,26 +60,32 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     if refusal := _not_understood(intent, sentence):
         absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
         gone = isinstance(absent, Abstention) and absent.kind == "nothing_matches"
-        return absent if gone and intent.skill in STANDARD else refusal
+        return _unread(absent, intent.theme, scene) if gone and intent.skill in STANDARD else refusal
     if isinstance(out := _excepted(intent, scene), Abstention):
         return out
     theme = _theme(intent, scene, out)
     if isinstance(theme, Abstention) and (aimed := _aimed(intent)) is not None:
         intent, theme = aimed, _theme(aimed, scene, out)
     if isinstance(theme, Abstention):
-        return theme
+        return _unread(theme, intent.theme, scene)
     call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
-    notes = (*intent.notes, *theme.notes)
     skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
     if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
-        return Reading((call,), notes)
+        return Reading((call,), (*intent.notes, *theme.notes))
     goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
-        return goal
+        return _unread(goal, intent.goal, scene)
     if intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
         return Abstention("no_goal", why)
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
-    return Reading((call,), (*notes, *goal.notes))
+    return Reading((call,), (*intent.notes, *theme.notes, *goal.notes))
+
+
+def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:
+    """The refusal; ``unread`` where a known colour or kind stands beside words that are not, or fits something."""
+    said = phrase or Phrase("it", pronoun=True)
+    known = (said.colour or said.noun) if said.unknown else ground_all(said, scene)
+    return replace(why, unread=why.kind == "nothing_matches" and phrase is not None and bool(known))
 
 
 def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:
@@ -88,16 +94,18 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
     if intent.skill == "press":
         return ground_button(intent.theme, seen)
     phrase = intent.theme or Phrase("it", pronoun=True)
-    worked = intent.skill in lexicon.WORKED
-    return ground_worked(phrase, seen) if worked else ground(phrase, seen, movable=True)
+    return (
+        ground_worked(phrase, seen) if intent.skill in lexicon.WORKED else ground(phrase, seen, movable=True)
+    )
 
 
 def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
     """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
-    if goal.shape == "region" or goal.parent:
+    alike = (
+        theme.label.split()[-1] == goal.label.split()[-1]
+    )  # cups and bowls go into their like, as far as they do
+    if goal.shape == "region" or goal.parent or (goal.opening and alike):
         return ""
-    if goal.opening and theme.label.split()[-1] == goal.label.split()[-1]:
-        return ""  # cups and bowls go into their like, as far as they do
     solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
     if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
         return f"The {goal.label} is not seen to be open: nothing goes into it."

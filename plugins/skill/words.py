@@ -55,8 +55,7 @@ def verbs_of(token: str) -> frozenset[str]:
 @cache
 def _noun_classes() -> dict[str, str]:
     words = [(word, noun) for noun, listed in lexicon.NOUNS.items() for word in listed]
-    es = ("s", "x", "sh", "ch")
-    plurals = [(word + ("es" if word.endswith(es) else "s"), noun) for word, noun in words]
+    plurals = [(w + ("es" if w.endswith(("s", "x", "sh", "ch")) else "s"), noun) for w, noun in words]
     return dict([*plurals, *words])
 
 

@@ -197,6 +197,14 @@ def test_a_refusal_for_good_decides_and_one_for_want_of_means_does_not(parts, ki
     assert (record.plan.fallback == "skill") != moves
 
 
+def test_a_refusal_of_words_that_were_not_understood_leaves_the_plan(parts):
+    def unread(_):
+        return Plan(None, abstention=Abstention("nothing_matches", "Nothing is a carton.", unread=True))
+
+    record = agreeing(parts, Answering(parts.fallback.plan), Answering(unread, unread))
+    assert (record.plan.fallback, record.failure) == ("", None)
+
+
 def test_where_neither_is_sure_a_disagreement_moves_nothing(parts):
     def unsure(skill):
         return lambda request: replace(parts.fallback.plan(request), skill=skill, sure=False)

@@ -181,3 +181,18 @@ def test_the_body_of_a_thing_is_the_thing():
     )
     assert read("lift the bottle's green body", bottle).calls[0].theme == "b"
     assert isinstance(read("lift the bottle's red body", bottle), Abstention)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "unread"),
+    [
+        ("put the green carton in the tray", True),  # what a carton is it does not know
+        ("lift the dingus", False),  # nothing tells what it may be
+        ("put the pink box in the tray", False),
+        ("lift the umbrella", False),
+        ("put the green box in the jar", False),
+    ],
+)
+def test_what_is_not_understood_is_told_from_what_is_not_there(sentence, unread):
+    found = read(sentence, TRAY)
+    assert (found.kind, found.unread) == ("nothing_matches", unread)
