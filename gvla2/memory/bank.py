@@ -12,7 +12,6 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -48,7 +47,6 @@ if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
     from gvla2.memory.curation.governance import Governed
     from gvla2.memory.curation.judging import Judged
     from gvla2.memory.curation.replay import Replayed
-    from gvla2.memory.operations import Operations
     from gvla2.memory.storage.audit import Problem
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
@@ -111,12 +109,8 @@ class KnowledgeBank:
         self.index = Index(self.store, bank, self.embedder, replace=named)
         self.inducer = inducer
         self._lock = threading.RLock()
-
-    @cached_property
-    def _operations(self) -> Operations:
-        from gvla2.memory.operations import Operations
-
-        return Operations(self)
+        self.retired_at = -1e18
+        """When failures were last looked through for what is to retire."""
 
     # The main job -------------------------------------------------------------------------------------------------
 
@@ -146,6 +140,8 @@ class KnowledgeBank:
         ``source`` the id of the run. Then, where a verifier was given and replay is on, one doubtful episode of
         earlier is verified again.
         """
+        from gvla2.memory.curation import intake, rewriting
+
         if not isinstance(episode, MemoryEpisode):
             told = tuple(Lesson("procedural_hint", one) if isinstance(one, str) else one for one in lessons)
             source, context = source or f"run/{uuid4()}", recalled or MemoryContext()
@@ -156,14 +152,13 @@ class KnowledgeBank:
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
-            learned = self._operations.learn(episode, verdict)
-            if self._judge is not None and self.options.governance and self.options.replay_per_episode:
-                self._operations.judge(self._judge, limit=JUDGED)
+            learned = intake.learn(self, episode, verdict)
+            if self._judge is not None and self.options.replay_per_episode:
+                self.judge(limit=JUDGED)
             if self._writer is not None and self.options.governance:
-                self._operations.consolidate(self._writer, limit=WRITTEN)
-            if self._verifier is not None and self.options.replay and self.options.replay_per_episode:
-                limit = self.options.replay_per_episode
-                self._operations.replay(self._verifier, limit=limit, but=episode.source)
+                rewriting.rewrite(self, self._writer, limit=WRITTEN)
+            if self._verifier is not None and self.options.replay_per_episode:
+                self.replay(limit=self.options.replay_per_episode, but=episode.source)
             return learned
 
     # By hand ------------------------------------------------------------------------------------------------------
@@ -194,25 +189,27 @@ class KnowledgeBank:
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
+        from gvla2.memory.curation import intake
+
         if self.options.frozen:
             return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
-        rest = [(lesson, verdict, _task(task), source, trusted) for lesson, verdict, task, source in items]
+        rest = [(lesson, verdict, _task(task), source) for lesson, verdict, task, source in items]
         with self._lock:
-            return self._operations.admit(rest)
+            return intake.admit(self, rest, trusted)
 
     def govern(self) -> Governed:
         """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
 
         Where a judge was given, it decides all suspicions first, and a writer looks at all that he has not seen.
         """
-        from gvla2.memory.curation.governance import Governed
+        from gvla2.memory.curation import governance, rewriting
 
         if not self.options.governance or self.options.frozen:
-            return Governed()
+            return governance.Governed()
         with self._lock:
             judged = self.judge() if self._judge is not None else None
-            written = self._operations.consolidate(self._writer) if self._writer is not None else None
-            done = self._operations.govern()
+            written = rewriting.rewrite(self, self._writer) if self._writer is not None else None
+            done = governance.govern(self)
             done.replaced += judged.archived if judged else []
             done.replaced += written.replaced if written else []
             done.summaries += written.merged if written else []
@@ -223,28 +220,31 @@ class KnowledgeBank:
 
         The less trusted, or else the less borne out, of two that contradict each other is archived.
         """
-        from gvla2.memory.curation.judging import Judged
+        from gvla2.memory.curation import judging
 
         chosen = judge or self._judge
         if chosen is None or not self.options.governance or self.options.frozen:
             off = "Governance is switched off."
-            return Judged(notes=[off if chosen else "Nobody was given to judge anything."])
+            return judging.Judged(notes=[off if chosen else "Nobody was given to judge anything."])
         with self._lock:
-            return self._operations.judge(chosen, limit=limit)
+            return judging.judge(self, chosen, limit=limit)
 
-    def replay(self, verifier: Verifier | None = None, *, limit: int | None = None) -> Replayed:
+    def replay(
+        self, verifier: Verifier | None = None, *, limit: int | None = None, but: str = ""
+    ) -> Replayed:
         """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
 
-        At most ``limit`` episodes, the least sure first. A verifier that is unavailable changes nothing.
+        At most ``limit`` episodes, the least sure first, and not that of the source ``but``.
+        A verifier that is unavailable changes nothing.
         """
-        from gvla2.memory.curation.replay import Replayed
+        from gvla2.memory.curation import replay
 
         judge = verifier or self._verifier
         if judge is None or not self.options.replay or self.options.frozen:
             off = "Replay is switched off."
-            return Replayed(notes=[off if judge else "Nobody was given to verify anything again."])
+            return replay.Replayed(notes=[off if judge else "Nobody was given to verify anything again."])
         with self._lock:
-            return self._operations.replay(judge, limit=limit)
+            return replay.replay(self, judge, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""

@@ -7,20 +7,22 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence, standing
-from gvla2.memory.curation.ledger import Ledger
+from gvla2.memory.curation.ledger import Ledger, deciding
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shared_terms, summary_of, tasks_of
+from gvla2.memory.indexing.candidates import SECONDS_PER_DAY
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
 
-SECONDS_PER_DAY = 86400.0
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
+
 PROGRAMS = 3
 """Programs of one skill and the same kinds of things that are kept: those that differ in kind."""
 _LOOKED_AT = 2000
@@ -56,11 +58,20 @@ def retention(record: Record, now: float) -> float:
     return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
 
 
+def govern(bank: KnowledgeBank) -> Governed:
+    """A pass over the whole bank."""
+    with deciding(bank, "govern") as ledger:
+        governing = Governing(ledger)
+        governing.whole()
+        bank.retired_at = ledger.now
+    return governing.done
+
+
 class Governing:
     """Decides, and carries it out, within one transaction."""
 
-    def __init__(self, ledger: Ledger, options: BankOptions, done: Governed | None = None) -> None:
-        self._ledger, self._options, self.done = ledger, options, done or Governed()
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger, self._options, self.done = ledger, ledger.options, Governed()
 
     def whole(self) -> None:
         """All of it, on all records."""

@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Trust, Verdict
+from gvla2.memory.contracts import Learned, MemoryEpisode, Trust, Verdict
+from gvla2.memory.curation.admission import Candidate
 from gvla2.memory.curation.consolidation import Edit, consolidate
 from gvla2.memory.curation.contesting import same_lesson
 from gvla2.memory.curation.evidence import confirmed, counted, new_record, repeated, restarted
-from gvla2.memory.curation.ledger import Ledger, Outcome
+from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A lesson that will be stored in ``state`` at best: its dedup ``key``, unit ``vector`` (D,) and a ``note`` on it.
+@dataclass
+class Tally:
+    """What becomes of lessons, as it is decided."""
 
-    ``screened`` says that it reads like orders.
-    """
+    added: list[str] = field(default_factory=list)
+    merged: list[str] = field(default_factory=list)
+    provisional: list[str] = field(default_factory=list)
+    discarded: int = 0
+    notes: list[str] = field(default_factory=list)
 
-    lesson: Lesson
-    state: LifecycleState
-    trust: Trust
-    key: str
-    vector: NDArray[np.float32]
-    note: str = ""
-    screened: bool = False
+    def note(self, text: str) -> None:
+        """Add a sentence."""
+        if text:
+            self.notes.append(text)
+
+    def learned(self) -> Learned:
+        """The same as the contract's answer, each id and sentence once."""
+        listed = (self.added, self.merged, self.provisional, self.notes)
+        added, merged, held, notes = (tuple(dict.fromkeys(entries)) for entries in listed)
+        return Learned(added, merged, held, self.discarded, notes)
 
 
 class Learning:
@@ -42,13 +48,12 @@ class Learning:
         ledger: Ledger,
         episode: MemoryEpisode,
         verdict: Verdict,
-        options: BankOptions,
-        outcome: Outcome,
+        tally: Tally,
         *,
         own: bool = True,
     ) -> None:
         self._ledger, self._episode, self._verdict = ledger, episode, verdict
-        self._options, self._outcome = options, outcome
+        self._options, self._tally = ledger.options, tally
         self._origin = str(Origin(own, episode.source))
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
@@ -63,7 +68,7 @@ class Learning:
         fresh = new_record(
             ledger.transaction.bank,
             candidate.lesson,
-            candidate.state,
+            candidate.state or "provisional",
             candidate.trust,
             candidate.key,
             self._episode,
@@ -107,7 +112,7 @@ class Learning:
         elif known.state in SERVED:
             self._discard(known.id, f"{known.id} is believed already: a repeat that is not changes nothing")
         elif counted(known, self._episode):
-            self._repeated(known, fresh, self._outcome.provisional)
+            self._repeated(known, fresh, self._tally.provisional)
         else:
             grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
             outcome = fresh.outcome if origin else known.outcome
@@ -117,12 +122,12 @@ class Learning:
         self, record: Record, action: str, origin: str, vector: NDArray[np.float32] | None = None
     ) -> None:
         self._store(record, action, record.note, vector=vector, origin=origin)
-        self._outcome.provisional.append(record.id)
-        self._outcome.note(f"{record.id} is provisional: {record.note}.")
+        self._tally.provisional.append(record.id)
+        self._tally.note(f"{record.id} is provisional: {record.note}.")
 
     def _discard(self, id: str, why: str) -> None:
-        self._outcome.discarded += 1
-        self._outcome.note(f"{why[0].upper()}{why[1:]}." if not why.startswith(id) else f"{why}.")
+        self._tally.discarded += 1
+        self._tally.note(f"{why[0].upper()}{why[1:]}." if not why.startswith(id) else f"{why}.")
         self._ledger.decide("DISCARD", id, why)
         self.touched.append(id)
 
@@ -130,7 +135,7 @@ class Learning:
         """The same source again: whatever it repeats, its word counts once."""
         why = f"{known.id} rests on this episode already, whose word counts once"
         listed.append(known.id)
-        self._outcome.note(f"{why}.")
+        self._tally.note(f"{why}.")
         again = repeated(known, fresh)
         if again == known:
             self._ledger.decide("REPEATED", known.id, why)
@@ -157,8 +162,8 @@ class Learning:
             self._store(
                 replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._origin
             )
-            self._outcome.discarded += 1
-            self._outcome.note(f"{record.id} was archived: {edit.why}.")
+            self._tally.discarded += 1
+            self._tally.note(f"{record.id} was archived: {edit.why}.")
         else:
             self._add(record, candidate, edit)
         for kind, others in (("conflict", edit.conflicts), ("suspicion", edit.suspected)):
@@ -168,16 +173,14 @@ class Learning:
     def _add(self, record: Record, candidate: Candidate, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
         self._store(record, edit.action, edit.why, vector=vector, origin=self._origin)
-        (self._outcome.merged if record.version else self._outcome.added).append(record.id)
+        (self._tally.merged if record.version else self._tally.added).append(record.id)
         if record.version:
-            self._outcome.note(f"{record.id} is verified now and became active.")
+            self._tally.note(f"{record.id} is verified now and became active.")
         for id, why in edit.conflicts if edit.action == "REPLACE" else ():
             loser = self._ledger.get(id)
             if loser is not None and loser.type == record.type:
-                note = f"replaced by {record.id}"
-                self._ledger.put(replace(loser, state="archive", note=note), "REPLACED", note)
-                self._ledger.link(record.id, "replaces", id, why)
-                self._outcome.note(f"{record.id} replaces {id}: {why}.")
+                self._ledger.replace(record, loser, "REPLACED", f"replaced by {record.id}", why)
+                self._tally.note(f"{record.id} replaces {id}: {why}.")
 
     def _fold(self, record: Record, fresh: Record, candidate: Candidate, edit: Edit) -> None:
         """The candidate becomes evidence for its target; its own wording is kept in the archive, linked."""
@@ -192,11 +195,11 @@ class Learning:
 
     def _confirm(self, known: Record, fresh: Record, candidate: Candidate, why: str) -> None:
         if counted(known, self._episode):
-            self._repeated(known, fresh, self._outcome.merged)
+            self._repeated(known, fresh, self._tally.merged)
             return
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
         self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._origin)
-        self._outcome.merged.append(known.id)
+        self._tally.merged.append(known.id)
 
     def _adds(self, known: Record) -> bool:
         """Whether the word of this episode adds to those that a record rests on."""

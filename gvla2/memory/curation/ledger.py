@@ -2,44 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import Embedder, Learned
+from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.contracts import Embedder
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record, numbered
 from gvla2.memory.storage.store import Link, Put, StoredEpisode, Tie, Transaction
+
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
 
 _UNLIKE = 0.25
 """Records with a smaller cosine are no rivals: reading them would be in vain."""
 _EMBEDDED = (*SERVED, "provisional")
 
 
-@dataclass
-class Outcome:
-    """What becomes of an episode's lessons, as it is decided."""
-
-    added: list[str] = field(default_factory=list)
-    merged: list[str] = field(default_factory=list)
-    provisional: list[str] = field(default_factory=list)
-    discarded: int = 0
-    notes: list[str] = field(default_factory=list)
-
-    def note(self, text: str) -> None:
-        """Add a sentence, once."""
-        if text and text not in self.notes:
-            self.notes.append(text)
-
-    def learned(self) -> Learned:
-        """The same as the contract's answer."""
-        added, merged, held = (
-            tuple(dict.fromkeys(ids)) for ids in (self.added, self.merged, self.provisional)
-        )
-        return Learned(added, merged, held, self.discarded, tuple(self.notes))
+@contextmanager
+def deciding(bank: KnowledgeBank, actor: str) -> Iterator[Ledger]:
+    """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
+    with bank.store.writing(bank.bank, actor=actor, now=bank.clock()) as transaction:
+        if bank.index.rev != transaction.rev - 1:
+            bank.index.refresh()  # nobody else can write from here on
+        ledger = Ledger(transaction, bank.index, bank.embedder, bank.options)
+        yield ledger
+        ledger.write()
+    bank.index.refresh()
 
 
 class Ledger:
@@ -48,8 +43,11 @@ class Ledger:
     The index must be up to date when the transaction begins. Nothing is written before :meth:`write`.
     """
 
-    def __init__(self, transaction: Transaction, index: Index, embedder: Embedder) -> None:
-        self.transaction, self.index, self._embedder = transaction, index, embedder
+    def __init__(
+        self, transaction: Transaction, index: Index, embedder: Embedder, options: BankOptions
+    ) -> None:
+        self.transaction, self.index, self.options = transaction, index, options
+        self._embedder = embedder
         self.now: float = transaction.now
         self._latest: dict[str, Record] = {}
         self._keys: dict[str, str] = {}
@@ -103,11 +101,6 @@ class Ledger:
             self._origins[id] = stored.get(id, [])
         return [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id and put.origin)]
 
-    def records(self, ids: Collection[str], state: str) -> list[Record]:
-        """The records of these ids that are in this state after what was decided."""
-        stored = self.transaction.records([state], [id for id in ids if id not in self._latest])
-        return [*stored, *(r for id in ids if (r := self._latest.get(id)) is not None and r.state == state)]
-
     def links(self, id: str) -> list[Link]:
         """The record's links, decided ones too."""
         own = [tie for tie in self._ties if id in (tie.source, tie.target)]
@@ -121,12 +114,8 @@ class Ledger:
 
         Those that are nothing like it are left out.
         """
-        found: dict[str, tuple[Record, float]] = {}
-        if len(self.index):
-            rows, cosines = self.index.nearest(vector, k, states)
-            for row, cosine in zip(rows.tolist(), cosines.tolist(), strict=True):
-                record = self.index.record(row)
-                found[record.id] = (self.latest(record), cosine)
+        near = self.index.nearest(vector, k, states)
+        found = {record.id: (self.latest(record), cosine) for record, cosine in near}
         changed = [id for id in self._near if self._latest[id].state in states]
         if changed:
             alike = np.stack([self._near[id] for id in changed]) @ vector
@@ -139,9 +128,8 @@ class Ledger:
         """(D,) the embedding of a record's text, or of what its text was when it was stored."""
         if record.id in self._near:
             return self._near[record.id]
-        if rows := self.index.rows([record.id]):
-            return self.index.vector(rows[0])
-        return np.asarray(self._embedder.embed([record.text])[0], np.float32)
+        stored = self.index.vector(record.id)
+        return np.asarray(self._embedder.embed([record.text])[0], np.float32) if stored is None else stored
 
     # Deciding -----------------------------------------------------------------------------------------------------
 
@@ -173,6 +161,11 @@ class Ledger:
         self._latest[record.id] = stored
         self._keys[record.dedup_key] = record.id
         return stored
+
+    def replace(self, winner: Record, loser: Record, action: str, note: str, why: str) -> None:
+        """Archive a record in whose place another one stays, and link them."""
+        self.put(replace(loser, state="archive", note=note), action, note)
+        self.link(winner.id, "replaces", loser.id, why)
 
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
         """Let one record refer to another."""
@@ -214,5 +207,5 @@ class Ledger:
 
     def _reworded(self, record: Record) -> bool:
         """Whether the index has no vector of the record's text."""
-        rows = self.index.rows([record.id])
-        return not rows or self.index.record(rows[0]).text != record.text
+        held = self.index.get(record.id)
+        return held is None or held.text != record.text

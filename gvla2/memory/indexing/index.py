@@ -91,25 +91,30 @@ class Index:
 
     def nearest(
         self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """((K,) rows, (K,) cosines) of the at most ``k`` records with the largest cosine to a unit (D,) vector.
+    ) -> list[tuple[Record, float]]:
+        """The at most ``k`` records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
 
-        Equal ones by id. Rows are those of :meth:`record`. A zero vector is near to nothing.
+        A zero vector is near to nothing.
         """
         served = np.flatnonzero(self._rows.in_states(states))
         k = min(k, len(served)) if vector.any() else 0
         if k <= 0:
-            return np.zeros(0, np.intp), np.zeros(0)
+            return []
         cosines = (self._rows.vectors @ vector)[served].astype(np.float64)
         # All that are as near as the last of the k, so that the ids settle who is left out.
         some = np.flatnonzero(cosines >= np.partition(cosines, len(cosines) - k)[len(cosines) - k])
-        records = self._rows.records
-        order = sorted(some.tolist(), key=lambda i: (-cosines[i], records[served[i]].id))[:k]
-        return served[order], cosines[order]
+        found = [(self._rows.records[served[i]], float(cosines[i])) for i in some.tolist()]
+        return sorted(found, key=lambda entry: (-entry[1], entry[0].id))[:k]
 
-    def record(self, row: int) -> Record:
-        """The record of a row of :meth:`nearest` or :meth:`rows`."""
-        return self._rows.records[row]
+    def get(self, id: str) -> Record | None:
+        """The record, None where the index does not hold it."""
+        row = self._rows.row_of.get(id)
+        return None if row is None else self._rows.records[row]
+
+    def vector(self, id: str) -> NDArray[np.float32] | None:
+        """(D,) the embedding of a record, None where the index does not hold it."""
+        row = self._rows.row_of.get(id)
+        return None if row is None else np.array(self._rows.vectors[row])
 
     def count(self, state: str) -> int:
         """How many records are held in a state."""
@@ -119,14 +124,6 @@ class Index:
         """The records held in a state, by id."""
         rows = np.flatnonzero(self._rows.in_states((state,)))
         return sorted((self._rows.records[row] for row in rows.tolist()), key=lambda record: record.id)
-
-    def rows(self, ids: Sequence[str]) -> list[int]:
-        """The rows of these ids; ids that the index does not hold are left out."""
-        return [self._rows.row_of[id] for id in ids if id in self._rows.row_of]
-
-    def vector(self, row: int) -> NDArray[np.float32]:
-        """(D,) the embedding of a row."""
-        return np.array(self._rows.vectors[row])
 
     def _vectors(self, changes: Sequence[Change]) -> list[NDArray[np.float32]]:
         """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""

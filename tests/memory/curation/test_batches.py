@@ -61,8 +61,8 @@ def columns(index: Index) -> dict[str, Any]:
     held = index.candidates(STATES, now=2e9)
     return {
         id: (
-            index.record(index.rows([id])[0]),
-            index.vector(index.rows([id])[0]).tobytes(),
+            index.get(id),
+            index.vector(id).tobytes(),  # type: ignore[union-attr]
             [column[place].item() for column in (held.confidence, held.ages, held.usage, held.conflicts)],
         )
         for place, id in enumerate(ids_of(held))

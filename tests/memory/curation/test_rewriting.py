@@ -8,7 +8,8 @@ import pytest
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import ConsolidationEdit, Near
+from gvla2.memory.contracts import ConsolidationEdit
+from gvla2.memory.records import Record
 
 Open = Callable[..., Any]
 FIRST = "Lift the full cup 12 cm and carry it level to the sink."
@@ -19,9 +20,9 @@ class Writer:
     """Says what it is told to, of the nearest, and remembers what it was shown."""
 
     def __init__(self, action: str = "ADD", content: str = "") -> None:
-        self.action, self.content, self.seen = action, content, list[tuple[Near, tuple[Near, ...]]]()
+        self.action, self.content, self.seen = action, content, list[tuple[Record, tuple[Record, ...]]]()
 
-    def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
+    def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
         self.seen.append((candidate, tuple(near)))
         if self.action == "fail":
             raise Gvla2Error("nobody answers")

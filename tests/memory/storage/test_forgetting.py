@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.contracts import Lesson, MemoryTask
+from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Put, Store, StoredEpisode
 from tests.memory.looking import look
@@ -36,8 +36,8 @@ def fill(store: Store, make: Make, vector: np.ndarray) -> None:
         t.link("s", "conflict", "r1", why=f"against {SECRET}")
         t.link("r2", "replaces", "s", why=f"instead of {SECRET}")
         for source, told in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
-            lessons = (Lesson("tool_usage", SECRET if source != "run/u" else "harmless"),)
-            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), lessons, records=told)])
+            said = SECRET if source != "run/u" else "harmless"
+            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), transcript=said, records=told)])
 
 
 def holders(folder: Path, text: str = SECRET) -> list[str]:

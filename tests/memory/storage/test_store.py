@@ -9,7 +9,7 @@ import pytest
 from sqlalchemy.exc import SQLAlchemyError
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
-from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.contracts import MemoryTask, Verdict
 from gvla2.memory.records import COLUMNS, Record
 from gvla2.memory.storage.events import EVENT_COLUMNS
 from gvla2.memory.storage.store import Put, StaleRecordError, Store, StoredEpisode
@@ -263,12 +263,10 @@ EPISODE = StoredEpisode(
     source="run/1",
     at=NOW,
     task=MemoryTask("Pick up the red cube", {"height": 0.1}, "pick"),
-    lessons=(Lesson("tool_usage", "grip low", {"kind": "prior", "value": 0.1}),),
     transcript="it moved\nand \x00 it lifted",
     facts={"exit_status": 0},
     verdicts=(Verdict.from_criteria({"task_completion": 1.0}, ["done"], "test"),),
     records=("hint-1",),
-    provenance={"planner": "skill"},
 )
 
 
