@@ -18,7 +18,8 @@ from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled, wrong_bank_name
-from gvla2.memory.storage.store import Store, View
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.view import View
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank

@@ -13,7 +13,8 @@ from gvla2.commands.memory_listing import Column, Listing
 from gvla2.commands.printable import counted, one_line, printable
 from gvla2.commands.tables import row, table
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Event, View
+from gvla2.memory.storage.events import Event
+from gvla2.memory.storage.view import View
 
 _SERVED = (
     "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "

@@ -41,7 +41,8 @@ from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.store import Event, Link, Store
+from gvla2.memory.storage.events import Event, Link
+from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
     from gvla2.memory.curation.governance import Governed

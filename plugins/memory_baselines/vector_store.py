@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from gvla2.memory.contracts import Embedder, Lesson, MemoryEpisode, Verdict
 from gvla2.memory.curation.evidence import confirmed, new_record
 from gvla2.memory.records import Record, clean, dump
-from gvla2.memory.storage.store import Store, Transaction
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.store import Store
 
 LONGEST = 100_000
 _SERVED = ("active", "summary")

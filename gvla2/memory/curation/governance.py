@@ -9,8 +9,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence, standing
 from gvla2.memory.curation.ledger import Ledger, deciding
@@ -97,18 +95,11 @@ class Governing:
 
     def retire(self) -> None:
         """Archive failures that nobody used for ``retire_days``, summaries aside."""
-        limit = self._options.retire_days
-        held = self._ledger.index.candidates(("active",), now=self._ledger.now)
-        for place in np.flatnonzero((held.ages >= limit) & (held.usage == 0)).tolist():
-            record = self._ledger.get(held.record(place).id)
-            if (
-                record is None
-                or record.state != "active"
-                or record.usage
-                or record.outcome == "verified_success"
-            ):
+        limit, now = self._options.retire_days, self._ledger.now
+        for record in map(self._ledger.latest, self._ledger.index.records("active")):
+            if record.state != "active" or record.usage or record.outcome == "verified_success":
                 continue
-            if self._ledger.now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
+            if now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
                 self._archive(record, "RETIRE", f"a failure that nobody used for {limit:g} days")
                 self.done.retired.append(record.id)
 

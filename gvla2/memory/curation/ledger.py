@@ -15,7 +15,9 @@ from gvla2.memory.contracts import Embedder
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record, numbered
-from gvla2.memory.storage.store import Link, Put, StoredEpisode, Tie, Transaction
+from gvla2.memory.storage.events import Link, StoredEpisode
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.writing import Put
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
@@ -57,7 +59,7 @@ class Ledger:
         self._vectors: dict[str, NDArray[np.float32]] = {}  # of the texts as they are
         self._near: dict[str, NDArray[np.float32]] = {}  # by which they are found until then
         self._puts: list[Put] = []
-        self._ties: list[Tie] = []
+        self._ties: dict[tuple[str, str, str], str] = {}
         self._decisions: list[tuple[str, str, str]] = []
         self._episodes: dict[str, StoredEpisode] = {}
 
@@ -103,9 +105,8 @@ class Ledger:
 
     def links(self, id: str) -> list[Link]:
         """The record's links, decided ones too."""
-        own = [tie for tie in self._ties if id in (tie.source, tie.target)]
-        stored = self.transaction.links([id])
-        return stored + [Link(tie.source, tie.kind, tie.target, self.now) for tie in own]
+        own = [Link(*tie, self.now) for tie in self._ties if id in (tie[0], tie[2])]
+        return self.transaction.links([id]) + own
 
     def nearest(
         self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED
@@ -170,7 +171,7 @@ class Ledger:
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
         """Let one record refer to another."""
         if source != target:
-            self._ties.append(Tie(source, kind, target, why))
+            self._ties.setdefault((source, kind, target), why)
 
     def decide(self, action: str, record: str = "", why: str = "") -> None:
         """A decision that changes no record."""

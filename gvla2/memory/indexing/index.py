@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
 from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import SERVED, STATES, Entry, Rows
+from gvla2.memory.indexing.rows import SERVED, STATES, Rows
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import Change
@@ -75,8 +75,7 @@ class Index:
         vectors = self._vectors(kept)
         try:
             self._rows.drop([one.record.id for one in listed if not _held(one.record)])
-            entries = zip(kept, vectors, strict=True)
-            self._rows.put([Entry(one.record, vector, one.conflicts) for one, vector in entries])
+            self._rows.put([(one.record, v, one.conflicts) for one, v in zip(kept, vectors, strict=True)])
         except BaseException:
             self._rows.clear()  # half applied: read all of it again
             self.rev = 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,30 +20,22 @@ SERVED = ("active", "summary")
 """The states that planners are told of, unless somebody asks for others."""
 MAX_NUMBERS = 256
 """How many names of signature numbers are compared; further ones are kept with their records and not ranked by."""
-COLUMNS: dict[str, type[np.generic]] = {
-    "state": np.int8,  # place in STATES, -1 for a dead row
-    "type": np.int8,
-    "outcome": np.int8,
-    "skill": np.int32,
-    "confidence": np.float64,
-    "updated": np.float64,
-    "usage": np.int64,
-    "conflicts": np.int64,
-    "program": np.bool_,
-}
+ROW = np.dtype(
+    {
+        "names": ["state", "type", "outcome", "skill", "confidence", "updated", "usage", "conflicts", "program"],
+        "formats": ["i1", "i1", "i1", "i4", "f8", "f8", "i8", "i8", "?"],
+    },
+    align=True,
+)
+"""What is ranked by. ``state`` is a place in STATES, -1 for a dead row."""
 _DEAD = 1024
 UNSEEN = 10
 """Records that a bank is taken to have more than it has: in a small bank every word would be rare."""
 T = TypeVar("T", bound=np.generic)
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A record with what belongs to it: its unit (D,) embedding or zero, and how many others contradict it."""
-
-    record: Record
-    vector: NDArray[np.float32]
-    conflicts: int = 0
+Entry = tuple[Record, NDArray[np.float32], int]
+"""A record with what belongs to it: its unit (D,) embedding or zero, and how many others contradict it."""
 
 
 class Postings:
@@ -102,7 +93,7 @@ class Rows:
         self.records: list[Record] = []  # dead ones, too
         self.row_of: dict[str, int] = {}
         self.skills: dict[str, int] = {"": 0}
-        self.columns: dict[str, NDArray[Any]] = {name: np.zeros(0, kind) for name, kind in COLUMNS.items()}
+        self._table = np.zeros(0, ROW)
         self.numbers: dict[str, NDArray[np.float64]] = {}
         self.postings = Postings()
         self._vectors = np.zeros((0, self._dimension), np.float32)
@@ -111,23 +102,21 @@ class Rows:
         return len(self.row_of)
 
     def put(self, entries: Sequence[Entry]) -> None:
-        """Add records, or bring them up to date; those of no held state are dropped. Each id comes once."""
+        """Add records of held states, or bring them up to date. Each id comes once."""
         new: list[Entry] = []
         for entry in entries:
-            row = self.row_of.get(entry.record.id)
-            if entry.record.state not in STATES:
-                self.drop([entry.record.id])
-            elif row is None:
-                new.append(entry)
-            elif self.records[row].text != entry.record.text:
-                self.drop([entry.record.id])
-                new.append(entry)
-            else:
+            row = self.row_of.get(entry[0].id)
+            if row is not None and self.records[row].text == entry[0].text:
                 self._describe(row, entry)
+            else:
+                self.drop([entry[0].id])
+                new.append(entry)
         self._append(new)
         if len(self.records) - len(self) > _DEAD + len(self) // 2:
-            held, conflicts = sorted(self.row_of.values()), self.columns["conflicts"]
-            kept = [Entry(self.records[row], self._vectors[row], int(conflicts[row])) for row in held]
+            conflicts = self._table["conflicts"]
+            kept = [
+                (self.records[r], self._vectors[r], int(conflicts[r])) for r in sorted(self.row_of.values())
+            ]
             self.clear()
             self._append(kept)
 
@@ -136,11 +125,11 @@ class Rows:
         for id in ids:
             row = self.row_of.pop(id, None)
             if row is not None:
-                self.columns["state"][row] = -1
+                self._table["state"][row] = -1
 
     def column(self, name: str) -> NDArray[Any]:
         """(N,) a column, dead rows included."""
-        return self.columns[name][: len(self.records)]
+        return self._table[name][: len(self.records)]
 
     @property
     def vectors(self) -> NDArray[np.float32]:
@@ -155,48 +144,37 @@ class Rows:
 
     def _append(self, new: Sequence[Entry]) -> None:
         last = len(self.records) + len(new)
-        self.columns = {name: _grown(column, last) for name, column in self.columns.items()}
+        self._table, self._vectors = _grown(self._table, last), _grown(self._vectors, last)
         self.numbers = {name: _grown(column, last, math.nan) for name, column in self.numbers.items()}
-        self._vectors = _grown(self._vectors, last)
         for row, entry in enumerate(new, len(self.records)):
-            self.records.append(entry.record)
-            self.row_of[entry.record.id] = row
-            self.postings.add(row, terms(entry.record.text))
+            record = entry[0]
+            self.records.append(record)
+            self.row_of[record.id] = row
+            self.postings.add(row, terms(record.text))
             self._describe(row, entry)
 
     def _describe(self, row: int, entry: Entry) -> None:
-        record, columns = entry.record, self.columns
+        record, self._vectors[row], conflicts = entry
         self.records[row] = record
-        self._vectors[row] = entry.vector
-        columns["state"][row] = STATES.index(record.state)
-        columns["type"][row] = TYPES.index(record.type)
-        columns["outcome"][row] = OUTCOMES.index(record.outcome)
-        columns["skill"][row] = self.skills.setdefault(record.skill, len(self.skills))
-        columns["confidence"][row] = record.confidence
-        columns["updated"][row] = record.updated
-        columns["usage"][row] = record.usage
-        columns["conflicts"][row] = entry.conflicts
         # Most records have no effect: their texts are not parsed for one.
-        columns["program"][row] = (
-            "program" in record.effect and (record.effect_json() or {}).get("kind") == "program"
-        )
+        program = "program" in record.effect and (record.effect_json() or {}).get("kind") == "program"
+        kinds = STATES.index(record.state), TYPES.index(record.type), OUTCOMES.index(record.outcome)
+        skill = self.skills.setdefault(record.skill, len(self.skills))
+        self._table[row] = (
+            *kinds, skill, record.confidence, record.updated, record.usage, conflicts, program
+        )  # fmt: skip
         for column in self.numbers.values():
             column[row] = math.nan
         for name, value in record.signature_json().items() if record.signature != "{}" else ():
             if name not in self.numbers and len(self.numbers) < MAX_NUMBERS:
-                self.numbers[name] = np.full(len(columns["state"]), math.nan)
+                self.numbers[name] = np.full(len(self._table), math.nan)
             if name in self.numbers:
                 self.numbers[name][row] = value
 
 
 def _grown(column: NDArray[T], rows: int, fill: float = 0) -> NDArray[T]:
-    """``column`` itself where it has at least ``rows`` rows, else a copy with room for half as many more.
-
-    New rows hold ``fill``.
-    """
+    """``column`` itself where it has at least ``rows`` rows, else with room for half as many more, of ``fill``."""
+    room = max(rows, len(column) + len(column) // 2, 16) - len(column)
     if len(column) >= rows:
         return column
-    room = max(rows, len(column) + len(column) // 2, 16)
-    larger = np.full((room, *column.shape[1:]), fill, column.dtype)
-    larger[: len(column)] = column
-    return larger
+    return np.concatenate([column, np.full((room, *column.shape[1:]), fill, column.dtype)])

@@ -16,10 +16,9 @@ from sqlalchemy import Connection, Row, update
 
 from gvla2.memory.records import FORGOTTEN, Record, as_json, dump, load_object, numbered
 from gvla2.memory.storage.database import upsert
-from gvla2.memory.storage.putting import Put
 from gvla2.memory.storage.tables import EPISODE, EVENT, LINK, META, PENDING, VECTOR
 from gvla2.memory.storage.view import parts
-from gvla2.memory.storage.writing import Writing
+from gvla2.memory.storage.writing import Put, Writing
 
 ERASED = {"why": "", "scores": "", "change": "", "origin": "", "salt": b""}
 """What is left of the payload of an event that told of something forgotten."""

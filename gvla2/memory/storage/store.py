@@ -12,28 +12,11 @@ from typing import Any
 from sqlalchemy import delete, select
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import parsed, wrong_bank_name
 from gvla2.memory.storage.database import Database
-from gvla2.memory.storage.events import Event, Link, StoredEpisode
 from gvla2.memory.storage.forgetting import Transaction
-from gvla2.memory.storage.putting import Put, StaleRecordError, Tie
 from gvla2.memory.storage.tables import BANK, META, PENDING
-from gvla2.memory.storage.view import Change, View
-
-__all__ = [
-    "Change",
-    "Event",
-    "Link",
-    "Put",
-    "Record",
-    "StaleRecordError",
-    "Store",
-    "StoredEpisode",
-    "Tie",
-    "Transaction",
-    "View",
-]
+from gvla2.memory.storage.view import View
 
 
 class Store:

@@ -27,19 +27,14 @@ class Change:
     """A record as it is now, which a transaction after ``since`` changed (or a link of it).
 
     ``vector`` is (D,) float32 made by ``model``, read-only; None where it is damaged, or where there is none (``model``
-    is "" then): the index embeds the record then. ``conflicts`` is how many others contradict the record. Where
-    ``forgotten``, the record has an id, a version and a rev, and nothing else: drop it.
+    is "" then): the index embeds the record then. ``conflicts`` is how many others contradict the record. A record of
+    the state :data:`FORGOTTEN` has an id, a version and a rev, and nothing else: drop it.
     """
 
     record: Record
     vector: NDArray[np.float32] | None
     model: str
     conflicts: int = 0
-
-    @property
-    def forgotten(self) -> bool:
-        """Whether the record is to be dropped."""
-        return self.record.state == FORGOTTEN
 
 
 class View:
@@ -196,9 +191,7 @@ class View:
             for name, query in (("states", states), ("types", types))
         }
         tables = {"vectors": VECTOR, "links": LINK, "events": EVENT, "episodes": EPISODE}
-        counted = {
-            name: int(self.sql.execute(self._of(table, count)).scalar_one()) for name, table in tables.items()
-        }
+        counted = {name: self.sql.scalar(self._of(table, count)) for name, table in tables.items()}
         seq, hash_ = (self.head.seq, self.head.hash) if self.head else (0, "")
         return {**grouped, **counted, "rev": self.rev, "seq": seq, "hash": hash_}
 

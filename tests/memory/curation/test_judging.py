@@ -11,7 +11,7 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Suspects
 from gvla2.memory.curation.judging import BATCH, Judged, decide, judge, open_suspicions
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Put
+from gvla2.memory.storage.writing import Put
 
 
 def record(id: str, **more: object) -> Record:

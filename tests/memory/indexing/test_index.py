@@ -11,7 +11,8 @@ from gvla2.evaluation.memory.corpus import lessons
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import ids_of, look
 
 EMBEDDER = StaticEmbedder()

@@ -11,7 +11,8 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.memory.records import COLUMNS, Record
 from gvla2.memory.storage.audit import repair
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import look
 
 GOOD = Verdict.from_criteria({"done": 1.0})

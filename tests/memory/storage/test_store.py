@@ -11,9 +11,10 @@ from sqlalchemy.exc import SQLAlchemyError
 from gvla2.errors import ConfigurationError, MemoryStoreError
 from gvla2.memory.contracts import MemoryTask, Verdict
 from gvla2.memory.records import COLUMNS, Record
-from gvla2.memory.storage.events import EVENT_COLUMNS
-from gvla2.memory.storage.store import Put, StaleRecordError, Store, StoredEpisode
+from gvla2.memory.storage.events import EVENT_COLUMNS, StoredEpisode
+from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.tables import EVENT, RECORD
+from gvla2.memory.storage.writing import Put, StaleRecordError
 from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
@@ -42,7 +43,7 @@ def test_a_record_comes_back_as_it_was_stored(
     assert look(store, "b").records() == [stored]
     assert type(stored.quality) is float
     (change,) = look(store, "b").changes(0)
-    assert (change.record, change.model, change.forgotten) == (stored, "m", False)
+    assert (change.record, change.model, change.record.state) == (stored, "m", "active")
     np.testing.assert_array_equal(change.vector, vector)
     assert look(store, "b").changes(stored.rev) == []
     assert store.rev("b") == 1
