@@ -33,15 +33,14 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
+from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.recalling import Hit, recall, search
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.events import Event, Link
 from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
@@ -271,16 +270,6 @@ class KnowledgeBank:
             states = (*SERVED, "provisional") if provisional else self._shown()
             served, found = (self.index.candidates(s, now=self.clock()) for s in (self._shown(), states))
             return search(_task(text), served, found, self._retriever, self.embedder, k)
-
-    def history(self, id: str) -> list[Event]:
-        """All decisions about a record, oldest first."""
-        with self.store.reading(self.bank) as view:
-            return view.history(id)
-
-    def links(self, id: str | None = None) -> list[Link]:
-        """All links, or those of one record; of the kind ``conflict`` are those that contradict each other."""
-        with self.store.reading(self.bank) as view:
-            return view.links(None if id is None else [id])
 
     def verify(self, *, head: str = "") -> list[Problem]:
         """What is wrong with the bank, [] for nothing; its vectors are compared with what this embedder makes.

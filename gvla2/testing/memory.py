@@ -24,7 +24,7 @@ from gvla2.memory.contracts import (
     Verifier,
 )
 from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import Rows
+from gvla2.memory.indexing.candidates import Rows
 from gvla2.memory.records import Record, dump
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.effects import Effect

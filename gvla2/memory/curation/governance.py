@@ -13,8 +13,7 @@ from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence, standing
 from gvla2.memory.curation.ledger import Ledger, deciding
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shared_terms, summary_of, tasks_of
-from gvla2.memory.indexing.candidates import SECONDS_PER_DAY
-from gvla2.memory.indexing.rows import SERVED
+from gvla2.memory.indexing.candidates import SECONDS_PER_DAY, SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
 
@@ -36,7 +35,6 @@ class Governed:
     summaries: list[str] = field(default_factory=list)
     summed_up: list[str] = field(default_factory=list)
     archived: list[str] = field(default_factory=list)
-    degraded: str = ""
 
     @property
     def changes(self) -> int:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from gvla2.memory.contracts import Judge, Judgement, Suspects
 from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.ledger import deciding
-from gvla2.memory.indexing.rows import SERVED
+from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
 
 if TYPE_CHECKING:
@@ -38,7 +38,6 @@ class Judged:
     archived: list[str] = field(default_factory=list)
     usage: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
-    degraded: str = ""
 
 
 def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Judged:

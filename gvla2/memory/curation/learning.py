@@ -1,4 +1,4 @@
-"""From an admitted lesson to records: the decision of :mod:`gvla2.memory.curation.consolidation`, carried out."""
+"""From an admitted lesson to records: the decision of :mod:`gvla2.memory.curation.contesting`, carried out."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Learned, MemoryEpisode, Trust, Verdict
 from gvla2.memory.curation.admission import Candidate
-from gvla2.memory.curation.consolidation import Edit, consolidate
-from gvla2.memory.curation.contesting import same_lesson
+from gvla2.memory.curation.contesting import Edit, consolidate, same_lesson
 from gvla2.memory.curation.evidence import confirmed, counted, new_record, repeated, restarted
 from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
-from gvla2.memory.indexing.rows import SERVED
+from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
 
 
@@ -54,7 +53,7 @@ class Learning:
     ) -> None:
         self._ledger, self._episode, self._verdict = ledger, episode, verdict
         self._options, self._tally = ledger.options, tally
-        self._origin = str(Origin(own, episode.source))
+        self._origin = Origin(own, episode.source)
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
         """What was found nearest to the records that were compared."""
@@ -90,7 +89,7 @@ class Learning:
         if not believed(trust):
             note = candidate.note or "no two independent sources have borne it out"
             self._unverified(
-                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin
+                replace(candidate, note=note), replace(fresh, state="provisional"), known, str(self._origin)
             )
         elif known is not None and known.state in SERVED:
             self._confirm(known, fresh, candidate, "one more episode says the same")
@@ -160,7 +159,7 @@ class Learning:
             self._fold(record, fresh, candidate, edit)
         elif edit.action == "DISCARD":
             self._store(
-                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._origin
+                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=str(self._origin)
             )
             self._tally.discarded += 1
             self._tally.note(f"{record.id} was archived: {edit.why}.")
@@ -172,7 +171,7 @@ class Learning:
 
     def _add(self, record: Record, candidate: Candidate, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
-        self._store(record, edit.action, edit.why, vector=vector, origin=self._origin)
+        self._store(record, edit.action, edit.why, vector=vector, origin=str(self._origin))
         (self._tally.merged if record.version else self._tally.added).append(record.id)
         if record.version:
             self._tally.note(f"{record.id} is verified now and became active.")
@@ -189,7 +188,7 @@ class Learning:
             self._add(record, candidate, replace(edit, action="ADD"))
             return
         note = f"merged into {target.id}"
-        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=self._origin)
+        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=str(self._origin))
         self._ledger.link(target.id, "merged", record.id, edit.why)
         self._confirm(target, fresh, candidate, edit.why)
 
@@ -198,24 +197,23 @@ class Learning:
             self._repeated(known, fresh, self._tally.merged)
             return
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
-        self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._origin)
+        self._store(
+            replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=str(self._origin)
+        )
         self._tally.merged.append(known.id)
 
     def _adds(self, known: Record) -> bool:
         """Whether the word of this episode adds to those that a record rests on."""
-        mine = Origin.read(self._origin)
-        told = [
-            origin for text in self._ledger.origins(known.id) if (origin := Origin.read(text)) is not None
-        ]
-        return mine is None or mine.own or (known.trust != "own" and adds(told, mine))
+        if self._origin.own:
+            return True
+        return known.trust != "own" and adds(self._ledger.origins(known.id), self._origin)
 
     def _trust(self, known: Record | None, candidate: Candidate) -> Trust:
         """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""
-        told = [*(self._ledger.origins(known.id) if known else ()), self._origin]
-        origins = [origin for text in told if (origin := Origin.read(text)) is not None]
         if known is not None and known.state == "summary":
             return known.trust  # it tells other texts as well, whose origins are their own
-        return trust_of(origins, screened=candidate.screened)
+        told = self._ledger.origins(known.id) if known else []
+        return trust_of([*told, self._origin], screened=candidate.screened)
 
     def _store(
         self,

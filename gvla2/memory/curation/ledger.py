@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Embedder
+from gvla2.memory.curation.trust import Origin
+from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record, numbered
 from gvla2.memory.storage.events import Link, StoredEpisode
 from gvla2.memory.storage.forgetting import Transaction
@@ -96,12 +97,13 @@ class Ledger:
         found = self._by_key[key]
         return self.latest(found) if found is not None else None
 
-    def origins(self, id: str) -> list[str]:
+    def origins(self, id: str) -> list[Origin]:
         """Who brought the evidence behind a record, decided changes too."""
         if id not in self._origins:
             stored = self.transaction.origins([id])
             self._origins[id] = stored.get(id, [])
-        return [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id and put.origin)]
+        told = [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id)]
+        return [origin for text in told if (origin := Origin.read(text)) is not None]
 
     def links(self, id: str) -> list[Link]:
         """The record's links, decided ones too."""

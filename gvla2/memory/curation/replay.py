@@ -33,7 +33,6 @@ class Replayed:
     episodes: int = 0
     unavailable: int = 0
     notes: list[str] = field(default_factory=list)
-    degraded: str = ""
 
 
 def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import SERVED, STATES, Rows
+from gvla2.memory.indexing.candidates import SERVED, STATES, Candidates, Rows
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import Change

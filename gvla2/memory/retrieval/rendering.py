@@ -33,20 +33,7 @@ _ITEM_LIMIT = 600
 _ODD = re.compile(r"[\x00-\x08\x0e-\x1b\x7f<>\[\]|`]")
 
 
-class _Visible(dict[int, str | None]):
-    """What a character is shown as: spaces as one space, invisible ones not at all, markup as its lookalikes."""
-
-    def __missing__(self, code: int) -> str | None:
-        letter = chr(code)
-        shown = " " if letter.isspace() else None if invisible(letter) else letter
-        if len(self) < 20_000:
-            self[code] = shown
-        return shown
-
-
-_VISIBLE = _Visible(
-    {ord(k): v for k, v in {"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"}.items()}
-)
+_LOOKALIKES = {"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"}
 
 
 def render(items: Sequence[MemoryItem], max_chars: int = 2400) -> str:
@@ -87,7 +74,7 @@ def _line(item: MemoryItem, limit: int) -> str:
 
 def effect_words(effect: Mapping[str, Any] | None) -> str:
     """The numbers of a typed effect, in words; "" for one that is damaged, or whose names read like orders."""
-    if not effect or _talks(*_named(effect)):
+    if not effect or _talks(str(effect.get("parameter") or ""), str(effect.get("scale") or "")):
         return ""
     name = neutralised(str(effect.get("parameter", "")), 48)
     try:
@@ -111,10 +98,6 @@ def effect_words(effect: Mapping[str, Any] | None) -> str:
             return ""
 
 
-def _named(effect: Mapping[str, Any]) -> tuple[str, str]:
-    return str(effect.get("parameter") or "")[:_ITEM_LIMIT], str(effect.get("scale") or "")[:_ITEM_LIMIT]
-
-
 @lru_cache(maxsize=4096)
 def _talks(parameter: str, scale: str) -> bool:
     return bool(screened_effect({"parameter": parameter, "scale": scale}))
@@ -131,5 +114,13 @@ def neutralised(text: str, limit: int) -> str:
         return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"
     # Normalising may lengthen a text, so cut before (to bound the work) and after (to bound the result).
     plain = unicodedata.normalize("NFKC", text[: 4 * limit])
-    line = " ".join(plain.translate(_VISIBLE).split())
+    line = " ".join("".join(map(_shown, plain)).split())
     return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"
+
+
+@lru_cache(maxsize=20_000)
+def _shown(letter: str) -> str:
+    """What a character is shown as: spaces as one space, invisible ones not at all, markup as its lookalikes."""
+    if letter.isspace():
+        return " "
+    return "" if invisible(letter) else _LOOKALIKES.get(letter, letter)

@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import NullPool, QueuePool
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.storage.tables import META, SCHEMA_VERSION, TABLES
+from gvla2.memory.storage.tables import META, METADATA, SCHEMA_VERSION
 
 
 class Database(ABC):
@@ -97,8 +97,7 @@ class Database(ABC):
 
 def create_tables(connection: Connection) -> None:
     """Create the tables of :data:`SCHEMA_VERSION` and state it, within the connection's transaction."""
-    for table in TABLES:
-        table.create(connection)
+    METADATA.create_all(connection, checkfirst=False)
     connection.execute(insert(META), {"key": "schema", "value": str(SCHEMA_VERSION)})
 
 

@@ -72,23 +72,12 @@ class Transaction(Writing):
 
     def _tombstone(self, row: Row[Any]) -> Record:
         """What is left of a forgotten record: that it was."""
-        return Record(
-            id=row.id,
-            bank=self.bank,
-            query="",
-            content="",
-            type=cast(Any, ""),
-            state=cast(Any, FORGOTTEN),
-            outcome=cast(Any, ""),
-            confidence=0.0,
-            quality=0.0,
-            dedup_key=f"{FORGOTTEN}:{row.id}",
-            created=self.now,
-            updated=self.now,
-            count=0,
-            version=(row.version if type(row.version) is int else 0) + 1,
-            rev=self.rev,
-        )
+        blank, version = cast(Any, ""), row.version if type(row.version) is int else 0
+        made = Record(
+            row.id, self.bank, "", "", blank, cast(Any, FORGOTTEN), blank, 0.0, 0.0, f"{FORGOTTEN}:{row.id}",
+            self.now, self.now, count=0,
+        )  # fmt: skip
+        return numbered(made, version + 1, self.rev)
 
     def _forget_episodes(self, rows: Mapping[str, Row[Any]]) -> None:
         """The episodes that taught them: their rows, and what events say of them."""

@@ -12,6 +12,7 @@ from gvla2.memory.contracts import Judgement, Suspects
 from gvla2.memory.curation.judging import BATCH, Judged, decide, judge, open_suspicions
 from gvla2.memory.records import Record
 from gvla2.memory.storage.writing import Put
+from tests.memory.looking import look
 
 
 def record(id: str, **more: object) -> Record:
@@ -71,8 +72,12 @@ def two(tmp_path: Path):
                 t.link(first.id, "suspicion", second.id)
             done = judge(bank, Fixed(contradicts))
             assert bank.verify() == []
-            why = {event.action: event.why for event in bank.history(first.id)}
-            links = {x.kind: why.get(f"link:{x.kind}") for x in bank.links() if x.kind != "suspicion"}
+            why = {event.action: event.why for event in look(bank.store, bank.bank).history(first.id)}
+            links = {
+                x.kind: why.get(f"link:{x.kind}")
+                for x in look(bank.store, bank.bank).links()
+                if x.kind != "suspicion"
+            }
             return done, {one.id: one.state for one in bank.records()}, links
 
     return judged

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import Rows
+from gvla2.memory.indexing.candidates import Candidates, Rows
 from gvla2.memory.indexing.terms import questions, terms
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.options import HybridOptions, ScoreWeights, SemanticOptions

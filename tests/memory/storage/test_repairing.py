@@ -71,7 +71,7 @@ def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path)
         for old, new in zip(before, bank.records(), strict=True):
             assert {n for n in COLUMNS if getattr(old, n) != getattr(new, n)} <= {"version", "rev"}
         assert {hit.record.content for hit in bank.search("lift the cup or turn the lid")} <= set(SAID)
-        assert bank.history(done[0][0])[-1].action == "repair"
+        assert look(bank.store, bank.bank).history(done[0][0])[-1].action == "repair"
         assert bank.verify() == []
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as again:
         assert {item.content for item in again.recall("lift the cup").items} <= set(SAID)
