@@ -93,7 +93,7 @@ def as_of(request: Request) -> Answer:
     """The records as they were at a time, or one of them."""
     at = time_of(request.words[0])
     with opened(request) as store, store.reading(request.bank) as view:
-        records = view.as_of(at)
+        records = list(view.rebuilt(at).records)
     if len(request.words) > 1:
         records = [record for record in records if record.id.startswith(request.words[1])]
         if not records:

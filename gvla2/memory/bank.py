@@ -11,11 +11,14 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
@@ -33,14 +36,15 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import SERVED
+from gvla2.memory.indexing.candidates import SERVED, Candidates
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.records import Record
+from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.recalling import Hit, recall, search
+from gvla2.memory.retrieval.rendering import item_of, render
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
+from gvla2.memory.storage.database import Closing
 from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
@@ -50,6 +54,8 @@ if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
     from gvla2.memory.storage.audit import Problem
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
+MAX_THINGS = 64
+"""Things of a task that are looked at."""
 JUDGED = 16
 """Suspicions that are decided after each episode."""
 WRITTEN = 2
@@ -57,7 +63,17 @@ WRITTEN = 2
 FROZEN = "The bank is frozen: nothing was learnt."
 
 
-class KnowledgeBank:
+@dataclass(frozen=True)
+class Hit:
+    """A record that a search found, its score and the score's terms by name; ``reliable``: recall would show it."""
+
+    record: Record
+    score: float
+    terms: Mapping[str, float]
+    reliable: bool
+
+
+class KnowledgeBank(Closing):
     """A named bank, for any number of processes and threads.
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already and is
@@ -98,9 +114,8 @@ class KnowledgeBank:
         if not isinstance(address, Store):
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
         self.store = address
-        chooses = getattr(
-            embedder, "for_bank", None
-        )  # asking for its model would load one that is not wanted
+        # Asking for its model would load one that is not wanted.
+        chooses = getattr(embedder, "for_bank", None)
         if chooses is not None:
             with self.store.reading(bank) as view:
                 embedder = chooses(view.model())
@@ -117,10 +132,15 @@ class KnowledgeBank:
     def recall(self, task: MemoryTask | str) -> MemoryContext:
         """The most reliable records for the task, or none with the reason."""
         with self._lock:
-            self.index.refresh()
-            self.index.keep()
-            candidates = self.index.candidates(self._shown(), now=self.clock())
-            return recall(_task(task), candidates, self._retriever, self.embedder, self.options, self.bank)
+            asked, vector = self._asked(task)
+            candidates = self._candidates()
+            if not len(candidates):
+                return MemoryContext(abstained=f"The bank '{self.bank}' holds no verified knowledge yet.")
+            ranked, reason = self._retriever.rank(asked, candidates, vector)
+            items = tuple(item_of(candidates.record(rank.row), rank) for rank in ranked)
+            if not items:
+                return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
+            return MemoryContext(items, render(items, self.options.max_chars))
 
     def learn(
         self,
@@ -140,7 +160,7 @@ class KnowledgeBank:
         ``source`` the id of the run. Then, where a verifier was given and replay is on, one doubtful episode of
         earlier is verified again.
         """
-        from gvla2.memory.curation import intake, rewriting
+        from gvla2.memory.curation import governance, intake, rewriting
 
         if not isinstance(episode, MemoryEpisode):
             told = tuple(Lesson("procedural_hint", one) if isinstance(one, str) else one for one in lessons)
@@ -156,7 +176,7 @@ class KnowledgeBank:
             if self._judge is not None and self.options.replay_per_episode:
                 self.judge(limit=JUDGED)
             if self._writer is not None and self.options.governance:
-                rewriting.rewrite(self, self._writer, limit=WRITTEN)
+                rewriting.rewrite(self, self._writer, governance.Governed(), limit=WRITTEN)
             if self._verifier is not None and self.options.replay_per_episode:
                 self.replay(limit=self.options.replay_per_episode, but=episode.source)
             return learned
@@ -207,13 +227,12 @@ class KnowledgeBank:
         if not self.options.governance or self.options.frozen:
             return governance.Governed()
         with self._lock:
-            judged = self.judge() if self._judge is not None else None
-            written = rewriting.rewrite(self, self._writer) if self._writer is not None else None
-            done = governance.govern(self)
-            done.replaced += judged.archived if judged else []
-            done.replaced += written.replaced if written else []
-            done.summaries += written.merged if written else []
-            return done
+            done = governance.Governed()
+            if self._judge is not None:
+                done.replaced += self.judge().archived
+            if self._writer is not None:
+                rewriting.rewrite(self, self._writer, done)
+            return governance.govern(self, done)
 
     def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
         """Let ``judge``, or the bank's own, decide which suspicions are contradictions; ``limit`` pairs at most.
@@ -263,13 +282,23 @@ class KnowledgeBank:
             return view.records(states)
 
     def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
-        """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
+        """What a recall would show, with its score, then the nearest of all others, and by what; ``k`` at most."""
         with self._lock:
-            self.index.refresh()
-            self.index.keep()
-            states = (*SERVED, "provisional") if provisional else self._shown()
-            served, found = (self.index.candidates(s, now=self.clock()) for s in (self._shown(), states))
-            return search(_task(text), served, found, self._retriever, self.embedder, k)
+            asked, vector = self._asked(text)
+            served = self._candidates()
+            found = self._candidates("provisional") if provisional else served
+            ranked, _ = self._retriever.rank(asked, served, vector) if len(found) else ((), "")
+            hits = [Hit(served.record(r.row), r.score, dict(r.terms), reliable=True) for r in ranked]
+            lexical, cosine = found.lexical(asked.query), found.cosine(vector)
+            text_score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
+            known = {hit.record.id for hit in hits}
+            order = sorted(range(len(found)), key=lambda row: (-text_score[row], found.record(row).id))
+            for row in order[: k + len(known)]:
+                record, said = found.record(row), (float(lexical[row]), float(cosine[row]))
+                if record.id not in known and text_score[row] > 0:
+                    terms = {"lexical": said[0], "cosine": said[1], "confidence": record.confidence}
+                    hits.append(Hit(record, float(text_score[row]), terms, reliable=False))
+            return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
         """What is wrong with the bank, [] for nothing; its vectors are compared with what this embedder makes.
@@ -290,16 +319,19 @@ class KnowledgeBank:
         with self._lock:
             self.store.close()
 
-    def __enter__(self) -> KnowledgeBank:
-        return self
+    def _candidates(self, *more: str) -> Candidates:
+        """What is served now, and the records of ``more`` states."""
+        self.index.refresh()
+        self.index.keep()
+        states = {*SERVED, *more, *(("provisional",) if self.options.show_provisional else ())}
+        return self.index.candidates(sorted(states), now=self.clock())
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _shown(self) -> tuple[str, ...]:
-        return (*SERVED, "provisional") if self.options.show_provisional else SERVED
+    def _asked(self, task: MemoryTask | str) -> tuple[MemoryTask, NDArray[np.float32]]:
+        """The task with a query that any retriever can take, and sound numbers; and the query's (D,) vector."""
+        told = _task(task)
+        query, numbers = clean(told.query, MAX_QUERY), finite(told.signature)
+        asked = MemoryTask(query, numbers, told.skill, told.things[:MAX_THINGS])
+        return asked, self.embedder.embed([query])[0]
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:

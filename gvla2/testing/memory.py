@@ -23,8 +23,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.candidates import Rows
+from gvla2.memory.indexing.candidates import Candidates, Rows
 from gvla2.memory.records import Record, dump
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.effects import Effect

@@ -75,9 +75,8 @@ def weigh(
         return held_back(ungrounded)
     verified = failed or verdict.outcome == "verified_success"
     if not verified and (admission or not is_believed(level)):
-        return held_back(
-            f"the outcome {'could not be judged' if verdict.outcome == 'unavailable' else 'is uncertain'}"
-        )
+        lost = verdict.outcome == "unavailable"
+        return held_back(f"the outcome {'could not be judged' if lost else 'is uncertain'}")
     if is_believed(level):
         return Candidate(lesson, "active", "", level, bool(suspicious))
     note = suspicious or "it comes from outside, and no second source has borne it out yet"

@@ -54,20 +54,19 @@ def retention(record: Record, now: float) -> float:
     return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
 
 
-def govern(bank: KnowledgeBank) -> Governed:
-    """A pass over the whole bank."""
+def govern(bank: KnowledgeBank, done: Governed) -> Governed:
+    """A pass over the whole bank, added to what was ``done``."""
     with deciding(bank, "govern") as ledger:
-        governing = Governing(ledger)
-        governing.whole()
+        Governing(ledger, done).whole()
         bank.retired_at = ledger.now
-    return governing.done
+    return done
 
 
 class Governing:
     """Decides, and carries it out, within one transaction."""
 
-    def __init__(self, ledger: Ledger) -> None:
-        self._ledger, self._options, self.done = ledger, ledger.options, Governed()
+    def __init__(self, ledger: Ledger, done: Governed) -> None:
+        self._ledger, self._options, self.done = ledger, ledger.options, done
 
     def whole(self) -> None:
         """All of it, on all records."""

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import TYPES, Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.curation.admission import Candidate, believed, weigh
-from gvla2.memory.curation.governance import Governing
+from gvla2.memory.curation.governance import Governed, Governing
 from gvla2.memory.curation.induction import RulesInducer, ungrounded
-from gvla2.memory.curation.learning import Learning, Tally
+from gvla2.memory.curation.learning import Brought, Learning, Tally
 from gvla2.memory.curation.ledger import Ledger, deciding
 from gvla2.memory.curation.replay import with_verdict
-from gvla2.memory.curation.trust import Origin, least
+from gvla2.memory.curation.trust import least
 from gvla2.memory.indexing.candidates import SECONDS_PER_DAY
 from gvla2.memory.records import MAX_QUERY, clean, dedup_key, dump
 from gvla2.memory.storage.events import StoredEpisode
@@ -31,18 +31,6 @@ LARGEST = 1e9
 """No number of an effect is larger, whatever its unit."""
 MAX_TAUGHT = 256
 """Ids of records that a stored episode names; a record names its episodes, too."""
-
-
-@dataclass(frozen=True)
-class Brought:
-    """An episode, its verdict, whether it is one of ours, and of ``unsure`` texts that a model wrote why they are not
-    to be believed at once.
-    """
-
-    episode: MemoryEpisode
-    verdict: Verdict
-    own: bool
-    unsure: Mapping[str, str]
 
 
 def learn(bank: KnowledgeBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
@@ -111,7 +99,7 @@ def _admitted(bank: KnowledgeBank, one: Brought, tally: Tally, most: int) -> lis
         candidate = weigh(
             lesson,
             one.verdict,
-            origin=Origin(one.own, episode.source),
+            origin=one.origin,
             admission=bank.options.admission,
             failures=bank.options.failures,
             ungrounded=one.unsure.get(told.content, ""),
@@ -177,13 +165,13 @@ def _bring_in(
     weighed: Sequence[Sequence[Candidate]],
     tally: Tally,
 ) -> None:
-    options, governing = bank.options, Governing(ledger)
+    options, governing = bank.options, Governing(ledger, Governed())
     sources = {one.episode.source for one in brought if one.episode.source}
     stored = {one.source: one for one in ledger.transaction.episodes(sources)}
     ledger.expect(candidate.key for some in weighed for candidate in some)
     for one, some in zip(brought, weighed, strict=True):
         episode = one.episode
-        learning = Learning(ledger, episode, one.verdict, tally, own=one.own)
+        learning = Learning(ledger, one, tally)
         for candidate in some:
             learning.apply(candidate)
         if source := episode.source:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +16,23 @@ from gvla2.memory.curation.ledger import Ledger
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
 from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
+
+
+@dataclass(frozen=True)
+class Brought:
+    """An episode, its verdict, whether it is one of ours, and of ``unsure`` texts that a model wrote why they are not
+    to be believed at once.
+    """
+
+    episode: MemoryEpisode
+    verdict: Verdict
+    own: bool
+    unsure: Mapping[str, str]
+
+    @property
+    def origin(self) -> Origin:
+        """Who says it."""
+        return Origin(self.own, self.episode.source)
 
 
 @dataclass
@@ -42,18 +60,11 @@ class Tally:
 class Learning:
     """Brings the candidates of one episode, ``own`` or foreign, into a bank, within one transaction."""
 
-    def __init__(
-        self,
-        ledger: Ledger,
-        episode: MemoryEpisode,
-        verdict: Verdict,
-        tally: Tally,
-        *,
-        own: bool = True,
-    ) -> None:
-        self._ledger, self._episode, self._verdict = ledger, episode, verdict
+    def __init__(self, ledger: Ledger, brought: Brought, tally: Tally) -> None:
+        self._ledger, self._episode, self._verdict = ledger, brought.episode, brought.verdict
         self._options, self._tally = ledger.options, tally
-        self._origin = Origin(own, episode.source)
+        self._origin = brought.origin
+        self._word = str(self._origin)
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
         """What was found nearest to the records that were compared."""
@@ -64,16 +75,7 @@ class Learning:
         known = ledger.by_key(candidate.key)
         if known is not None and known.state == "archive":
             known = self._heir(known) or known
-        fresh = new_record(
-            ledger.transaction.bank,
-            candidate.lesson,
-            candidate.state or "provisional",
-            candidate.trust,
-            candidate.key,
-            self._episode,
-            self._verdict,
-            ledger.now,
-        )
+        fresh = new_record(ledger.transaction.bank, candidate, self._episode, self._verdict, ledger.now)
         if known is None and candidate.trust != "own":
             near = ledger.nearest(candidate.vector, self._options.rivals, ("provisional",))
             known = next((record for record, _ in near if same_lesson(record, fresh)), None)
@@ -89,7 +91,7 @@ class Learning:
         if not believed(trust):
             note = candidate.note or "no two independent sources have borne it out"
             self._unverified(
-                replace(candidate, note=note), replace(fresh, state="provisional"), known, str(self._origin)
+                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._word
             )
         elif known is not None and known.state in SERVED:
             self._confirm(known, fresh, candidate, "one more episode says the same")
@@ -159,7 +161,7 @@ class Learning:
             self._fold(record, fresh, candidate, edit)
         elif edit.action == "DISCARD":
             self._store(
-                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=str(self._origin)
+                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._word
             )
             self._tally.discarded += 1
             self._tally.note(f"{record.id} was archived: {edit.why}.")
@@ -171,7 +173,7 @@ class Learning:
 
     def _add(self, record: Record, candidate: Candidate, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
-        self._store(record, edit.action, edit.why, vector=vector, origin=str(self._origin))
+        self._store(record, edit.action, edit.why, vector=vector, origin=self._word)
         (self._tally.merged if record.version else self._tally.added).append(record.id)
         if record.version:
             self._tally.note(f"{record.id} is verified now and became active.")
@@ -188,7 +190,7 @@ class Learning:
             self._add(record, candidate, replace(edit, action="ADD"))
             return
         note = f"merged into {target.id}"
-        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=str(self._origin))
+        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=self._word)
         self._ledger.link(target.id, "merged", record.id, edit.why)
         self._confirm(target, fresh, candidate, edit.why)
 
@@ -197,9 +199,7 @@ class Learning:
             self._repeated(known, fresh, self._tally.merged)
             return
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
-        self._store(
-            replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=str(self._origin)
-        )
+        self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._word)
         self._tally.merged.append(known.id)
 
     def _adds(self, known: Record) -> bool:
@@ -224,8 +224,7 @@ class Learning:
         vector: NDArray[np.float32] | None = None,
         origin: str = "",
     ) -> None:
-        scores = {"quality": record.quality, "confidence": record.confidence}
-        self._ledger.put(record, action, why, scores, vector=vector, origin=origin)
+        self._ledger.put(record, action, why, vector=vector, origin=origin)
         self.touched.append(record.id)
 
     def _heir(self, archived: Record) -> Record | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -82,7 +82,7 @@ class Ledger:
 
     def expect(self, keys: Iterable[str]) -> None:
         """Look these dedup keys up together, as :meth:`by_key` is going to be asked for them."""
-        wanted = [key for key in dict.fromkeys(keys) if key not in self._by_key]
+        wanted = list(keys)
         found = self.transaction.by_keys(wanted)
         self._by_key |= dict.fromkeys(wanted) | found
         ids = [record.id for record in found.values()]
@@ -100,8 +100,7 @@ class Ledger:
     def origins(self, id: str) -> list[Origin]:
         """Who brought the evidence behind a record, decided changes too."""
         if id not in self._origins:
-            stored = self.transaction.origins([id])
-            self._origins[id] = stored.get(id, [])
+            self._origins[id] = self.transaction.origins([id]).get(id, [])
         told = [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id)]
         return [origin for text in told if (origin := Origin.read(text)) is not None]
 
@@ -141,7 +140,6 @@ class Ledger:
         record: Record,
         action: str,
         why: str = "",
-        scores: Mapping[str, float] | None = None,
         *,
         vector: NDArray[np.float32] | None = None,
         near: NDArray[np.float32] | None = None,
@@ -159,7 +157,8 @@ class Ledger:
         by = next((one for one in (vector, self._near.get(record.id), near) if one is not None), None)
         if by is not None:
             self._near[record.id] = by
-        self._puts.append(Put(record, action, None, "", why, scores or {}, origin))
+        scores = {"quality": record.quality, "confidence": record.confidence}
+        self._puts.append(Put(record, action, None, "", why, scores, origin))
         stored = numbered(record, record.version + 1, self.transaction.rev)
         self._latest[record.id] = stored
         self._keys[record.dedup_key] = record.id

@@ -82,7 +82,7 @@ def _revise(bank: KnowledgeBank, source: str, verdict: Verdict, done: Replayed) 
             action, changed, why = revised(record, verdict, ledger.now, bank.options)
             if not action or source not in record.sources():
                 continue
-            ledger.put(changed, action, why, {"quality": verdict.quality, "confidence": verdict.confidence})
+            ledger.put(changed, action, why)
             listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
             listed[action].append(record.id)
         ledger.keep(with_verdict(episode, verdict))

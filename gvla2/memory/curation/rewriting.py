@@ -6,15 +6,16 @@ rules' own.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import ConsolidationEdit, Consolidator
 from gvla2.memory.curation.evidence import standing
-from gvla2.memory.curation.governance import Governing
+from gvla2.memory.curation.governance import Governed, Governing
 from gvla2.memory.curation.ledger import Ledger, deciding
 from gvla2.memory.curation.summaries import LENGTH, numbers_in
 from gvla2.memory.indexing.index import Index
@@ -24,27 +25,17 @@ from gvla2.memory.records import Record
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
 
+log = logging.getLogger(__name__)
 CONSIDERED = "CONSIDERED"
 """The event that says that a writer has looked at a record."""
 NEAREST = 4
 
 
-@dataclass
-class Rewritten:
-    """What a pass did: ids by edit, how many records were looked at, and notes on what could not be done."""
-
-    merged: list[str] = field(default_factory=list)
-    replaced: list[str] = field(default_factory=list)
-    discarded: list[str] = field(default_factory=list)
-    considered: int = 0
-    notes: list[str] = field(default_factory=list)
-
-
-def rewrite(bank: KnowledgeBank, writer: Consolidator, *, limit: int | None = None) -> Rewritten:
-    """Let lessons be merged, replaced or discarded by who can write, at most ``limit``; he works outside any
-    transaction.
+def rewrite(bank: KnowledgeBank, writer: Consolidator, done: Governed, *, limit: int | None = None) -> None:
+    """Let lessons be merged, replaced or discarded by who can write, at most ``limit``, and add that to what was
+    ``done``; he works outside any transaction.
     """
-    done, answers = Rewritten(), []
+    answers = []
     bank.index.refresh()
     with bank.store.reading(bank.bank) as view:
         considered = view.decided(CONSIDERED)
@@ -52,12 +43,11 @@ def rewrite(bank: KnowledgeBank, writer: Consolidator, *, limit: int | None = No
         try:
             answers.append((record, near, writer.consolidate(record, near)))
         except Gvla2Error as error:
-            done.notes += [str(error)] if str(error) not in done.notes else []
+            log.warning("A lesson was not consolidated: %s", error)
     if answers:
         with deciding(bank, "consolidate") as ledger:
             for record, near, edit in answers:
                 _carry_out(ledger, record, near, edit, done)
-    return done
 
 
 def asked(
@@ -87,7 +77,7 @@ def asked(
 
 
 def _carry_out(
-    ledger: Ledger, candidate: Record, near: Sequence[Record], edit: ConsolidationEdit, done: Rewritten
+    ledger: Ledger, candidate: Record, near: Sequence[Record], edit: ConsolidationEdit, done: Governed
 ) -> None:
     """Apply an edit to records that are still what the writer was shown; else it is passed over."""
     target = next((record for record in near if record.id == edit.target), None)
@@ -95,7 +85,6 @@ def _carry_out(
         now = ledger.get(shown.id) if shown else None
         if shown and (now is None or now.version != shown.version):
             return  # changed meanwhile: the next pass asks again
-    done.considered += 1
     if target is None or edit.action == "ADD":
         ledger.decide(CONSIDERED, candidate.id, "it says something of its own")
     elif edit.action == "MERGE":
@@ -103,11 +92,14 @@ def _carry_out(
         missing = (numbers_in(candidate.content) | numbers_in(target.content)) - numbers_in(text)
         why = f"it lost {', '.join(sorted(missing))}" if missing else screen(text)
         if why or not text or len(text) > LENGTH:
-            done.notes.append(
-                f"What was written of {candidate.id} and {target.id} was not taken: {why or 'its length'}."
+            log.info(
+                "What was written of %s and %s was not taken: %s.",
+                candidate.id,
+                target.id,
+                why or "its length",
             )
             text = ""
-        done.merged.append(Governing(ledger).write([candidate, target], text).id)
+        Governing(ledger, done).write([candidate, target], text)
     elif edit.action == "REPLACE" and standing(candidate) < standing(target):
         ledger.replace(candidate, target, "REPLACED", f"replaced by {candidate.id}", edit.reason)
         done.replaced.append(target.id)
@@ -119,6 +111,6 @@ def _carry_out(
         note = f"merged into {target.id}"
         ledger.put(replace(candidate, state="archive", note=note), "MERGED", note)
         ledger.link(target.id, "merged", candidate.id, edit.reason)
-        done.discarded.append(candidate.id)
+        done.archived.append(candidate.id)
     else:
         ledger.decide(CONSIDERED, candidate.id, "it has less behind it than what it was to replace")

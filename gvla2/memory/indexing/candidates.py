@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 import numpy as np
@@ -266,3 +266,10 @@ class Candidates:
     def _pick(self, column: NDArray[Any]) -> NDArray[Any]:
         """(N,) of a column over all rows."""
         return column if self._order is None else column.take(self._order)
+
+
+def largest(values: NDArray[np.floating[Any]], k: int, id_of: Callable[[int], str]) -> list[int]:
+    """The places of the ``k`` largest of (N,) values, 0 < k <= N, largest first; equal ones by id."""
+    # All that are as large as the last of the k, so that the ids settle who is left out.
+    some = np.flatnonzero(values >= np.partition(values, len(values) - k)[len(values) - k])
+    return sorted(some.tolist(), key=lambda i: (-values[i], id_of(i)))[:k]

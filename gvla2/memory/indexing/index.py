@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.indexing.candidates import SERVED, STATES, Candidates, Rows
+from gvla2.memory.indexing.candidates import SERVED, STATES, Candidates, Rows, largest
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import Change
@@ -99,10 +99,9 @@ class Index:
         if k <= 0:
             return []
         cosines = (self._rows.vectors @ vector)[served].astype(np.float64)
-        # All that are as near as the last of the k, so that the ids settle who is left out.
-        some = np.flatnonzero(cosines >= np.partition(cosines, len(cosines) - k)[len(cosines) - k])
-        found = [(self._rows.records[served[i]], float(cosines[i])) for i in some.tolist()]
-        return sorted(found, key=lambda entry: (-entry[1], entry[0].id))[:k]
+        records = self._rows.records
+        best = largest(cosines, k, lambda i: records[served[i]].id)
+        return [(records[served[i]], float(cosines[i])) for i in best]
 
     def get(self, id: str) -> Record | None:
         """The record, None where the index does not hold it."""

@@ -10,7 +10,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Self
 
 from sqlalchemy import URL, Connection, Engine, create_engine, insert
 from sqlalchemy.exc import SQLAlchemyError
@@ -18,6 +18,20 @@ from sqlalchemy.pool import NullPool, QueuePool
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.storage.tables import META, METADATA, SCHEMA_VERSION
+
+
+class Closing(ABC):
+    """What is closed at the end of a ``with`` block."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of everything; safe to call twice."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class Database(ABC):

@@ -6,20 +6,19 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from sqlalchemy import delete, select
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.storage.addresses import parsed, wrong_bank_name
-from gvla2.memory.storage.database import Database
+from gvla2.memory.storage.database import Closing, Database
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import BANK, META, PENDING
 from gvla2.memory.storage.view import View
 
 
-class Store:
+class Store(Closing):
     """An open database of banks. Any number of processes and threads may have the same one open.
 
     Every method raises :class:`~gvla2.errors.MemoryStoreError` when the database cannot be used. Damaged rows are
@@ -118,9 +117,8 @@ class Store:
         try:
             database.scrub()
             if asked:
-                with database.writing(
-                    ""
-                ) as sql:  # unless somebody has forgotten something since: he will clean, too
+                # Unless somebody has forgotten something since: he will clean, too.
+                with database.writing("") as sql:
                     sql.execute(delete(META).where(pending, META.c.value == asked))
         except MemoryStoreError as error:
             if not asked:
@@ -135,11 +133,3 @@ class Store:
     def close(self) -> None:
         """Release the database; safe to call twice."""
         self._database.close()
-
-    def __enter__(self) -> Store:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

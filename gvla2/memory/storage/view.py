@@ -143,12 +143,10 @@ class View:
         query = self._of(EVENT).where(or_(EVENT.c.record == id, EVENT.c.record.in_(names)))
         return [Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq))]
 
-    def as_of(self, time: float) -> list[Record]:
-        """The records as they were at ``time`` (seconds since the epoch), by id, without what was forgotten since."""
-        return list(self.rebuilt(time).records)
-
     def rebuilt(self, until: float = math.inf) -> Folding:
-        """Records and links from the events alone; canonical JSON equal to the rows' byte for byte."""
+        """Records and links from the events alone, as they were at a time (seconds since the epoch), without what was
+        forgotten since; canonical JSON equal to the rows' byte for byte.
+        """
         folding = Folding()
         for event in self.events(until=until):
             folding.apply(event)
