@@ -22,6 +22,7 @@ STATES: tuple[LifecycleState, ...] = ("active", "provisional", "summary", "archi
 """The lifecycle states in the order of their files."""
 LONGEST_TEXT = 100_000
 """Characters of a field."""
+_TEXTS = ["memory_id", "content", "query", "task_id", "state", "memory_type", "verifier_label", "verifier_model"]
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 _SPELT: Mapping[Outcome, str] = {
     "verified_success": "success succeeded verified_success pass passed true",
@@ -80,17 +81,21 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     The ``file``'s name tells the state, or else the line's own word; but what is not believed by its ``origin`` is
     provisional, whatever the line says of it.
     """
-    told, notes = _text(fields, "state"), list[str]()
-    state = next((s for word in (file.removesuffix(".jsonl"), told) for s in STATES if s == word), None)
+    told, notes = {name: _text(fields, name) for name in _TEXTS}, list[str]()
+    for name in ("memory_id", "content"):
+        if not told[name].strip():
+            raise LineError(f"'{name}' is missing or empty")
+    words = (file.removesuffix(".jsonl"), told["state"])
+    state = next((state for word in words for state in STATES if state == word), None)
     if state is None:
-        raise LineError(f"neither the file's name nor 'state' ('{told}') is one of {', '.join(STATES)}")
-    said = _text(fields, "verifier_label") or fields.get("source_status")
+        raise LineError(f"neither the file's name nor 'state' ('{words[1]}') is one of {', '.join(STATES)}")
+    said = told["verifier_label"] or fields.get("source_status")
     status = "" if said is None else str(said)
     outcome = _OUTCOMES.get(status.strip().casefold())
     if outcome is None:
         notes.append(f"its status '{status[:40]}' is not known")
         outcome = "uncertain"
-    called = _text(fields, "memory_type")
+    called = told["memory_type"]
     kind: RecordType = next((known for known in TYPES if known == called), "procedural_hint")
     if called not in ("", kind):
         notes.append(f"its type '{called}' is not known")
@@ -98,8 +103,12 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         outcome == "verified_fail" and kind == "procedural_hint"
     ):  # a recipe from a failure is a thing to avoid
         kind = "failure_avoidance"
-    name, content = _text(fields, "memory_id", needed=True)[:1000], _text(fields, "content", needed=True)
-    query, task = _text(fields, "query"), clean(_text(fields, "task_id"), 200)
+    key_there, content, query, task = (
+        told["memory_id"][:1000],
+        told["content"],
+        told["query"],
+        told["task_id"][:200],
+    )
     quality = number(fields.get("quality_score"), 0.0, 1.0)
     quality = _QUALITIES.get(outcome, 0.5) if quality is None else quality
     confidence = number(fields.get("confidence"), 0.0, 1.0)
@@ -117,7 +126,7 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     created = now if created is None else min(created, now)
     usage = count(fields.get("use_count"))
     criteria = _numbers(_mapping(fields, "verifier_criteria"))
-    provenance = {"made_by": {"import": "states"}, "sources": [task] if task else [], "key": name}
+    provenance = {"made_by": {"import": "states"}, "sources": [task] if task else [], "key": key_there}
     record = Record(
         id=record_id(kind, bank, key),
         bank=bank,
@@ -135,7 +144,7 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         count=max(count(ours.get("count")), 1),
         usage=usage,
         recalled=max(usage, count(ours.get("recalled"))),
-        verifier=dump({"verifier": _text(fields, "verifier_model"), "criteria": criteria, "reasons": []}),
+        verifier=dump({"verifier": told["verifier_model"], "criteria": criteria, "reasons": []}),
         signature=dump(_numbers(_mapping(ours, "signature"))),
         skill=skill,
         effect=dump(dict(effect)) if effect else "",
@@ -144,7 +153,11 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         trust=trust,
     )
     return Entry(
-        name, record, _names(fields.get("supersedes")), _names(fields.get("conflicts_with")), tuple(notes)
+        key_there,
+        record,
+        _names(fields.get("supersedes")),
+        _names(fields.get("conflicts_with")),
+        tuple(notes),
     )
 
 
@@ -185,20 +198,17 @@ def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[st
     }
 
 
-def _text(fields: Mapping[str, Any], name: str, *, needed: bool = False) -> str:
+def _text(fields: Mapping[str, Any], name: str) -> str:
     """A field that is text, as a database takes it; "" where it is absent or null. Numbers (ids) become their text.
 
-    Raises :class:`LineError` when it is ``needed`` and says nothing, or when it is something else.
+    Raises :class:`LineError` when it is something else.
     """
     value = fields.get(name)
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = str(value)
     if value is not None and not isinstance(value, str):
         raise LineError(f"'{name}' is no text")
-    text = clean(value or "", LONGEST_TEXT)
-    if needed and not text.strip():
-        raise LineError(f"'{name}' is missing or empty")
-    return text
+    return clean(value or "", LONGEST_TEXT)
 
 
 def _mapping(fields: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,7 +66,7 @@ class Store(Closing):
             yield transaction
             transaction.finish()
         if transaction.to_scrub:
-            self._scrub(transaction.forgotten)
+            self.compact(transaction.forgotten)
 
     def rev(self, bank: str) -> int:
         """The number of the bank's last transaction, 0 for none; cheap enough to ask before each query."""
@@ -84,30 +83,9 @@ class Store(Closing):
         with self.reading(bank) as view:
             return {**view.counts(), "bytes": self._database.size()}
 
-    def compact(
-        self,
-        bank: str = "",
-        *,
-        archived_before: float | None = None,
-        actor: str = "compact",
-        now: float | None = None,
-    ) -> int:
-        """Give space back, and overwrite what was forgotten where that is pending.
-
-        With a ``bank`` and ``archived_before`` (seconds since the epoch), archived records not updated since then
-        are forgotten first; how many is returned.
-        """
-        gone: Sequence[str] = ()
-        if bank and archived_before is not None:
-            with self.writing(bank, actor=actor, now=time.time() if now is None else now) as transaction:
-                old = [r.id for r in transaction.records(["archive"]) if r.updated < archived_before]
-                gone = transaction.forget(*old, why="archived long ago")
-        if not gone:  # else forgetting has scrubbed already
-            self._scrub()
-        return len(gone)
-
-    def _scrub(self, forgotten: Sequence[str] = ()) -> None:
-        """Clean the database's files of what was forgotten, to the last byte; ``forgotten`` are those of just now.
+    def compact(self, forgotten: Sequence[str] = ()) -> None:
+        """Give space back, and clean the files of what was forgotten, to the last byte; ``forgotten`` are those of just
+        now.
 
         Where that cannot be done now it stays noted, and the next time tries again.
         """

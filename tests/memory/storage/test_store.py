@@ -329,16 +329,6 @@ def test_reading_is_one_instant(store: Store, url: str, record: Make, put: Make)
     assert store.rev("b") == 2
 
 
-def test_compaction_forgets_what_was_archived_long_ago(store: Store, record: Make, put: Make) -> None:
-    put(record("old", state="archive", updated=NOW - 100))
-    put(record("young", state="archive"))
-    put(record("living", updated=NOW - 100))
-    assert store.compact("b", archived_before=NOW - 50, now=NOW) == 1
-    assert store.compact() == 0
-    assert [r.id for r in look(store, "b").records()] == ["living", "young"]
-    assert look(store, "b").verify() == []
-
-
 def test_a_closed_store_says_so(store: Store) -> None:
     store.close()
     store.close()
