@@ -22,7 +22,16 @@ STATES: tuple[LifecycleState, ...] = ("active", "provisional", "summary", "archi
 """The lifecycle states in the order of their files."""
 LONGEST_TEXT = 100_000
 """Characters of a field."""
-_TEXTS = ["memory_id", "content", "query", "task_id", "state", "memory_type", "verifier_label", "verifier_model"]
+_TEXTS = [
+    "memory_id",
+    "content",
+    "query",
+    "task_id",
+    "state",
+    "memory_type",
+    "verifier_label",
+    "verifier_model",
+]
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 _SPELT: Mapping[Outcome, str] = {
     "verified_success": "success succeeded verified_success pass passed true",

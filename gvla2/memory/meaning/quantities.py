@@ -163,20 +163,14 @@ class Found(NamedTuple):
     end: int
 
 
-class _Atom(NamedTuple):
-    value: float
-    start: int
-    end: int
-
-
 def quantities(text: str) -> list[Found]:
     """All quantities of a :func:`~gvla2.memory.meaning.plain_text.plain_text`, in reading order."""
-    atoms = []
+    atoms: list[tuple[float, int, int]] = []
     for match in _DIGITS.finditer(text):
         start = _start(text, match.start())
         value = _number(text[start : match.end()]) if start >= 0 else None
         if value is not None:
-            atoms.append(_Atom(value, start, match.end()))
+            atoms.append((value, start, match.end()))
     found: list[Found] = []
     last = index = 0
     while index < len(atoms):
@@ -201,7 +195,7 @@ def _in_word(character: str) -> bool:
     return character.isalnum() or character == "_"
 
 
-def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[Found | None, int]:
+def _read(text: str, atoms: list[tuple[float, int, int]], index: int, last: int) -> tuple[Found | None, int]:
     """The quantity that begins with atom ``index``, and the index of the atom behind it."""
     value, start, end = atoms[index]
     index += 1
@@ -221,7 +215,7 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[Found |
     to = _TO.match(text, end) if index < len(atoms) else None
     if (
         to is not None
-        and to.end() == atoms[index].start
+        and to.end() == atoms[index][1]
         and (to["word"] != "and" or (front and front["between"]))
     ):
         high, _, end = atoms[index]

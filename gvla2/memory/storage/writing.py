@@ -83,19 +83,9 @@ class Writing(View):
 
     # Records ------------------------------------------------------------------------------------------------------
 
-    def put(
-        self,
-        record: Record,
-        vector: NDArray[np.floating[Any]] | None = None,
-        *,
-        model: str = "",
-        action: str,
-        why: str = "",
-        scores: Mapping[str, float] | None = None,
-        origin: str = "",
-    ) -> Record:
-        """Store one record, see :meth:`put_many`; returns it as stored."""
-        return self.put_many([Put(record, action, vector, model, why, scores or {}, origin)])[0]
+    def put(self, record: Record, vector: NDArray[np.floating[Any]] | None = None, **said: Any) -> Record:
+        """Store one record, see :meth:`put_many`; ``said`` are further fields of its :class:`Put`."""
+        return self.put_many([Put(record, vector=vector, **said)])[0]
 
     def put_many(self, puts: Sequence[Put]) -> list[Record]:
         """Store records and the events that say why; returns them as stored. The same id may come more than once.
