@@ -14,7 +14,7 @@ from gvla2.commands.printable import counted, one_line, printable
 from gvla2.commands.tables import row, table
 from gvla2.memory.records import Record
 from gvla2.memory.storage.events import Event
-from gvla2.memory.storage.view import View
+from gvla2.memory.storage.view import BankView
 
 _SERVED = (
     "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "
@@ -122,7 +122,7 @@ def conflicts(request: Request) -> Answer:
     return Answer(data, [Listing(columns, rows), *([more] if more else [])])
 
 
-def _conflicts(view: View) -> list[tuple[Record, Record]]:
+def _conflicts(view: BankView) -> list[tuple[Record, Record]]:
     pairs = {
         (min(link.source, link.target), max(link.source, link.target))
         for link in view.links()

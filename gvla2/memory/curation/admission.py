@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
-from gvla2.memory.curation.trust import Origin, trust_of
-from gvla2.memory.curation.trust import believed as is_believed
+from gvla2.memory.curation.trust import Origin, believed, trust_of
 from gvla2.memory.injection_patterns import screen, screened_effect
 
 _FAILED, _SUCCEEDED = 0.35, 0.70
 
 
 @dataclass(frozen=True)
-class Candidate:
+class Weighed:
     """A lesson and what may become of it: its ``state`` in the bank at best, or None when it is not stored; ``note``
     says why.
 
@@ -47,7 +46,7 @@ def weigh(
     admission: bool = True,
     failures: bool = True,
     ungrounded: str = "",
-) -> Candidate:
+) -> Weighed:
     """Decide on one lesson.
 
     Verified lessons may become active; what was uncertain, or could not be judged, is provisional. A failed episode
@@ -57,36 +56,36 @@ def weigh(
     ``admission`` False is the ablation that lets in all that is ours; ``failures`` False learns nothing from failures.
     """
     if not lesson.content.strip():
-        return Candidate(lesson, None, "A lesson without words was left out.")
+        return Weighed(lesson, None, "A lesson without words was left out.")
     failed = verdict.outcome == "verified_fail"
     if not failures and (failed or lesson.type == "failure_avoidance"):
-        return Candidate(lesson, None, "Learning from failures is switched off.")
+        return Weighed(lesson, None, "Learning from failures is switched off.")
     if failed and lesson.type != "failure_avoidance":
         why = "A recipe from a failed episode was left out: failures teach constraints alone."
-        return Candidate(lesson, None, why)
+        return Weighed(lesson, None, why)
     suspicious = screen(lesson.content) or screened_effect(lesson.effect)
     who = Origin(True, "") if origin is None else origin
     level = trust_of([who], screened=bool(suspicious)) if trust is None else trust
 
-    def held_back(note: str) -> Candidate:
-        return Candidate(lesson, "provisional", note, level, bool(suspicious))
+    def held_back(note: str) -> Weighed:
+        return Weighed(lesson, "provisional", note, level, bool(suspicious))
 
     if ungrounded and not suspicious:
         return held_back(ungrounded)
     verified = failed or verdict.outcome == "verified_success"
-    if not verified and (admission or not is_believed(level)):
+    if not verified and (admission or not believed(level)):
         lost = verdict.outcome == "unavailable"
         return held_back(f"the outcome {'could not be judged' if lost else 'is uncertain'}")
-    if is_believed(level):
-        return Candidate(lesson, "active", "", level, bool(suspicious))
+    if believed(level):
+        return Weighed(lesson, "active", "", level, bool(suspicious))
     note = suspicious or "it comes from outside, and no second source has borne it out yet"
     if trust is not None:
         return held_back(note)
     # With what others said of it, it may be believed after all.
-    return Candidate(lesson, "active", note, level, bool(suspicious))
+    return Weighed(lesson, "active", note, level, bool(suspicious))
 
 
-def believed(verdict: Verdict) -> tuple[Verdict, str]:
+def credible(verdict: Verdict) -> tuple[Verdict, str]:
     """The verdict as far as it can be one, and a note on what was wrong with it.
 
     Scores that are no numbers in [0, 1] are no judgement: unavailable. An outcome that its own score R refutes (a

@@ -35,7 +35,7 @@ _ORDERING = frozenset(
 _FRONT = frozenset(map(stem, PREPOSITIONS | word_set("before after when while if")))
 """What may stand in front, up to a comma, as well as behind."""
 _TOKEN = re.compile(r"\w+(?:[./:-]\w+)*")
-Effect = Mapping[str, Any]
+TypedEffect = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _said(text: str) -> tuple[str, ...]:
     return tuple(stem(part) if english else part for part in parts if part not in _IDLE)
 
 
-def effects_conflict(first: Effect, second: Effect) -> str:
+def effects_conflict(first: TypedEffect, second: TypedEffect) -> str:
     """How two typed effects contradict each other, "" where they don't.
 
     Bounds that leave nothing between them; means too far apart for their deviations (or by half, where single
@@ -148,7 +148,7 @@ def effects_conflict(first: Effect, second: Effect) -> str:
     return ""
 
 
-def _same_parameter(first: Effect, second: Effect) -> bool:
+def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
     """Whether both are about one parameter of one skill and object, where these are given; metres and shares of a
     side do not compare.
     """

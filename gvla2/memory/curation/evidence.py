@@ -8,16 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 from gvla2.memory.contracts import MemoryEpisode, Verdict
-from gvla2.memory.curation.admission import Candidate
+from gvla2.memory.curation.admission import Weighed
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import MAX_PHRASINGS, MAX_QUERY, Record, clean, dump, finite, record_id
 
 MAX_SOURCES = 32
 
 
-def new_record(
-    bank: str, candidate: Candidate, episode: MemoryEpisode, verdict: Verdict, now: float
-) -> Record:
+def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
     """The record of a lesson that the bank does not know, of version 0."""
     lesson, key = candidate.lesson, candidate.key
     judged = verdict.outcome != "unavailable"

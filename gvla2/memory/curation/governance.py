@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence, standing
-from gvla2.memory.curation.ledger import Ledger, deciding
+from gvla2.memory.curation.ledger import BankLedger, deciding
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shared_terms, summary_of, tasks_of
 from gvla2.memory.indexing.candidates import SECONDS_PER_DAY, SERVED
 from gvla2.memory.records import Record
@@ -65,7 +65,7 @@ def govern(bank: KnowledgeBank, done: Governed) -> Governed:
 class Governing:
     """Decides, and carries it out, within one transaction."""
 
-    def __init__(self, ledger: Ledger, done: Governed) -> None:
+    def __init__(self, ledger: BankLedger, done: Governed) -> None:
         self._ledger, self._options, self.done = ledger, ledger.options, done
 
     def whole(self) -> None:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import TYPES, Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
-from gvla2.memory.curation.admission import Candidate, believed, weigh
+from gvla2.memory.curation.admission import Weighed, credible, weigh
 from gvla2.memory.curation.governance import Governed, Governing
 from gvla2.memory.curation.induction import RulesInducer, ungrounded
-from gvla2.memory.curation.learning import Brought, Learning, Tally
-from gvla2.memory.curation.ledger import Ledger, deciding
+from gvla2.memory.curation.learning import Brought, Learning, LessonTally
+from gvla2.memory.curation.ledger import BankLedger, deciding
 from gvla2.memory.curation.replay import with_verdict
 from gvla2.memory.curation.trust import least
 from gvla2.memory.indexing.candidates import SECONDS_PER_DAY
@@ -35,8 +35,8 @@ MAX_TAUGHT = 256
 
 def learn(bank: KnowledgeBank, episode: MemoryEpisode, verdict: Verdict) -> Learned:
     """Store what an episode teaches, credit what was recalled, govern what was touched."""
-    tally = Tally()
-    verdict, note = believed(verdict)
+    tally = LessonTally()
+    verdict, note = credible(verdict)
     tally.note(note)
     episode = replace(episode, source=clean(episode.source, MAX_SOURCE))
     told = {*map(id, episode.lessons)}
@@ -58,11 +58,11 @@ def admit(
     bank: KnowledgeBank, items: Sequence[tuple[Lesson, Verdict, MemoryTask, str]], own: bool
 ) -> Learned:
     """Store lessons that come without an episode, each with its verdict, task and source; ``own``: as one of ours."""
-    tally = Tally()
+    tally = LessonTally()
     for start in range(0, len(items), CHUNK):
         brought: list[Brought] = []
         for lesson, said, task, source in items[start : start + CHUNK]:
-            verdict, note = believed(said)
+            verdict, note = credible(said)
             tally.note(note)
             episode = MemoryEpisode(task, (lesson,), source=clean(source, MAX_SOURCE))
             brought.append(Brought(episode, verdict, own, {}))
@@ -76,8 +76,8 @@ def admit(
 
 
 def _weighed(
-    bank: KnowledgeBank, brought: Sequence[Brought], tally: Tally, most: int
-) -> list[list[Candidate]]:
+    bank: KnowledgeBank, brought: Sequence[Brought], tally: LessonTally, most: int
+) -> list[list[Weighed]]:
     """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
     weighed = [_admitted(bank, one, tally, most) for one in brought]
     asked = [
@@ -89,8 +89,8 @@ def _weighed(
     return [[replace(candidate, vector=next(vectors)) for candidate in some] for some in weighed]
 
 
-def _admitted(bank: KnowledgeBank, one: Brought, tally: Tally, most: int) -> list[Candidate]:
-    episode, admitted = one.episode, dict[str, Candidate]()
+def _admitted(bank: KnowledgeBank, one: Brought, tally: LessonTally, most: int) -> list[Weighed]:
+    episode, admitted = one.episode, dict[str, Weighed]()
     for told in episode.lessons:
         lesson = replace(told, content=clean(told.content, MAX_CONTENT))
         if wrong := _wrong(lesson):
@@ -160,10 +160,10 @@ def _unsound(data: Any) -> str:
 
 def _bring_in(
     bank: KnowledgeBank,
-    ledger: Ledger,
+    ledger: BankLedger,
     brought: Sequence[Brought],
-    weighed: Sequence[Sequence[Candidate]],
-    tally: Tally,
+    weighed: Sequence[Sequence[Weighed]],
+    tally: LessonTally,
 ) -> None:
     options, governing = bank.options, Governing(ledger, Governed())
     sources = {one.episode.source for one in brought if one.episode.source}
@@ -190,7 +190,7 @@ def _bring_in(
         ledger.keep(stored[source])
 
 
-def _credit(ledger: Ledger, context: MemoryContext, verdict: Verdict) -> None:
+def _credit(ledger: BankLedger, context: MemoryContext, verdict: Verdict) -> None:
     """Count what was recalled now that the outcome is known; only a success refreshes and rewards it."""
     if verdict.outcome not in ("verified_success", "verified_fail"):
         return

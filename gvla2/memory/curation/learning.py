@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Learned, MemoryEpisode, Trust, Verdict
-from gvla2.memory.curation.admission import Candidate
+from gvla2.memory.curation.admission import Weighed
 from gvla2.memory.curation.contesting import Edit, consolidate, same_lesson
 from gvla2.memory.curation.evidence import confirmed, counted, new_record, repeated, restarted
-from gvla2.memory.curation.ledger import Ledger
+from gvla2.memory.curation.ledger import BankLedger
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
 from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
@@ -36,7 +36,7 @@ class Brought:
 
 
 @dataclass
-class Tally:
+class LessonTally:
     """What becomes of lessons, as it is decided."""
 
     added: list[str] = field(default_factory=list)
@@ -60,7 +60,7 @@ class Tally:
 class Learning:
     """Brings the candidates of one episode, ``own`` or foreign, into a bank, within one transaction."""
 
-    def __init__(self, ledger: Ledger, brought: Brought, tally: Tally) -> None:
+    def __init__(self, ledger: BankLedger, brought: Brought, tally: LessonTally) -> None:
         self._ledger, self._episode, self._verdict = ledger, brought.episode, brought.verdict
         self._options, self._tally = ledger.options, tally
         self._origin = brought.origin
@@ -69,7 +69,7 @@ class Learning:
         self.rivals: dict[str, list[Record]] = {}
         """What was found nearest to the records that were compared."""
 
-    def apply(self, candidate: Candidate) -> None:
+    def apply(self, candidate: Weighed) -> None:
         """Add the candidate, merge it, promote what it confirms, or leave the bank as it is."""
         ledger, verified = self._ledger, candidate.state == "active"
         known = ledger.by_key(candidate.key)
@@ -102,9 +102,7 @@ class Learning:
 
     # What is not believed -----------------------------------------------------------------------------------------
 
-    def _unverified(
-        self, candidate: Candidate, fresh: Record, known: Record | None, origin: str = ""
-    ) -> None:
+    def _unverified(self, candidate: Weighed, fresh: Record, known: Record | None, origin: str = "") -> None:
         if known is None:
             self._provisional(replace(fresh, note=candidate.note), "PROVISIONAL", origin, candidate.vector)
         elif known.state == "archive":
@@ -146,7 +144,7 @@ class Learning:
 
     # What is ------------------------------------------------------------------------------------------------------
 
-    def _verified(self, candidate: Candidate, fresh: Record, known: Record | None) -> None:
+    def _verified(self, candidate: Weighed, fresh: Record, known: Record | None) -> None:
         options = self._options
         record = fresh
         if known is not None and known.state == "provisional":
@@ -171,7 +169,7 @@ class Learning:
             for other, why in others if edit.action != "MERGE" else ():
                 self._ledger.link(record.id, kind, other, why)
 
-    def _add(self, record: Record, candidate: Candidate, edit: Edit) -> None:
+    def _add(self, record: Record, candidate: Weighed, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
         self._store(record, edit.action, edit.why, vector=vector, origin=self._word)
         (self._tally.merged if record.version else self._tally.added).append(record.id)
@@ -183,7 +181,7 @@ class Learning:
                 self._ledger.replace(record, loser, "REPLACED", f"replaced by {record.id}", why)
                 self._tally.note(f"{record.id} replaces {id}: {why}.")
 
-    def _fold(self, record: Record, fresh: Record, candidate: Candidate, edit: Edit) -> None:
+    def _fold(self, record: Record, fresh: Record, candidate: Weighed, edit: Edit) -> None:
         """The candidate becomes evidence for its target; its own wording is kept in the archive, linked."""
         target = self._ledger.get(edit.target)
         if target is None:
@@ -194,7 +192,7 @@ class Learning:
         self._ledger.link(target.id, "merged", record.id, edit.why)
         self._confirm(target, fresh, candidate, edit.why)
 
-    def _confirm(self, known: Record, fresh: Record, candidate: Candidate, why: str) -> None:
+    def _confirm(self, known: Record, fresh: Record, candidate: Weighed, why: str) -> None:
         if counted(known, self._episode):
             self._repeated(known, fresh, self._tally.merged)
             return
@@ -208,7 +206,7 @@ class Learning:
             return True
         return known.trust != "own" and adds(self._ledger.origins(known.id), self._origin)
 
-    def _trust(self, known: Record | None, candidate: Candidate) -> Trust:
+    def _trust(self, known: Record | None, candidate: Weighed) -> Trust:
         """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""
         if known is not None and known.state == "summary":
             return known.trust  # it tells other texts as well, whose origins are their own

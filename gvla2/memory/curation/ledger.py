@@ -29,18 +29,18 @@ _EMBEDDED = (*SERVED, "provisional")
 
 
 @contextmanager
-def deciding(bank: KnowledgeBank, actor: str) -> Iterator[Ledger]:
+def deciding(bank: KnowledgeBank, actor: str) -> Iterator[BankLedger]:
     """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
     with bank.store.writing(bank.bank, actor=actor, now=bank.clock()) as transaction:
         if bank.index.rev != transaction.rev - 1:
             bank.index.refresh()  # nobody else can write from here on
-        ledger = Ledger(transaction, bank.index, bank.embedder, bank.options)
+        ledger = BankLedger(transaction, bank.index, bank.embedder, bank.options)
         yield ledger
         ledger.write()
     bank.index.refresh()
 
 
-class Ledger:
+class BankLedger:
     """A bank within a transaction: what is stored, what the index finds, and what was decided since.
 
     The index must be up to date when the transaction begins. Nothing is written before :meth:`write`.

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Evidence, Lesson, Verdict, Verifier
-from gvla2.memory.curation.admission import believed as sound
-from gvla2.memory.curation.admission import weigh
+from gvla2.memory.curation.admission import credible, weigh
 from gvla2.memory.curation.evidence import pooled_quality
 from gvla2.memory.curation.ledger import deciding
 from gvla2.memory.records import Record
@@ -43,7 +42,7 @@ def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None,
     for episode in _asked(bank, limit, but):
         try:
             shown = Evidence(episode.task.query, episode.transcript, episode.facts)
-            verdict, _ = sound(verifier.verify(shown))
+            verdict, _ = credible(verifier.verify(shown))
         except Gvla2Error as error:
             verdict = Verdict.unavailable(str(error))
         done.episodes += 1

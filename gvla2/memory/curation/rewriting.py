@@ -16,7 +16,7 @@ from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import ConsolidationEdit, Consolidator
 from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.governance import Governed, Governing
-from gvla2.memory.curation.ledger import Ledger, deciding
+from gvla2.memory.curation.ledger import BankLedger, deciding
 from gvla2.memory.curation.summaries import LENGTH, numbers_in
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.injection_patterns import screen
@@ -77,7 +77,7 @@ def asked(
 
 
 def _carry_out(
-    ledger: Ledger, candidate: Record, near: Sequence[Record], edit: ConsolidationEdit, done: Governed
+    ledger: BankLedger, candidate: Record, near: Sequence[Record], edit: ConsolidationEdit, done: Governed
 ) -> None:
     """Apply an edit to records that are still what the writer was shown; else it is passed over."""
     target = next((record for record in near if record.id == edit.target), None)

@@ -47,7 +47,7 @@ UNSEEN = 10
 T = TypeVar("T", bound=np.generic)
 
 
-Entry = tuple[Record, NDArray[np.float32], int]
+HeldRecord = tuple[Record, NDArray[np.float32], int]
 """A record with what belongs to it: its unit (D,) embedding or zero, and how many others contradict it."""
 
 
@@ -91,7 +91,7 @@ class Postings:
         return found / total if total else found
 
 
-class Rows:
+class RecordRows:
     """Growable columns; a changed text gets a new row, dead rows go when they are too many.
 
     Row numbers hold until the next change.
@@ -114,9 +114,9 @@ class Rows:
     def __len__(self) -> int:
         return len(self.row_of)
 
-    def put(self, entries: Sequence[Entry]) -> None:
+    def put(self, entries: Sequence[HeldRecord]) -> None:
         """Add records of held states, or bring them up to date. Each id comes once."""
-        new: list[Entry] = []
+        new: list[HeldRecord] = []
         for entry in entries:
             row = self.row_of.get(entry[0].id)
             if row is not None and self.records[row].text == entry[0].text:
@@ -155,7 +155,7 @@ class Rows:
         wanted[[STATES.index(state) for state in states if state in STATES]] = True
         return np.asarray(wanted[self.column("state")])
 
-    def _append(self, new: Sequence[Entry]) -> None:
+    def _append(self, new: Sequence[HeldRecord]) -> None:
         last = len(self.records) + len(new)
         self._table, self._vectors = _grown(self._table, last), _grown(self._vectors, last)
         self.numbers = {name: _grown(column, last, math.nan) for name, column in self.numbers.items()}
@@ -166,7 +166,7 @@ class Rows:
             self.postings.add(row, terms(record.text))
             self._describe(row, entry)
 
-    def _describe(self, row: int, entry: Entry) -> None:
+    def _describe(self, row: int, entry: HeldRecord) -> None:
         record, self._vectors[row], conflicts = entry
         self.records[row] = record
         # Most records have no effect: their texts are not parsed for one.
@@ -209,7 +209,7 @@ class Candidates:
     epoch.
     """
 
-    def __init__(self, rows: Rows, states: Sequence[str], now: float) -> None:
+    def __init__(self, rows: RecordRows, states: Sequence[str], now: float) -> None:
         self._rows = rows
         self._served = rows.in_states(states)  # (all rows,)
         # None where every row is served: then columns need no copying.

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.indexing.candidates import SERVED, STATES, Candidates, Rows, largest
+from gvla2.memory.indexing.candidates import SERVED, STATES, Candidates, RecordRows, largest
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.view import Change
+from gvla2.memory.storage.view import RecordChange
 
 __all__ = ["SERVED", "Index"]
 _MANY = 200
@@ -38,7 +38,7 @@ class Index:
         self._store, self._embedder, self._replace = store, embedder, replace
         self._made: list[tuple[Record, NDArray[np.float32]]] = []
         self._dimension = int(embedder.embed([""]).shape[1])
-        self._rows = Rows(self._dimension)
+        self._rows = RecordRows(self._dimension)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -67,7 +67,7 @@ class Index:
             with suppress(MemoryStoreError), self._store.writing(self.bank, actor="index", now=0.0) as t:
                 t.save_vectors(self._embedder.model, made)
 
-    def apply(self, changes: Iterable[Change]) -> None:
+    def apply(self, changes: Iterable[RecordChange]) -> None:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
         listed = list(changes)
         kept = [one for one in listed if _held(one.record)]
@@ -122,7 +122,7 @@ class Index:
         rows = np.flatnonzero(self._rows.in_states((state,)))
         return sorted((self._rows.records[row] for row in rows.tolist()), key=lambda record: record.id)
 
-    def _vectors(self, changes: Sequence[Change]) -> list[NDArray[np.float32]]:
+    def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
         """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""
         model = self._embedder.model
         found = [

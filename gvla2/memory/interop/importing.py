@@ -11,7 +11,7 @@ from typing import Any
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.curation.trust import Origin
-from gvla2.memory.interop.states import STATES, Entry, LineError, parse, read_record
+from gvla2.memory.interop.states import STATES, LineError, ReadRecord, parse, read_record
 from gvla2.memory.storage.store import Store
 
 Line = tuple[str, int, Mapping[str, Any]]
@@ -67,7 +67,7 @@ def import_path(
     """
     lines, remarks = read_path(path)
     at, origin = time.time() if now is None else now, Origin(trusted, source)
-    entries: list[Entry] = []
+    entries: list[ReadRecord] = []
     for file, number, fields in lines:
         try:
             entry = read_record(fields, file, bank, at, origin)
@@ -77,7 +77,7 @@ def import_path(
         entries.append(entry)
         remarks += [Remark(file, number, note, broken=False) for note in entry.notes]
     ids: dict[str, str] = {}
-    new: dict[str, Entry] = {}
+    new: dict[str, ReadRecord] = {}
     with store.writing(bank, actor=actor, now=at) as tx:
         stored = tx.by_keys({entry.record.dedup_key for entry in entries})
         for entry in entries:

@@ -53,7 +53,7 @@ class LineError(Gvla2Error):
 
 
 @dataclass(frozen=True)
-class Entry:
+class ReadRecord:
     """What a line says: a record, the ``key`` that names it in its source, keys of others, and ``notes`` on what was
     understood how.
     """
@@ -84,7 +84,7 @@ def to_bytes(rows: Iterable[Mapping[str, Any]]) -> bytes:
     return "".join(f"{text}\n" for text in texts).encode()
 
 
-def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, origin: Origin) -> Entry:
+def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, origin: Origin) -> ReadRecord:
     """The record of a line as ``bank`` takes it; raises :class:`LineError` when it has no id or says nothing.
 
     The ``file``'s name tells the state, or else the line's own word; but what is not believed by its ``origin`` is
@@ -161,7 +161,7 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         note=note,
         trust=trust,
     )
-    return Entry(
+    return ReadRecord(
         key_there,
         record,
         _names(fields.get("supersedes")),

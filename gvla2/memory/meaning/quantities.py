@@ -70,7 +70,7 @@ _METRE = re.compile(r"(?:\s*[·⋅*]?\s*|-)m(?:et(?:er|re)s?)?(?![\w/])")
 _DEGREES_OF = re.compile(r"\s+(?:celsius|c)(?!\w)")
 
 
-class Unit(NamedTuple):
+class UnitAt(NamedTuple):
     """A unit in a text: a number x of it is ``x * factor`` of its base unit; it ends at ``end``."""
 
     dimension: str
@@ -78,7 +78,7 @@ class Unit(NamedTuple):
     end: int
 
 
-def unit_at(text: str, at: int) -> Unit | None:
+def unit_at(text: str, at: int) -> UnitAt | None:
     """The unit that stands in a casefolded text behind a number that ends at ``at``, None where there is none."""
     token = _TOKEN.match(text, at)
     if token is None or (found := _known(token["word"])) is None:
@@ -91,7 +91,7 @@ def unit_at(text: str, at: int) -> Unit | None:
     if (rate := _RATE.match(text, end)) is not None and (under := _known(rate["under"])) is not None:
         dimension = _RATES.get((dimension, under[0]), f"{dimension}/{under[0]}")
         factor, end = factor / under[1], rate.end()
-    return Unit(dimension, factor, end)
+    return UnitAt(dimension, factor, end)
 
 
 def _known(word: str) -> tuple[str, float] | None:
@@ -155,7 +155,7 @@ class Quantity(NamedTuple):
         return gap > (TOLERANCE if figures else 0.02) * scale
 
 
-class Found(NamedTuple):
+class QuantityAt(NamedTuple):
     """A quantity and where it stands in the text, ``start`` to ``end``."""
 
     quantity: Quantity
@@ -163,7 +163,7 @@ class Found(NamedTuple):
     end: int
 
 
-def quantities(text: str) -> list[Found]:
+def quantities(text: str) -> list[QuantityAt]:
     """All quantities of a :func:`~gvla2.memory.meaning.plain_text.plain_text`, in reading order."""
     atoms: list[tuple[float, int, int]] = []
     for match in _DIGITS.finditer(text):
@@ -171,7 +171,7 @@ def quantities(text: str) -> list[Found]:
         value = _number(text[start : match.end()]) if start >= 0 else None
         if value is not None:
             atoms.append((value, start, match.end()))
-    found: list[Found] = []
+    found: list[QuantityAt] = []
     last = index = 0
     while index < len(atoms):
         made, index = _read(text, atoms, index, last)
@@ -195,7 +195,9 @@ def _in_word(character: str) -> bool:
     return character.isalnum() or character == "_"
 
 
-def _read(text: str, atoms: list[tuple[float, int, int]], index: int, last: int) -> tuple[Found | None, int]:
+def _read(
+    text: str, atoms: list[tuple[float, int, int]], index: int, last: int
+) -> tuple[QuantityAt | None, int]:
     """The quantity that begins with atom ``index``, and the index of the atom behind it."""
     value, start, end = atoms[index]
     index += 1
@@ -230,10 +232,10 @@ def _read(text: str, atoms: list[tuple[float, int, int]], index: int, last: int)
         low, high = (low, math.inf) if bound["low"] else (-math.inf, high)
         end = max(end, bound.end())
     read = Quantity(unit.dimension if unit else dimension, min(low, high), max(low, high))
-    return Found(read, front.start() if front else start, end), index
+    return QuantityAt(read, front.start() if front else start, end), index
 
 
-def _scaled(value: float, unit: Unit | None) -> float:
+def _scaled(value: float, unit: UnitAt | None) -> float:
     return value if unit is None else value * unit.factor
 
 

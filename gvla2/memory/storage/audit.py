@@ -24,7 +24,7 @@ from gvla2.memory.storage.events import (
 )
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
-from gvla2.memory.storage.view import View, vector_of
+from gvla2.memory.storage.view import BankView, vector_of
 from gvla2.memory.storage.writing import link_row
 
 _OWN = 0.99
@@ -44,7 +44,7 @@ class Problem:
         return f"{self.where} {self.id}: {self.what}." if self.id else f"{self.where}: {self.what}."
 
 
-def audit(view: View, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
+def audit(view: BankView, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
     """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing.
 
     ``head`` is "SEQ:HASH" of an event, as the bank's statistics had them once and somebody kept elsewhere: with it, a
@@ -68,7 +68,7 @@ def audit(view: View, head: str = "", embedder: Embedder | None = None) -> list[
     return problems
 
 
-def _chain(view: View, folding: Folding) -> Iterator[Problem]:
+def _chain(view: BankView, folding: Folding) -> Iterator[Problem]:
     """Walk the events: numbers, hashes, digests, times; fold them on the way."""
     prev, seq, rev, at = GENESIS, 0, 0, -math.inf
     erased: list[Event] = []
@@ -103,7 +103,7 @@ def _chain(view: View, folding: Folding) -> Iterator[Problem]:
         yield Problem("chain", "", "the bank's own row is missing")
 
 
-def _kept_head(view: View, head: str) -> Iterator[Problem]:
+def _kept_head(view: BankView, head: str) -> Iterator[Problem]:
     """Whether the chain still has an event that was its last once."""
     place, _, hash_ = head.strip().partition(":")
     if not place.isdecimal() or not hash_:
@@ -126,7 +126,7 @@ def _hash(event: Event) -> str:
         return ""
 
 
-def _records(view: View, folding: Folding) -> Iterator[Problem]:
+def _records(view: BankView, folding: Folding) -> Iterator[Problem]:
     missing = set(folding.rows)
     for row in view.rows():
         id = str(row.id)
@@ -144,7 +144,7 @@ def _records(view: View, folding: Folding) -> Iterator[Problem]:
         yield Problem("record", id, "the events have it, the rows do not")
 
 
-def _vectors(view: View) -> Iterator[Problem]:
+def _vectors(view: BankView) -> Iterator[Problem]:
     for row in view.vector_rows():
         id, _, dimension, stored, state = tuple[Any, ...](row)
         if state in (None, FORGOTTEN):
@@ -153,7 +153,7 @@ def _vectors(view: View) -> Iterator[Problem]:
             yield Problem("vector", id, "damaged: not finite, or of another length than it says")
 
 
-def _foreign_vectors(view: View, embedder: Embedder, named: Collection[str]) -> Iterator[Problem]:
+def _foreign_vectors(view: BankView, embedder: Embedder, named: Collection[str]) -> Iterator[Problem]:
     """Only who has the embedder can tell."""
     model = embedder.model
     held = [
@@ -167,7 +167,7 @@ def _foreign_vectors(view: View, embedder: Embedder, named: Collection[str]) -> 
             yield Problem("vector", change.record.id, "it was not made of what the record says")
 
 
-def _episodes(view: View, folding: Folding) -> Iterable[Problem]:
+def _episodes(view: BankView, folding: Folding) -> Iterable[Problem]:
     missing = set(folding.episodes)
     for row in view.episode_rows():
         missing.discard(row.source)

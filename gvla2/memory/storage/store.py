@@ -14,7 +14,7 @@ from gvla2.memory.storage.addresses import parsed, wrong_bank_name
 from gvla2.memory.storage.database import Closing, Database
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import BANK, META, PENDING
-from gvla2.memory.storage.view import View
+from gvla2.memory.storage.view import BankView
 
 
 class Store(Closing):
@@ -47,10 +47,10 @@ class Store(Closing):
         return cls(PostgresDatabase(url, busy_seconds, create))
 
     @contextmanager
-    def reading(self, bank: str) -> Iterator[View]:
+    def reading(self, bank: str) -> Iterator[BankView]:
         """A bank as it is at one instant, for reads that must agree with one another."""
         with self._database.reading() as connection:
-            yield View(connection, bank)
+            yield BankView(connection, bank)
 
     @contextmanager
     def writing(self, bank: str, *, actor: str, now: float) -> Iterator[Transaction]:
@@ -71,7 +71,7 @@ class Store(Closing):
     def rev(self, bank: str) -> int:
         """The number of the bank's last transaction, 0 for none; cheap enough to ask before each query."""
         with self._database.connection() as connection:
-            return View(connection, bank).rev
+            return BankView(connection, bank).rev
 
     def banks(self) -> list[str]:
         """Names of the banks that anything was ever written to."""

@@ -23,7 +23,7 @@ _TOGETHER = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class RecordChange:
     """A record as it is now, which a transaction after ``since`` changed (or a link of it).
 
     ``vector`` is (D,) float32 made by ``model``, read-only; None where it is damaged, or where there is none (``model``
@@ -37,7 +37,7 @@ class Change:
     conflicts: int = 0
 
 
-class View:
+class BankView:
     """A bank at one instant. Damaged rows are passed over; :func:`~gvla2.memory.storage.audit.audit` names them."""
 
     def __init__(self, sql: Connection, bank: str) -> None:
@@ -88,7 +88,7 @@ class View:
             query if states is None else query.where(RECORD.c.state.in_(states)), RECORD.c.id, ids
         )
 
-    def changes(self, since: int = 0) -> list[Change]:
+    def changes(self, since: int = 0) -> list[RecordChange]:
         """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
@@ -99,7 +99,7 @@ class View:
                 found.append((record, vector_of(row[1], row[2]), row[0] or ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
         against = self.conflicts({record.id for record, _, _ in found})
-        return [Change(record, vector, model, against[record.id]) for record, vector, model in found]
+        return [RecordChange(record, vector, model, against[record.id]) for record, vector, model in found]
 
     def vector_rows(self) -> Iterator[Row[Any]]:
         """(id, model, dimension, bytes, state of the record or None) of the stored vectors."""

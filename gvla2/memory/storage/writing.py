@@ -26,7 +26,7 @@ from gvla2.memory.storage.events import (
     payload_digest,
 )
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR
-from gvla2.memory.storage.view import View, parts
+from gvla2.memory.storage.view import BankView, parts
 
 MAX_WHY = 2000
 MAX_TEXT = 2_000_000
@@ -56,7 +56,7 @@ class StaleRecordError(MemoryStoreError):
     """A record was changed by somebody else after it was read: read it again and decide anew."""
 
 
-class Writing(View):
+class Writing(BankView):
     """Changes of one bank under one ``rev``, made by ``actor`` at ``now`` (never before the bank's last change).
 
     Whoever makes one holds the bank's write lock: what is read here stays so until the end. Reasons (``why``) and a

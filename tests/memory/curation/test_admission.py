@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from gvla2.memory.contracts import Lesson, Trust, Verdict
-from gvla2.memory.curation.admission import believed, weigh
+from gvla2.memory.curation.admission import credible, weigh
 from gvla2.memory.curation.trust import Origin
 
 YES = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="bench")
@@ -60,13 +60,13 @@ def test_a_model_names_its_evidence() -> None:
 
 
 def test_a_verdict_that_contradicts_itself_is_not_believed() -> None:
-    assert believed(YES) == (YES, "")
-    odd, note = believed(replace(YES, quality=0.2))
+    assert credible(YES) == (YES, "")
+    odd, note = credible(replace(YES, quality=0.2))
     assert odd.outcome == "uncertain"
     assert "R = 0.20" in note
-    assert believed(replace(NO, quality=0.9))[0].outcome == "uncertain"
+    assert credible(replace(NO, quality=0.9))[0].outcome == "uncertain"
     for wrong in (math.nan, 1.5, -0.2):
-        assert believed(replace(YES, quality=wrong))[0].outcome == "unavailable"
-        assert believed(replace(YES, criteria={"a": wrong}))[0].outcome == "unavailable"
+        assert credible(replace(YES, quality=wrong))[0].outcome == "unavailable"
+        assert credible(replace(YES, criteria={"a": wrong}))[0].outcome == "unavailable"
     lost = Verdict.unavailable("nobody was there")
-    assert believed(lost) == (lost, "")
+    assert credible(lost) == (lost, "")

@@ -7,12 +7,12 @@ import pytest
 
 from gvla2.memory.curation.trust import Origin
 from gvla2.memory.interop.importing import read_path
-from gvla2.memory.interop.states import Entry, LineError, count, number, parse, read_record, to_bytes
+from gvla2.memory.interop.states import LineError, ReadRecord, count, number, parse, read_record, to_bytes
 
 NOW = 1.8e9
 
 
-def understood(fields: dict[str, object], file: str = "active.jsonl") -> Entry:
+def understood(fields: dict[str, object], file: str = "active.jsonl") -> ReadRecord:
     """As one's own backup: states stay what they were."""
     return read_record(fields, file, "b", NOW, Origin(True, "backup"))
 
