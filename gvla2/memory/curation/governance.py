@@ -118,9 +118,8 @@ class Governing:
                 if not why:
                     kept.append(record)
                     continue
-                self._archive(record, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}")
-                for kind in ("replaces", "conflict"):
-                    self._ledger.link(winner.id, kind, record.id, why)
+                self._ledger.replace(winner, record, "REPLACED", f"replaced by {winner.id}", why)
+                self._ledger.link(winner.id, "conflict", record.id, why)
                 self.done.replaced.append(record.id)
 
     def keep_few_programs(self, records: Iterable[Record]) -> None:

@@ -7,7 +7,7 @@ less evidence. A hint and a constraint both stay, linked.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -16,12 +16,11 @@ from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.ledger import deciding
 from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
+from gvla2.memory.storage.view import pairs_of
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
 
-SUSPICION, CONFLICT, DISMISSED = "suspicion", "conflict", "dismissed"
-"""Kinds of links between two records that may contradict each other, that do, and that a judge found not to."""
 BATCH = 16
 """Pairs that are put to a judge at a time."""
 
@@ -44,7 +43,8 @@ def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Jud
     """Let suspicions be decided, at most ``limit``; the judge works outside any transaction."""
     done = Judged()
     with bank.store.reading(bank.bank) as view:
-        pairs = open_suspicions((x.source, x.kind, x.target) for x in view.links())
+        linked = pairs_of(view.links())
+        pairs = sorted(linked["suspicion"] - linked["conflict"] - linked["dismissed"])
         records = {one.id: one for one in view.records(SERVED, {id for pair in pairs for id in pair})}
     answers = decide(judge, pairs, records, done, limit=limit)
     if not answers:
@@ -55,25 +55,12 @@ def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Jud
             if first is None or second is None or not {first.state, second.state} <= {*SERVED}:
                 continue  # changed meanwhile
             why = f"{answer.judge}: {answer.reason} (p = {answer.probability:.2f})"
-            ledger.link(first.id, CONFLICT if answer.contradicts else DISMISSED, second.id, why)
+            ledger.link(first.id, "conflict" if answer.contradicts else "dismissed", second.id, why)
             if answer.contradicts and first.type == second.type:
                 winner, loser = sorted((first, second), key=standing)
                 ledger.replace(winner, loser, "JUDGED", f"contradicted by {winner.id}", why)
                 done.archived.append(loser.id)
     return done
-
-
-def open_suspicions(links: Iterable[tuple[str, str, str]]) -> list[Pair]:
-    """The pairs of (source, kind, target) ``links`` that are suspected and that nobody has decided, sorted."""
-    suspected: set[Pair] = set()
-    decided: set[Pair] = set()
-    for source, kind, target in links:
-        pair = (source, target) if source < target else (target, source)
-        if kind == SUSPICION:
-            suspected.add(pair)
-        elif kind in (CONFLICT, DISMISSED):
-            decided.add(pair)
-    return sorted(suspected - decided)
 
 
 def decide(

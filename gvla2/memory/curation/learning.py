@@ -155,7 +155,7 @@ class Learning:
         rivals = self._ledger.nearest(candidate.vector, options.rivals) if options.governance else []
         self.rivals[record.id] = [rival for rival, _ in rivals]
         edit = consolidate(record, rivals, options) if options.governance else Edit("ADD")
-        if edit.action == "MERGE" or (edit.action == "DISCARD" and not edit.conflicts):
+        if edit.action == "MERGE":
             self._fold(record, fresh, candidate, edit)
         elif edit.action == "DISCARD":
             self._store(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -55,13 +54,20 @@ def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None,
 
 
 def _asked(bank: KnowledgeBank, limit: int | None, but: str) -> list[StoredEpisode]:
-    """The episodes behind what is doubtful; those that were looked at least often first, so that none is judged over
-    and over.
+    """The episodes behind what is doubtful: provisional, contested or unsure records, the least sure first.
+
+    Those that were looked at least often come before all others, so that none is judged over and over.
     """
     with bank.store.reading(bank.bank) as view:
         records = view.records(["provisional", "active"])
         contested = view.conflicts({record.id for record in records})
-        found = doubtful(records, contested, bank.options)
+        found = [
+            record
+            for record in sorted(records, key=lambda record: (record.confidence, record.updated, record.id))
+            if record.state == "provisional"
+            or record.id in contested
+            or record.confidence < bank.options.replay_confidence
+        ]
         # Of each record the latest one first.
         listed = dict.fromkeys(source for record in found for source in reversed(record.sources()))
         sources = [source for source in listed if source != but]
@@ -85,20 +91,6 @@ def _revise(bank: KnowledgeBank, source: str, verdict: Verdict, done: Replayed) 
             listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
             listed[action].append(record.id)
         ledger.keep(with_verdict(episode, verdict))
-
-
-def doubtful(records: Iterable[Record], contested: Collection[str], options: BankOptions) -> list[Record]:
-    """What is worth verifying again: provisional, contested or low-confidence records, the least sure first."""
-    found = [
-        record
-        for record in records
-        if record.state == "provisional"
-        or (
-            record.state == "active"
-            and (record.id in contested or record.confidence < options.replay_confidence)
-        )
-    ]
-    return sorted(found, key=lambda record: (record.confidence, record.updated, record.id))
 
 
 def with_verdict(episode: StoredEpisode, verdict: Verdict) -> StoredEpisode:

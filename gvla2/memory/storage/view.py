@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -113,10 +113,7 @@ class BankView:
         """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
         end a link names.
         """
-        pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
-        for link in self.links(ids if len(ids) < 20 * _TOGETHER else None):
-            if link.kind in pairs:
-                pairs[link.kind].add(frozenset((link.source, link.target)))
+        pairs = pairs_of(self.links(ids if len(ids) < 20 * _TOGETHER else None))
         held = pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"])
         return Counter(id for pair in held for id in pair if id in ids)
 
@@ -210,6 +207,17 @@ class BankView:
     def _streamed(self, query: Select[Any]) -> Iterator[Row[Any]]:
         options = {"stream_results": True, "max_row_buffer": _TOGETHER}
         yield from self.sql.execute(query, execution_options=options)
+
+
+def pairs_of(links: Iterable[Link]) -> dict[str, set[tuple[str, str]]]:
+    """The pairs of records that are linked, by kind of link, whichever end it names.
+
+    ``conflict``: they contradict each other; ``suspicion``: they may; ``dismissed``: a judge found that they don't.
+    """
+    pairs: dict[str, set[tuple[str, str]]] = defaultdict(set)
+    for link in links:
+        pairs[link.kind].add((min(link.source, link.target), max(link.source, link.target)))
+    return pairs
 
 
 def parts(values: Iterable[Any]) -> Iterator[list[Any]]:

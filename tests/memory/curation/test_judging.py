@@ -9,7 +9,7 @@ import pytest
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Suspects
-from gvla2.memory.curation.judging import BATCH, Judged, decide, judge, open_suspicions
+from gvla2.memory.curation.judging import BATCH, Judged, decide, judge
 from gvla2.memory.records import Record
 from gvla2.memory.storage.writing import Put
 from tests.memory.looking import look
@@ -34,12 +34,21 @@ class Fixed:
         return [Judgement(self.contradicts, 0.9, "because", "fixed", {"calls": 2}) for _ in suspects]
 
 
-def test_open_are_the_suspicions_that_nobody_decided() -> None:
-    links = [
-        ("a", "suspicion", "b"), ("b", "suspicion", "a"), ("c", "suspicion", "d"), ("d", "dismissed", "c"),
-        ("e", "suspicion", "f"), ("f", "conflict", "e"), ("g", "merged", "h"), ("z", "suspicion", "y"),
+@pytest.mark.parametrize("decided", ["dismissed", "conflict"])
+def test_open_are_the_suspicions_that_nobody_decided(tmp_path: Path, decided: str) -> None:
+    asked = Fixed(None)
+    with KnowledgeBank(tmp_path / "m.db", bank="b", clock=lambda: 1.8e9) as bank:
+        with bank.store.writing("b", actor="test", now=1.8e9) as t:
+            t.put_many([Put(record(id), "ADD") for id in "abcdyz"])
+            for first, kind, second in (
+                ("a", "suspicion", "b"), ("b", "suspicion", "a"), ("c", "suspicion", "d"), ("d", decided, "c"),
+                ("a", "merged", "c"), ("z", "suspicion", "y"),
+            ):  # fmt: skip
+                t.link(first, kind, second)
+        judge(bank, asked)
+    assert [(pair.first, pair.second) for (batch,) in [asked.batches] for pair in batch] == [
+        ("text of a", "text of b"), ("text of y", "text of z")
     ]  # fmt: skip
-    assert open_suspicions(links) == [("a", "b"), ("y", "z")]
 
 
 def test_pairs_are_asked_in_batches_and_their_cost_is_counted() -> None:
