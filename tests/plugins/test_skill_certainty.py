@@ -103,7 +103,7 @@ def test_what_is_not_certain_is_declined(sentence, where):
     assert found.message
 
 
-def test_a_kind_believed_of_the_only_thing_of_its_noun():
+def test_a_kind_is_believed_of_the_only_thing_of_its_noun():
     assert read("put the mustard bottle in the tray", TRAY).calls[0].theme == "y"
     two = scene(*TRAY.objects, thing("z", "white bottle", "cylinder", (0.5, 0.0)))
     assert isinstance(read("put the mustard bottle in the tray", two), Abstention)

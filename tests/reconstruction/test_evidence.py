@@ -83,7 +83,7 @@ def test_a_view_without_depth_is_left_out_and_the_rest_is_used(views, hull):
     assert found.told.startswith("4 of 5 views used")
 
 
-def test_a_single_view_believed(views, hull):
+def test_a_single_view_is_believed(views, hull):
     one = Views(views.views[:1])
     found = gather(estimate(one), one, hull)
     assert error(found.depth, one) < 0.5

@@ -175,7 +175,7 @@ def test_what_a_model_passes_on_from_a_tool_waits(url: str, line: str) -> None:
         assert not bank.records(["active"])
 
 
-def test_what_a_model_writes_about_our_own_acts_believed(url: str) -> None:
+def test_what_a_model_writes_about_our_own_acts_is_believed(url: str) -> None:
     transcript = (
         "$ pip install logplug\nERROR: needs Python 3.12\n$ pyenv install 3.12\n$ pip install logplug\nok\n"
     )
