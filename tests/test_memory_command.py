@@ -224,6 +224,15 @@ def test_upkeep(run: Run):
     assert told["bytes"] > 0
 
 
+def test_compact_forgets_what_was_archived_for_long(run: Run, tmp_path: Path):
+    old = {"content": "Hold the rim.", "created_at": "2020-01-01"}
+    rows = [old | {"memory_id": "old"}, {"memory_id": "young", "content": "Hold the base."}]
+    (tmp_path / "archive.jsonl").write_text("\n".join(map(json.dumps, rows)))
+    run("import", str(tmp_path / "archive.jsonl"), "bank=third", "trusted=true")
+    assert data(run, "compact", "bank=third", "archived_days=30")["forgotten"] == 1
+    assert [record["content"] for record in data(run, "list", "bank=third")] == ["Hold the base."]
+
+
 @pytest.mark.parametrize(
     ("argv", "message"),
     [

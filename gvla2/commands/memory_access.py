@@ -18,7 +18,8 @@ from gvla2.discovery import closest
 from gvla2.errors import Gvla2Error, MemoryStoreError
 from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import settled, wrong_bank_name
-from gvla2.memory.storage.store import Store, View
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.view import BankView
 
 if TYPE_CHECKING:
     from gvla2.memory.bank import KnowledgeBank
@@ -117,7 +118,7 @@ def _must_exist(url: str) -> None:
         )
 
 
-def record_of(view: View, word: str, *, whole: bool = False) -> Record:
+def record_of(view: BankView, word: str, *, whole: bool = False) -> Record:
     """The record of that id, or (unless ``whole``) of the one id that begins so.
 
     Raises :class:`NotFoundError` with the nearest.

@@ -13,7 +13,8 @@ from gvla2.commands.memory_listing import Column, Listing
 from gvla2.commands.printable import counted, one_line, printable
 from gvla2.commands.tables import row, table
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Event, View
+from gvla2.memory.storage.events import Event
+from gvla2.memory.storage.view import BankView
 
 _SERVED = (
     "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "
@@ -92,7 +93,7 @@ def as_of(request: Request) -> Answer:
     """The records as they were at a time, or one of them."""
     at = time_of(request.words[0])
     with opened(request) as store, store.reading(request.bank) as view:
-        records = view.as_of(at)
+        records = list(view.rebuilt(at).records)
     if len(request.words) > 1:
         records = [record for record in records if record.id.startswith(request.words[1])]
         if not records:
@@ -121,7 +122,7 @@ def conflicts(request: Request) -> Answer:
     return Answer(data, [Listing(columns, rows), *([more] if more else [])])
 
 
-def _conflicts(view: View) -> list[tuple[Record, Record]]:
+def _conflicts(view: BankView) -> list[tuple[Record, Record]]:
     pairs = {
         (min(link.source, link.target), max(link.source, link.target))
         for link in view.links()

@@ -11,12 +11,14 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
@@ -34,24 +36,26 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
+from gvla2.memory.indexing.candidates import SERVED, Candidates
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.indexing.rows import SERVED
-from gvla2.memory.records import Record
+from gvla2.memory.records import MAX_QUERY, Record, clean, finite
 from gvla2.memory.retrieval.hybrid import HybridRetriever
-from gvla2.memory.retrieval.recalling import Hit, recall, search
+from gvla2.memory.retrieval.rendering import item_of, render
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.store import Event, Link, Store
+from gvla2.memory.storage.database import Closing
+from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:  # whoever only recalls does not wait for what decides
     from gvla2.memory.curation.governance import Governed
     from gvla2.memory.curation.judging import Judged
     from gvla2.memory.curation.replay import Replayed
-    from gvla2.memory.operations import Operations
     from gvla2.memory.storage.audit import Problem
 
 __all__ = ["BankOptions", "Hit", "KnowledgeBank"]
+MAX_THINGS = 64
+"""Things of a task that are looked at."""
 JUDGED = 16
 """Suspicions that are decided after each episode."""
 WRITTEN = 2
@@ -59,7 +63,17 @@ WRITTEN = 2
 FROZEN = "The bank is frozen: nothing was learnt."
 
 
-class KnowledgeBank:
+@dataclass(frozen=True)
+class Hit:
+    """A record that a search found, its score and the score's terms by name; ``reliable``: recall would show it."""
+
+    record: Record
+    score: float
+    terms: Mapping[str, float]
+    reliable: bool
+
+
+class KnowledgeBank(Closing):
     """A named bank, for any number of processes and threads.
 
     ``address`` is a path, ``sqlite:///path``, ``postgresql://user@host/name``, or a store that is open already and is
@@ -100,9 +114,8 @@ class KnowledgeBank:
         if not isinstance(address, Store):
             address = Store.open(address or settled("", os.environ), busy_seconds=busy_seconds)
         self.store = address
-        chooses = getattr(
-            embedder, "for_bank", None
-        )  # asking for its model would load one that is not wanted
+        # Asking for its model would load one that is not wanted.
+        chooses = getattr(embedder, "for_bank", None)
         if chooses is not None:
             with self.store.reading(bank) as view:
                 embedder = chooses(view.model())
@@ -111,22 +124,23 @@ class KnowledgeBank:
         self.index = Index(self.store, bank, self.embedder, replace=named)
         self.inducer = inducer
         self._lock = threading.RLock()
-
-    @cached_property
-    def _operations(self) -> Operations:
-        from gvla2.memory.operations import Operations
-
-        return Operations(self)
+        self.retired_at = -1e18
+        """When failures were last looked through for what is to retire."""
 
     # The main job -------------------------------------------------------------------------------------------------
 
     def recall(self, task: MemoryTask | str) -> MemoryContext:
         """The most reliable records for the task, or none with the reason."""
         with self._lock:
-            self.index.refresh()
-            self.index.keep()
-            candidates = self.index.candidates(self._shown(), now=self.clock())
-            return recall(_task(task), candidates, self._retriever, self.embedder, self.options, self.bank)
+            asked, vector = self._asked(task)
+            candidates = self._candidates()
+            if not len(candidates):
+                return MemoryContext(abstained=f"The bank '{self.bank}' holds no verified knowledge yet.")
+            ranked, reason = self._retriever.rank(asked, candidates, vector)
+            items = tuple(item_of(candidates.record(rank.row), rank) for rank in ranked)
+            if not items:
+                return MemoryContext(abstained=reason or "The retriever found nothing reliable.")
+            return MemoryContext(items, render(items, self.options.max_chars))
 
     def learn(
         self,
@@ -146,6 +160,8 @@ class KnowledgeBank:
         ``source`` the id of the run. Then, where a verifier was given and replay is on, one doubtful episode of
         earlier is verified again.
         """
+        from gvla2.memory.curation import governance, intake, rewriting
+
         if not isinstance(episode, MemoryEpisode):
             told = tuple(Lesson("procedural_hint", one) if isinstance(one, str) else one for one in lessons)
             source, context = source or f"run/{uuid4()}", recalled or MemoryContext()
@@ -156,14 +172,13 @@ class KnowledgeBank:
         if self.options.frozen:
             return Learned(discarded=len(episode.lessons), notes=(FROZEN,))
         with self._lock:
-            learned = self._operations.learn(episode, verdict)
-            if self._judge is not None and self.options.governance and self.options.replay_per_episode:
-                self._operations.judge(self._judge, limit=JUDGED)
+            learned = intake.learn(self, episode, verdict)
+            if self._judge is not None and self.options.replay_per_episode:
+                self.judge(limit=JUDGED)
             if self._writer is not None and self.options.governance:
-                self._operations.consolidate(self._writer, limit=WRITTEN)
-            if self._verifier is not None and self.options.replay and self.options.replay_per_episode:
-                limit = self.options.replay_per_episode
-                self._operations.replay(self._verifier, limit=limit, but=episode.source)
+                rewriting.rewrite(self, self._writer, governance.Governed(), limit=WRITTEN)
+            if self._verifier is not None and self.options.replay_per_episode:
+                self.replay(limit=self.options.replay_per_episode, but=episode.source)
             return learned
 
     # By hand ------------------------------------------------------------------------------------------------------
@@ -194,57 +209,61 @@ class KnowledgeBank:
 
         Durable when it returns; a few hundred share a transaction, so that an error keeps the ones before.
         """
+        from gvla2.memory.curation import intake
+
         if self.options.frozen:
             return Learned(discarded=sum(1 for _ in items), notes=(FROZEN,))
-        rest = [(lesson, verdict, _task(task), source, trusted) for lesson, verdict, task, source in items]
+        rest = [(lesson, verdict, _task(task), source) for lesson, verdict, task, source in items]
         with self._lock:
-            return self._operations.admit(rest)
+            return intake.admit(self, rest, trusted)
 
     def govern(self) -> Governed:
         """A pass over the whole bank: retire, resolve, sum up, archive; nothing is deleted.
 
         Where a judge was given, it decides all suspicions first, and a writer looks at all that he has not seen.
         """
-        from gvla2.memory.curation.governance import Governed
+        from gvla2.memory.curation import governance, rewriting
 
         if not self.options.governance or self.options.frozen:
-            return Governed()
+            return governance.Governed()
         with self._lock:
-            judged = self.judge() if self._judge is not None else None
-            written = self._operations.consolidate(self._writer) if self._writer is not None else None
-            done = self._operations.govern()
-            done.replaced += judged.archived if judged else []
-            done.replaced += written.replaced if written else []
-            done.summaries += written.merged if written else []
-            return done
+            done = governance.Governed()
+            if self._judge is not None:
+                done.replaced += self.judge().archived
+            if self._writer is not None:
+                rewriting.rewrite(self, self._writer, done)
+            return governance.govern(self, done)
 
     def judge(self, judge: Judge | None = None, *, limit: int | None = None) -> Judged:
         """Let ``judge``, or the bank's own, decide which suspicions are contradictions; ``limit`` pairs at most.
 
         The less trusted, or else the less borne out, of two that contradict each other is archived.
         """
-        from gvla2.memory.curation.judging import Judged
+        from gvla2.memory.curation import judging
 
         chosen = judge or self._judge
         if chosen is None or not self.options.governance or self.options.frozen:
             off = "Governance is switched off."
-            return Judged(notes=[off if chosen else "Nobody was given to judge anything."])
+            return judging.Judged(notes=[off if chosen else "Nobody was given to judge anything."])
         with self._lock:
-            return self._operations.judge(chosen, limit=limit)
+            return judging.judge(self, chosen, limit=limit)
 
-    def replay(self, verifier: Verifier | None = None, *, limit: int | None = None) -> Replayed:
+    def replay(
+        self, verifier: Verifier | None = None, *, limit: int | None = None, but: str = ""
+    ) -> Replayed:
         """Verify doubtful episodes again, by ``verifier`` or the bank's own, and promote or demote accordingly.
 
-        At most ``limit`` episodes, the least sure first. A verifier that is unavailable changes nothing.
+        At most ``limit`` episodes, the least sure first, and not that of the source ``but``.
+        A verifier that is unavailable changes nothing.
         """
-        from gvla2.memory.curation.replay import Replayed
+        from gvla2.memory.curation import replay
 
         judge = verifier or self._verifier
         if judge is None or not self.options.replay or self.options.frozen:
             off = "Replay is switched off."
-            return Replayed(notes=[off if judge else "Nobody was given to verify anything again."])
+            return replay.Replayed(notes=[off if judge else "Nobody was given to verify anything again."])
         with self._lock:
-            return self._operations.replay(judge, limit=limit)
+            return replay.replay(self, judge, limit=limit, but=but)
 
     def forget(self, id: str, *, why: str = "") -> bool:
         """Forget a record for good: its text, vector, links, episodes and history. False where there is none."""
@@ -263,23 +282,23 @@ class KnowledgeBank:
             return view.records(states)
 
     def search(self, text: MemoryTask | str, k: int = 20, *, provisional: bool = True) -> list[Hit]:
-        """Every score term of the ``k`` nearest records, reliable or not: why something is recalled, or is not."""
+        """What a recall would show, with its score, then the nearest of all others, and by what; ``k`` at most."""
         with self._lock:
-            self.index.refresh()
-            self.index.keep()
-            states = (*SERVED, "provisional") if provisional else self._shown()
-            served, found = (self.index.candidates(s, now=self.clock()) for s in (self._shown(), states))
-            return search(_task(text), served, found, self._retriever, self.embedder, k)
-
-    def history(self, id: str) -> list[Event]:
-        """All decisions about a record, oldest first."""
-        with self.store.reading(self.bank) as view:
-            return view.history(id)
-
-    def links(self, id: str | None = None) -> list[Link]:
-        """All links, or those of one record; of the kind ``conflict`` are those that contradict each other."""
-        with self.store.reading(self.bank) as view:
-            return view.links(None if id is None else [id])
+            asked, vector = self._asked(text)
+            served = self._candidates()
+            found = self._candidates("provisional") if provisional else served
+            ranked, _ = self._retriever.rank(asked, served, vector) if len(found) else ((), "")
+            hits = [Hit(served.record(r.row), r.score, dict(r.terms), reliable=True) for r in ranked]
+            lexical, cosine = found.lexical(asked.query), found.cosine(vector)
+            text_score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
+            known = {hit.record.id for hit in hits}
+            order = sorted(range(len(found)), key=lambda row: (-text_score[row], found.record(row).id))
+            for row in order[: k + len(known)]:
+                record, said = found.record(row), (float(lexical[row]), float(cosine[row]))
+                if record.id not in known and text_score[row] > 0:
+                    terms = {"lexical": said[0], "cosine": said[1], "confidence": record.confidence}
+                    hits.append(Hit(record, float(text_score[row]), terms, reliable=False))
+            return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
         """What is wrong with the bank, [] for nothing; its vectors are compared with what this embedder makes.
@@ -300,16 +319,19 @@ class KnowledgeBank:
         with self._lock:
             self.store.close()
 
-    def __enter__(self) -> KnowledgeBank:
-        return self
+    def _candidates(self, *more: str) -> Candidates:
+        """What is served now, and the records of ``more`` states."""
+        self.index.refresh()
+        self.index.keep()
+        states = {*SERVED, *more, *(("provisional",) if self.options.show_provisional else ())}
+        return self.index.candidates(sorted(states), now=self.clock())
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def _shown(self) -> tuple[str, ...]:
-        return (*SERVED, "provisional") if self.options.show_provisional else SERVED
+    def _asked(self, task: MemoryTask | str) -> tuple[MemoryTask, NDArray[np.float32]]:
+        """The task with a query that any retriever can take, and sound numbers; and the query's (D,) vector."""
+        told = _task(task)
+        query, numbers = clean(told.query, MAX_QUERY), finite(told.signature)
+        asked = MemoryTask(query, numbers, told.skill, told.things[:MAX_THINGS])
+        return asked, self.embedder.embed([query])[0]
 
 
 def _task(task: MemoryTask | str) -> MemoryTask:

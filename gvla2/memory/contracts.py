@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from gvla2.memory.indexing.candidates import Candidates
+    from gvla2.memory.records import Record
 
 RecordType = Literal["procedural_hint", "failure_avoidance", "tool_usage"]
 LifecycleState = Literal["provisional", "active", "summary", "archive"]
@@ -276,15 +277,6 @@ class Judge(Protocol):
 
 
 @dataclass(frozen=True)
-class Near:
-    """A lesson as a consolidator is shown it: its ``id``, what it says, and the instruction that it first came from."""
-
-    id: str
-    content: str
-    query: str = ""
-
-
-@dataclass(frozen=True)
 class ConsolidationEdit:
     """What to do with a lesson, about which ``target`` near it; the paper's four edits.
 
@@ -301,5 +293,5 @@ class ConsolidationEdit:
 class Consolidator(Protocol):
     """Reads a lesson and those near it, and writes."""
 
-    def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
+    def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
         """The edit; raises :class:`~gvla2.errors.Gvla2Error` where it cannot tell."""

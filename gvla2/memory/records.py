@@ -21,7 +21,7 @@ MAX_QUERY, MAX_PHRASINGS = 1000, 8
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One lesson in a bank. Links and the embedding are kept apart, see :class:`Link` and :class:`Change`.
+    """One lesson in a bank. Links and the embedding are kept apart, see :class:`Link` and :class:`RecordChange`.
 
     ``query`` are the instructions it came from, one a line; ``count`` how many episodes say the same; ``usage`` how
     often it was recalled for an episode that was then verified as a success, ``recalled`` how often for one whose

@@ -23,8 +23,7 @@ from gvla2.memory.contracts import (
     Verdict,
     Verifier,
 )
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import Entry, Rows
+from gvla2.memory.indexing.candidates import Candidates, RecordRows
 from gvla2.memory.records import Record, dump
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.planning.effects import Effect
@@ -123,10 +122,10 @@ def candidates(
     def column(name: str, default: Any) -> Sequence[Any]:
         return columns[name] if name in columns else [default] * len(contents)
 
-    rows = Rows(vectors.shape[1])
+    rows = RecordRows(vectors.shape[1])
     rows.put(
         [
-            Entry(
+            (
                 Record(
                     id=f"r{i}",
                     bank="testing",
@@ -231,7 +230,8 @@ def check_embedder(embedder: Embedder) -> None:
     require(table.dtype == np.float32, f"Vectors must be float32, got {table.dtype}.")
     lengths = np.linalg.norm(table, axis=1)
     require(
-        np.allclose(lengths[[0, 2, 3]], 1, atol=1e-4), f"Rows must have length 1, got {lengths.round(4)}."
+        np.allclose(lengths[[0, 2, 3]], 1, atol=1e-4),
+        f"RecordRows must have length 1, got {lengths.round(4)}.",
     )
     require(lengths[1] == 0, f"An empty text gives a zero row, got length {lengths[1]:.4f}.")
     require(np.allclose(table[0], table[3], atol=1e-5), "Equal texts must get equal vectors.")

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from gvla2.errors import Gvla2Error
 from gvla2.language import Endpoint, EndpointOptions, Request
-from gvla2.memory.contracts import ConsolidationEdit, Near
+from gvla2.memory.contracts import ConsolidationEdit
+from gvla2.memory.records import Record
 from gvla2.memory.retrieval.rendering import neutralised
 
 LONGEST = 1200
@@ -30,7 +31,7 @@ class LanguageWriter:
     def __init__(self, options: EndpointOptions) -> None:
         self._endpoint = Endpoint(options)
 
-    def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
+    def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
         """The model's edit; raises :class:`~gvla2.errors.Gvla2Error` for no answer, or one that is none."""
         lines = ["<new>", _line(candidate), "</new>", "<memory>", *map(_line, near), "</memory>"]
         messages = [{"role": "system", "content": _ORDERS}, {"role": "user", "content": "\n".join(lines)}]
@@ -39,8 +40,9 @@ class LanguageWriter:
         )
 
 
-def _line(lesson: Near) -> str:
-    return f"{lesson.id} | task: {neutralised(lesson.query, 200)} | {neutralised(lesson.content, LONGEST)}"
+def _line(lesson: Record) -> str:
+    task, _, _ = lesson.query.partition("\n")
+    return f"{lesson.id} | task: {neutralised(task, 200)} | {neutralised(lesson.content, LONGEST)}"
 
 
 def read_edit(answer: str, ids: Sequence[str]) -> ConsolidationEdit:

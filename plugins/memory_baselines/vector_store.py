@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import Embedder, Lesson, MemoryEpisode, Verdict
+from gvla2.memory.curation.admission import Weighed
 from gvla2.memory.curation.evidence import confirmed, new_record
 from gvla2.memory.records import Record, clean, dump
-from gvla2.memory.storage.store import Store, Transaction
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.store import Store
 
 LONGEST = 100_000
 _SERVED = ("active", "summary")
@@ -108,7 +110,7 @@ class VectorStore:
         about = str((lesson.effect or {}).get("parameter", ""))
         key = _digest(dump([name, place] if place == 0 else [name, lesson.type, lesson.content, about]))
         told = replace(lesson, content=clean(lesson.content, LONGEST))
-        fresh = new_record(self.bank, told, "active", "own", key, episode, verdict, tx.now)
+        fresh = new_record(self.bank, Weighed(told, "active", key=key), episode, verdict, tx.now)
         known = tx.by_keys([key]).get(key)
         if known is not None:
             return tx.put(confirmed(known, fresh, episode, verdict, tx.now), action="merge").id, False

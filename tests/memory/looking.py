@@ -17,6 +17,8 @@ class look:  # noqa: N801  # it is used like a function
     def __getattr__(self, name: str) -> Callable[..., Any]:
         def call(*args: Any, **named: Any) -> Any:
             with self._store.reading(self._bank) as view:
+                if name == "as_of":
+                    return list(view.rebuilt(*args).records)
                 found = (
                     audit(view, *args, **named) if name == "verify" else getattr(view, name)(*args, **named)
                 )

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Lesson, MemoryTask
 from gvla2.memory.curation.evidence import pooled_effects
-from gvla2.memory.curation.ledger import Ledger
+from gvla2.memory.curation.ledger import BankLedger
 from tests.memory.picking_lessons import AVOID, TOOL, lesson, prior
 
 Open = Callable[..., Any]
@@ -57,14 +57,14 @@ def test_interrupting_a_transaction_stores_nothing_of_it(
     context = bank.recall(MemoryTask("Pick up the red cube"))
     before = bank.records()
     calls = []
-    write = Ledger.write
+    write = BankLedger.write
 
-    def stop_when_written(self: Ledger) -> None:
+    def stop_when_written(self: BankLedger) -> None:
         write(self)
         calls.append(1)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Ledger, "write", stop_when_written)
+    monkeypatch.setattr(BankLedger, "write", stop_when_written)
     with pytest.raises(KeyboardInterrupt):
         bank.learn(
             episode("Pick up the red cube", lesson(), TOOL, AVOID, recalled=context), verdicts["success"]

@@ -4,7 +4,7 @@ import pytest
 
 from gvla2.errors import Gvla2Error
 from gvla2.language import EndpointOptions
-from gvla2.memory.contracts import Near
+from gvla2.memory.records import Record
 from gvla2.testing.language import LocalModel, said
 from gvla2_plugins.governed.writer import LanguageWriter, read_edit
 
@@ -32,6 +32,23 @@ def test_anything_else_is_an_error(answer: str, said: str):
         read_edit(answer, ["a"])
 
 
+def lesson(id: str, content: str) -> Record:
+    return Record(
+        id,
+        "b",
+        "lift\nraise",
+        content,
+        "procedural_hint",
+        "active",
+        "verified_success",
+        1.0,
+        1.0,
+        id,
+        0.0,
+        0.0,
+    )
+
+
 def test_a_lesson_is_put_to_a_real_server_and_its_edit_read():
     def reply(request):
         told = request["messages"][-1]["content"]
@@ -40,5 +57,5 @@ def test_a_lesson_is_put_to_a_real_server_and_its_edit_read():
 
     with LocalModel(reply) as model:
         writer = LanguageWriter(EndpointOptions(base_url=model.url, model="any"))
-        edit = writer.consolidate(Near("n", "Lift it 5 cm.", "lift"), [Near("m", "Lift it by 5 cm.", "lift")])
+        edit = writer.consolidate(lesson("n", "Lift it 5 cm."), [lesson("m", "Lift it by 5 cm.")])
     assert (edit.action, edit.target) == ("DISCARD", "m")

@@ -18,7 +18,8 @@ from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Embedder, Lesson, MemoryTask, Verdict
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 
 NOW = 1.8e9
 """The time at which everything happens, in seconds since the epoch: ages do not depend on when one measures."""

@@ -20,7 +20,8 @@ from gvla2.evaluation.memory.timing import middle, spent
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.records import Record
 from gvla2.memory.storage.audit import audit
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 
 PATIENCE = 8.0
 """Seconds that a peer is given for one rate."""

@@ -5,32 +5,39 @@ Decisions on plain data.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
-from gvla2.memory.curation.trust import Origin, trust_of
-from gvla2.memory.curation.trust import believed as is_believed
+from gvla2.memory.curation.trust import Origin, believed, trust_of
 from gvla2.memory.injection_patterns import screen, screened_effect
 
 _FAILED, _SUCCEEDED = 0.35, 0.70
 
 
 @dataclass(frozen=True)
-class Decision:
-    """What becomes of a lesson: its ``state`` in the bank at best, or None when it is not stored; ``note`` says why.
+class Weighed:
+    """A lesson and what may become of it: its ``state`` in the bank at best, or None when it is not stored; ``note``
+    says why.
 
     ``trust`` is what its one origin is worth, ``screened`` whether its text takes a level off: with both, whoever knows
-    what else was said decides (:func:`gvla2.memory.curation.trust.trust_of`).
+    what else was said decides (:func:`gvla2.memory.curation.trust.trust_of`). Who stores it adds its dedup ``key`` and
+    its unit ``vector`` (D,).
     """
 
+    lesson: Lesson
     state: LifecycleState | None
     note: str = ""
     trust: Trust = "own"
     screened: bool = False
+    key: str = ""
+    vector: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
 
 
-def admit(
+def weigh(
     lesson: Lesson,
     verdict: Verdict,
     *,
@@ -39,7 +46,7 @@ def admit(
     admission: bool = True,
     failures: bool = True,
     ungrounded: str = "",
-) -> Decision:
+) -> Weighed:
     """Decide on one lesson.
 
     Verified lessons may become active; what was uncertain, or could not be judged, is provisional. A failed episode
@@ -49,38 +56,36 @@ def admit(
     ``admission`` False is the ablation that lets in all that is ours; ``failures`` False learns nothing from failures.
     """
     if not lesson.content.strip():
-        return Decision(None, "A lesson without words was left out.")
+        return Weighed(lesson, None, "A lesson without words was left out.")
     failed = verdict.outcome == "verified_fail"
     if not failures and (failed or lesson.type == "failure_avoidance"):
-        return Decision(None, "Learning from failures is switched off.")
+        return Weighed(lesson, None, "Learning from failures is switched off.")
     if failed and lesson.type != "failure_avoidance":
-        return Decision(
-            None, "A recipe from a failed episode was left out: failures teach constraints alone."
-        )
+        why = "A recipe from a failed episode was left out: failures teach constraints alone."
+        return Weighed(lesson, None, why)
     suspicious = screen(lesson.content) or screened_effect(lesson.effect)
     who = Origin(True, "") if origin is None else origin
     level = trust_of([who], screened=bool(suspicious)) if trust is None else trust
 
-    def held_back(note: str) -> Decision:
-        return Decision("provisional", note, level, bool(suspicious))
+    def held_back(note: str) -> Weighed:
+        return Weighed(lesson, "provisional", note, level, bool(suspicious))
 
     if ungrounded and not suspicious:
         return held_back(ungrounded)
     verified = failed or verdict.outcome == "verified_success"
-    if not verified and (admission or not is_believed(level)):
-        return held_back(
-            f"the outcome {'could not be judged' if verdict.outcome == 'unavailable' else 'is uncertain'}"
-        )
-    if is_believed(level):
-        return Decision("active", "", level, bool(suspicious))
+    if not verified and (admission or not believed(level)):
+        lost = verdict.outcome == "unavailable"
+        return held_back(f"the outcome {'could not be judged' if lost else 'is uncertain'}")
+    if believed(level):
+        return Weighed(lesson, "active", "", level, bool(suspicious))
     note = suspicious or "it comes from outside, and no second source has borne it out yet"
     if trust is not None:
         return held_back(note)
     # With what others said of it, it may be believed after all.
-    return Decision("active", note, level, bool(suspicious))
+    return Weighed(lesson, "active", note, level, bool(suspicious))
 
 
-def believed(verdict: Verdict) -> tuple[Verdict, str]:
+def credible(verdict: Verdict) -> tuple[Verdict, str]:
     """The verdict as far as it can be one, and a note on what was wrong with it.
 
     Scores that are no numbers in [0, 1] are no judgement: unavailable. An outcome that its own score R refutes (a

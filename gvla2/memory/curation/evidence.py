@@ -7,24 +7,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Trust, Verdict
+from gvla2.memory.contracts import MemoryEpisode, Verdict
+from gvla2.memory.curation.admission import Weighed
 from gvla2.memory.curation.trust import LEVELS
 from gvla2.memory.records import MAX_PHRASINGS, MAX_QUERY, Record, clean, dump, finite, record_id
 
 MAX_SOURCES = 32
 
 
-def new_record(
-    bank: str,
-    lesson: Lesson,
-    state: LifecycleState,
-    trust: Trust,
-    key: str,
-    episode: MemoryEpisode,
-    verdict: Verdict,
-    now: float,
-) -> Record:
+def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: Verdict, now: float) -> Record:
     """The record of a lesson that the bank does not know, of version 0."""
+    lesson, key = candidate.lesson, candidate.key
     judged = verdict.outcome != "unavailable"
     return Record(
         id=record_id(lesson.type, bank, key),
@@ -32,7 +25,7 @@ def new_record(
         query=phrasings("", episode.task.query),
         content=lesson.content,
         type=lesson.type,
-        state=state,
+        state=candidate.state or "provisional",
         outcome=verdict.outcome,
         confidence=verdict.confidence if judged else 0.0,
         quality=verdict.quality if judged else 0.5,
@@ -50,7 +43,7 @@ def new_record(
         skill=clean(episode.task.skill, 64),
         effect=dump(dict(lesson.effect)) if lesson.effect else "",
         provenance=provenance(None, episode),
-        trust=trust,
+        trust=candidate.trust,
     )
 
 

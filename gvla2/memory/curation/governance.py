@@ -7,20 +7,19 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.curation.contesting import SUSPECT, compare
 from gvla2.memory.curation.evidence import evidence, standing
-from gvla2.memory.curation.ledger import Ledger
+from gvla2.memory.curation.ledger import BankLedger, deciding
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shared_terms, summary_of, tasks_of
-from gvla2.memory.indexing.rows import SERVED
+from gvla2.memory.indexing.candidates import SECONDS_PER_DAY, SERVED
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import SUMMED_UP
 
-SECONDS_PER_DAY = 86400.0
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
+
 PROGRAMS = 3
 """Programs of one skill and the same kinds of things that are kept: those that differ in kind."""
 _LOOKED_AT = 2000
@@ -36,7 +35,6 @@ class Governed:
     summaries: list[str] = field(default_factory=list)
     summed_up: list[str] = field(default_factory=list)
     archived: list[str] = field(default_factory=list)
-    degraded: str = ""
 
     @property
     def changes(self) -> int:
@@ -56,11 +54,19 @@ def retention(record: Record, now: float) -> float:
     return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
 
 
+def govern(bank: KnowledgeBank, done: Governed) -> Governed:
+    """A pass over the whole bank, added to what was ``done``."""
+    with deciding(bank, "govern") as ledger:
+        Governing(ledger, done).whole()
+        bank.retired_at = ledger.now
+    return done
+
+
 class Governing:
     """Decides, and carries it out, within one transaction."""
 
-    def __init__(self, ledger: Ledger, options: BankOptions, done: Governed | None = None) -> None:
-        self._ledger, self._options, self.done = ledger, options, done or Governed()
+    def __init__(self, ledger: BankLedger, done: Governed) -> None:
+        self._ledger, self._options, self.done = ledger, ledger.options, done
 
     def whole(self) -> None:
         """All of it, on all records."""
@@ -86,18 +92,11 @@ class Governing:
 
     def retire(self) -> None:
         """Archive failures that nobody used for ``retire_days``, summaries aside."""
-        limit = self._options.retire_days
-        held = self._ledger.index.candidates(("active",), now=self._ledger.now)
-        for place in np.flatnonzero((held.ages >= limit) & (held.usage == 0)).tolist():
-            record = self._ledger.get(held.record(place).id)
-            if (
-                record is None
-                or record.state != "active"
-                or record.usage
-                or record.outcome == "verified_success"
-            ):
+        limit, now = self._options.retire_days, self._ledger.now
+        for record in map(self._ledger.latest, self._ledger.index.records("active")):
+            if record.state != "active" or record.usage or record.outcome == "verified_success":
                 continue
-            if self._ledger.now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
+            if now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
                 self._archive(record, "RETIRE", f"a failure that nobody used for {limit:g} days")
                 self.done.retired.append(record.id)
 
@@ -119,9 +118,8 @@ class Governing:
                 if not why:
                     kept.append(record)
                     continue
-                self._archive(record, "REPLACED", f"contradicted by {winner.id}", f"replaced by {winner.id}")
-                for kind in ("replaces", "conflict"):
-                    self._ledger.link(winner.id, kind, record.id, why)
+                self._ledger.replace(winner, record, "REPLACED", f"replaced by {winner.id}", why)
+                self._ledger.link(winner.id, "conflict", record.id, why)
                 self.done.replaced.append(record.id)
 
     def keep_few_programs(self, records: Iterable[Record]) -> None:

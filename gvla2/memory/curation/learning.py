@@ -1,75 +1,81 @@
-"""From an admitted lesson to records: the decision of :mod:`gvla2.memory.curation.consolidation`, carried out."""
+"""From an admitted lesson to records: the decision of :mod:`gvla2.memory.curation.contesting`, carried out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import Lesson, LifecycleState, MemoryEpisode, Trust, Verdict
-from gvla2.memory.curation.consolidation import Edit, consolidate
-from gvla2.memory.curation.contesting import same_lesson
+from gvla2.memory.contracts import Learned, MemoryEpisode, Trust, Verdict
+from gvla2.memory.curation.admission import Weighed
+from gvla2.memory.curation.contesting import Edit, consolidate, same_lesson
 from gvla2.memory.curation.evidence import confirmed, counted, new_record, repeated, restarted
-from gvla2.memory.curation.ledger import Ledger, Outcome
+from gvla2.memory.curation.ledger import BankLedger
 from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
-from gvla2.memory.indexing.rows import SERVED
+from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A lesson that will be stored in ``state`` at best: its dedup ``key``, unit ``vector`` (D,) and a ``note`` on it.
-
-    ``screened`` says that it reads like orders.
+class Brought:
+    """An episode, its verdict, whether it is one of ours, and of ``unsure`` texts that a model wrote why they are not
+    to be believed at once.
     """
 
-    lesson: Lesson
-    state: LifecycleState
-    trust: Trust
-    key: str
-    vector: NDArray[np.float32]
-    note: str = ""
-    screened: bool = False
+    episode: MemoryEpisode
+    verdict: Verdict
+    own: bool
+    unsure: Mapping[str, str]
+
+    @property
+    def origin(self) -> Origin:
+        """Who says it."""
+        return Origin(self.own, self.episode.source)
+
+
+@dataclass
+class LessonTally:
+    """What becomes of lessons, as it is decided."""
+
+    added: list[str] = field(default_factory=list)
+    merged: list[str] = field(default_factory=list)
+    provisional: list[str] = field(default_factory=list)
+    discarded: int = 0
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Add a sentence."""
+        if text:
+            self.notes.append(text)
+
+    def learned(self) -> Learned:
+        """The same as the contract's answer, each id and sentence once."""
+        listed = (self.added, self.merged, self.provisional, self.notes)
+        added, merged, held, notes = (tuple(dict.fromkeys(entries)) for entries in listed)
+        return Learned(added, merged, held, self.discarded, notes)
 
 
 class Learning:
     """Brings the candidates of one episode, ``own`` or foreign, into a bank, within one transaction."""
 
-    def __init__(
-        self,
-        ledger: Ledger,
-        episode: MemoryEpisode,
-        verdict: Verdict,
-        options: BankOptions,
-        outcome: Outcome,
-        *,
-        own: bool = True,
-    ) -> None:
-        self._ledger, self._episode, self._verdict = ledger, episode, verdict
-        self._options, self._outcome = options, outcome
-        self._origin = str(Origin(own, episode.source))
+    def __init__(self, ledger: BankLedger, brought: Brought, tally: LessonTally) -> None:
+        self._ledger, self._episode, self._verdict = ledger, brought.episode, brought.verdict
+        self._options, self._tally = ledger.options, tally
+        self._origin = brought.origin
+        self._word = str(self._origin)
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
         """What was found nearest to the records that were compared."""
 
-    def apply(self, candidate: Candidate) -> None:
+    def apply(self, candidate: Weighed) -> None:
         """Add the candidate, merge it, promote what it confirms, or leave the bank as it is."""
         ledger, verified = self._ledger, candidate.state == "active"
         known = ledger.by_key(candidate.key)
         if known is not None and known.state == "archive":
             known = self._heir(known) or known
-        fresh = new_record(
-            ledger.transaction.bank,
-            candidate.lesson,
-            candidate.state,
-            candidate.trust,
-            candidate.key,
-            self._episode,
-            self._verdict,
-            ledger.now,
-        )
+        fresh = new_record(ledger.transaction.bank, candidate, self._episode, self._verdict, ledger.now)
         if known is None and candidate.trust != "own":
             near = ledger.nearest(candidate.vector, self._options.rivals, ("provisional",))
             known = next((record for record, _ in near if same_lesson(record, fresh)), None)
@@ -85,7 +91,7 @@ class Learning:
         if not believed(trust):
             note = candidate.note or "no two independent sources have borne it out"
             self._unverified(
-                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._origin
+                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._word
             )
         elif known is not None and known.state in SERVED:
             self._confirm(known, fresh, candidate, "one more episode says the same")
@@ -96,9 +102,7 @@ class Learning:
 
     # What is not believed -----------------------------------------------------------------------------------------
 
-    def _unverified(
-        self, candidate: Candidate, fresh: Record, known: Record | None, origin: str = ""
-    ) -> None:
+    def _unverified(self, candidate: Weighed, fresh: Record, known: Record | None, origin: str = "") -> None:
         if known is None:
             self._provisional(replace(fresh, note=candidate.note), "PROVISIONAL", origin, candidate.vector)
         elif known.state == "archive":
@@ -107,7 +111,7 @@ class Learning:
         elif known.state in SERVED:
             self._discard(known.id, f"{known.id} is believed already: a repeat that is not changes nothing")
         elif counted(known, self._episode):
-            self._repeated(known, fresh, self._outcome.provisional)
+            self._repeated(known, fresh, self._tally.provisional)
         else:
             grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
             outcome = fresh.outcome if origin else known.outcome
@@ -117,12 +121,12 @@ class Learning:
         self, record: Record, action: str, origin: str, vector: NDArray[np.float32] | None = None
     ) -> None:
         self._store(record, action, record.note, vector=vector, origin=origin)
-        self._outcome.provisional.append(record.id)
-        self._outcome.note(f"{record.id} is provisional: {record.note}.")
+        self._tally.provisional.append(record.id)
+        self._tally.note(f"{record.id} is provisional: {record.note}.")
 
     def _discard(self, id: str, why: str) -> None:
-        self._outcome.discarded += 1
-        self._outcome.note(f"{why[0].upper()}{why[1:]}." if not why.startswith(id) else f"{why}.")
+        self._tally.discarded += 1
+        self._tally.note(f"{why[0].upper()}{why[1:]}." if not why.startswith(id) else f"{why}.")
         self._ledger.decide("DISCARD", id, why)
         self.touched.append(id)
 
@@ -130,7 +134,7 @@ class Learning:
         """The same source again: whatever it repeats, its word counts once."""
         why = f"{known.id} rests on this episode already, whose word counts once"
         listed.append(known.id)
-        self._outcome.note(f"{why}.")
+        self._tally.note(f"{why}.")
         again = repeated(known, fresh)
         if again == known:
             self._ledger.decide("REPEATED", known.id, why)
@@ -140,7 +144,7 @@ class Learning:
 
     # What is ------------------------------------------------------------------------------------------------------
 
-    def _verified(self, candidate: Candidate, fresh: Record, known: Record | None) -> None:
+    def _verified(self, candidate: Weighed, fresh: Record, known: Record | None) -> None:
         options = self._options
         record = fresh
         if known is not None and known.state == "provisional":
@@ -151,68 +155,63 @@ class Learning:
         rivals = self._ledger.nearest(candidate.vector, options.rivals) if options.governance else []
         self.rivals[record.id] = [rival for rival, _ in rivals]
         edit = consolidate(record, rivals, options) if options.governance else Edit("ADD")
-        if edit.action == "MERGE" or (edit.action == "DISCARD" and not edit.conflicts):
+        if edit.action == "MERGE":
             self._fold(record, fresh, candidate, edit)
         elif edit.action == "DISCARD":
             self._store(
-                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._origin
+                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._word
             )
-            self._outcome.discarded += 1
-            self._outcome.note(f"{record.id} was archived: {edit.why}.")
+            self._tally.discarded += 1
+            self._tally.note(f"{record.id} was archived: {edit.why}.")
         else:
             self._add(record, candidate, edit)
         for kind, others in (("conflict", edit.conflicts), ("suspicion", edit.suspected)):
             for other, why in others if edit.action != "MERGE" else ():
                 self._ledger.link(record.id, kind, other, why)
 
-    def _add(self, record: Record, candidate: Candidate, edit: Edit) -> None:
+    def _add(self, record: Record, candidate: Weighed, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
-        self._store(record, edit.action, edit.why, vector=vector, origin=self._origin)
-        (self._outcome.merged if record.version else self._outcome.added).append(record.id)
+        self._store(record, edit.action, edit.why, vector=vector, origin=self._word)
+        (self._tally.merged if record.version else self._tally.added).append(record.id)
         if record.version:
-            self._outcome.note(f"{record.id} is verified now and became active.")
+            self._tally.note(f"{record.id} is verified now and became active.")
         for id, why in edit.conflicts if edit.action == "REPLACE" else ():
             loser = self._ledger.get(id)
             if loser is not None and loser.type == record.type:
-                note = f"replaced by {record.id}"
-                self._ledger.put(replace(loser, state="archive", note=note), "REPLACED", note)
-                self._ledger.link(record.id, "replaces", id, why)
-                self._outcome.note(f"{record.id} replaces {id}: {why}.")
+                self._ledger.replace(record, loser, "REPLACED", f"replaced by {record.id}", why)
+                self._tally.note(f"{record.id} replaces {id}: {why}.")
 
-    def _fold(self, record: Record, fresh: Record, candidate: Candidate, edit: Edit) -> None:
+    def _fold(self, record: Record, fresh: Record, candidate: Weighed, edit: Edit) -> None:
         """The candidate becomes evidence for its target; its own wording is kept in the archive, linked."""
         target = self._ledger.get(edit.target)
         if target is None:
             self._add(record, candidate, replace(edit, action="ADD"))
             return
         note = f"merged into {target.id}"
-        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=self._origin)
+        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=self._word)
         self._ledger.link(target.id, "merged", record.id, edit.why)
         self._confirm(target, fresh, candidate, edit.why)
 
-    def _confirm(self, known: Record, fresh: Record, candidate: Candidate, why: str) -> None:
+    def _confirm(self, known: Record, fresh: Record, candidate: Weighed, why: str) -> None:
         if counted(known, self._episode):
-            self._repeated(known, fresh, self._outcome.merged)
+            self._repeated(known, fresh, self._tally.merged)
             return
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
-        self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._origin)
-        self._outcome.merged.append(known.id)
+        self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._word)
+        self._tally.merged.append(known.id)
 
     def _adds(self, known: Record) -> bool:
         """Whether the word of this episode adds to those that a record rests on."""
-        mine = Origin.read(self._origin)
-        told = [
-            origin for text in self._ledger.origins(known.id) if (origin := Origin.read(text)) is not None
-        ]
-        return mine is None or mine.own or (known.trust != "own" and adds(told, mine))
+        if self._origin.own:
+            return True
+        return known.trust != "own" and adds(self._ledger.origins(known.id), self._origin)
 
-    def _trust(self, known: Record | None, candidate: Candidate) -> Trust:
+    def _trust(self, known: Record | None, candidate: Weighed) -> Trust:
         """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""
-        told = [*(self._ledger.origins(known.id) if known else ()), self._origin]
-        origins = [origin for text in told if (origin := Origin.read(text)) is not None]
         if known is not None and known.state == "summary":
             return known.trust  # it tells other texts as well, whose origins are their own
-        return trust_of(origins, screened=candidate.screened)
+        told = self._ledger.origins(known.id) if known else []
+        return trust_of([*told, self._origin], screened=candidate.screened)
 
     def _store(
         self,
@@ -223,8 +222,7 @@ class Learning:
         vector: NDArray[np.float32] | None = None,
         origin: str = "",
     ) -> None:
-        scores = {"quality": record.quality, "confidence": record.confidence}
-        self._ledger.put(record, action, why, scores, vector=vector, origin=origin)
+        self._ledger.put(record, action, why, vector=vector, origin=origin)
         self.touched.append(record.id)
 
     def _heir(self, archived: Record) -> Record | None:

@@ -2,54 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.contracts import Embedder, Learned
+from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.contracts import Embedder
+from gvla2.memory.curation.trust import Origin
+from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.indexing.index import Index
-from gvla2.memory.indexing.rows import SERVED
 from gvla2.memory.records import Record, numbered
-from gvla2.memory.storage.store import Link, Put, StoredEpisode, Tie, Transaction
+from gvla2.memory.storage.events import Link, StoredEpisode
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.writing import Put
+
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
 
 _UNLIKE = 0.25
 """Records with a smaller cosine are no rivals: reading them would be in vain."""
 _EMBEDDED = (*SERVED, "provisional")
 
 
-@dataclass
-class Outcome:
-    """What becomes of an episode's lessons, as it is decided."""
-
-    added: list[str] = field(default_factory=list)
-    merged: list[str] = field(default_factory=list)
-    provisional: list[str] = field(default_factory=list)
-    discarded: int = 0
-    notes: list[str] = field(default_factory=list)
-
-    def note(self, text: str) -> None:
-        """Add a sentence, once."""
-        if text and text not in self.notes:
-            self.notes.append(text)
-
-    def learned(self) -> Learned:
-        """The same as the contract's answer."""
-        added, merged, held = (
-            tuple(dict.fromkeys(ids)) for ids in (self.added, self.merged, self.provisional)
-        )
-        return Learned(added, merged, held, self.discarded, tuple(self.notes))
+@contextmanager
+def deciding(bank: KnowledgeBank, actor: str) -> Iterator[BankLedger]:
+    """A ledger of the bank as it is, whose decisions are written at the end; the index then follows."""
+    with bank.store.writing(bank.bank, actor=actor, now=bank.clock()) as transaction:
+        if bank.index.rev != transaction.rev - 1:
+            bank.index.refresh()  # nobody else can write from here on
+        ledger = BankLedger(transaction, bank.index, bank.embedder, bank.options)
+        yield ledger
+        ledger.write()
+    bank.index.refresh()
 
 
-class Ledger:
+class BankLedger:
     """A bank within a transaction: what is stored, what the index finds, and what was decided since.
 
     The index must be up to date when the transaction begins. Nothing is written before :meth:`write`.
     """
 
-    def __init__(self, transaction: Transaction, index: Index, embedder: Embedder) -> None:
-        self.transaction, self.index, self._embedder = transaction, index, embedder
+    def __init__(
+        self, transaction: Transaction, index: Index, embedder: Embedder, options: BankOptions
+    ) -> None:
+        self.transaction, self.index, self.options = transaction, index, options
+        self._embedder = embedder
         self.now: float = transaction.now
         self._latest: dict[str, Record] = {}
         self._keys: dict[str, str] = {}
@@ -59,7 +60,7 @@ class Ledger:
         self._vectors: dict[str, NDArray[np.float32]] = {}  # of the texts as they are
         self._near: dict[str, NDArray[np.float32]] = {}  # by which they are found until then
         self._puts: list[Put] = []
-        self._ties: list[Tie] = []
+        self._ties: dict[tuple[str, str, str], str] = {}
         self._decisions: list[tuple[str, str, str]] = []
         self._episodes: dict[str, StoredEpisode] = {}
 
@@ -81,7 +82,7 @@ class Ledger:
 
     def expect(self, keys: Iterable[str]) -> None:
         """Look these dedup keys up together, as :meth:`by_key` is going to be asked for them."""
-        wanted = [key for key in dict.fromkeys(keys) if key not in self._by_key]
+        wanted = list(keys)
         found = self.transaction.by_keys(wanted)
         self._by_key |= dict.fromkeys(wanted) | found
         ids = [record.id for record in found.values()]
@@ -96,23 +97,17 @@ class Ledger:
         found = self._by_key[key]
         return self.latest(found) if found is not None else None
 
-    def origins(self, id: str) -> list[str]:
+    def origins(self, id: str) -> list[Origin]:
         """Who brought the evidence behind a record, decided changes too."""
         if id not in self._origins:
-            stored = self.transaction.origins([id])
-            self._origins[id] = stored.get(id, [])
-        return [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id and put.origin)]
-
-    def records(self, ids: Collection[str], state: str) -> list[Record]:
-        """The records of these ids that are in this state after what was decided."""
-        stored = self.transaction.records([state], [id for id in ids if id not in self._latest])
-        return [*stored, *(r for id in ids if (r := self._latest.get(id)) is not None and r.state == state)]
+            self._origins[id] = self.transaction.origins([id]).get(id, [])
+        told = [*self._origins[id], *(put.origin for put in self._puts if put.record.id == id)]
+        return [origin for text in told if (origin := Origin.read(text)) is not None]
 
     def links(self, id: str) -> list[Link]:
         """The record's links, decided ones too."""
-        own = [tie for tie in self._ties if id in (tie.source, tie.target)]
-        stored = self.transaction.links([id])
-        return stored + [Link(tie.source, tie.kind, tie.target, self.now) for tie in own]
+        own = [Link(*tie, self.now) for tie in self._ties if id in (tie[0], tie[2])]
+        return self.transaction.links([id]) + own
 
     def nearest(
         self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED
@@ -121,12 +116,8 @@ class Ledger:
 
         Those that are nothing like it are left out.
         """
-        found: dict[str, tuple[Record, float]] = {}
-        if len(self.index):
-            rows, cosines = self.index.nearest(vector, k, states)
-            for row, cosine in zip(rows.tolist(), cosines.tolist(), strict=True):
-                record = self.index.record(row)
-                found[record.id] = (self.latest(record), cosine)
+        near = self.index.nearest(vector, k, states)
+        found = {record.id: (self.latest(record), cosine) for record, cosine in near}
         changed = [id for id in self._near if self._latest[id].state in states]
         if changed:
             alike = np.stack([self._near[id] for id in changed]) @ vector
@@ -139,9 +130,8 @@ class Ledger:
         """(D,) the embedding of a record's text, or of what its text was when it was stored."""
         if record.id in self._near:
             return self._near[record.id]
-        if rows := self.index.rows([record.id]):
-            return self.index.vector(rows[0])
-        return np.asarray(self._embedder.embed([record.text])[0], np.float32)
+        stored = self.index.vector(record.id)
+        return np.asarray(self._embedder.embed([record.text])[0], np.float32) if stored is None else stored
 
     # Deciding -----------------------------------------------------------------------------------------------------
 
@@ -150,7 +140,6 @@ class Ledger:
         record: Record,
         action: str,
         why: str = "",
-        scores: Mapping[str, float] | None = None,
         *,
         vector: NDArray[np.float32] | None = None,
         near: NDArray[np.float32] | None = None,
@@ -168,16 +157,22 @@ class Ledger:
         by = next((one for one in (vector, self._near.get(record.id), near) if one is not None), None)
         if by is not None:
             self._near[record.id] = by
-        self._puts.append(Put(record, action, None, "", why, scores or {}, origin))
+        scores = {"quality": record.quality, "confidence": record.confidence}
+        self._puts.append(Put(record, action, None, "", why, scores, origin))
         stored = numbered(record, record.version + 1, self.transaction.rev)
         self._latest[record.id] = stored
         self._keys[record.dedup_key] = record.id
         return stored
 
+    def replace(self, winner: Record, loser: Record, action: str, note: str, why: str) -> None:
+        """Archive a record in whose place another one stays, and link them."""
+        self.put(replace(loser, state="archive", note=note), action, note)
+        self.link(winner.id, "replaces", loser.id, why)
+
     def link(self, source: str, kind: str, target: str, why: str = "") -> None:
         """Let one record refer to another."""
         if source != target:
-            self._ties.append(Tie(source, kind, target, why))
+            self._ties.setdefault((source, kind, target), why)
 
     def decide(self, action: str, record: str = "", why: str = "") -> None:
         """A decision that changes no record."""
@@ -214,5 +209,5 @@ class Ledger:
 
     def _reworded(self, record: Record) -> bool:
         """Whether the index has no vector of the record's text."""
-        rows = self.index.rows([record.id])
-        return not rows or self.index.record(rows[0]).text != record.text
+        held = self.index.get(record.id)
+        return held is None or held.text != record.text

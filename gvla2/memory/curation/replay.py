@@ -1,16 +1,21 @@
-"""Verifying again: which episodes, and what a second verdict means for what they taught. Decisions on plain data."""
+"""Verifying again: which episodes, and what a second verdict means for what they taught."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
+from gvla2.errors import Gvla2Error
 from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import Evidence, Lesson, LifecycleState, Verdict
-from gvla2.memory.curation.admission import admit
+from gvla2.memory.contracts import Evidence, Lesson, Verdict, Verifier
+from gvla2.memory.curation.admission import credible, weigh
 from gvla2.memory.curation.evidence import pooled_quality
+from gvla2.memory.curation.ledger import deciding
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import StoredEpisode
+from gvla2.memory.storage.events import StoredEpisode
+
+if TYPE_CHECKING:
+    from gvla2.memory.bank import KnowledgeBank
 
 MAX_VERDICTS = 16
 """Verdicts kept with an episode; the first one and the latest."""
@@ -26,35 +31,66 @@ class Replayed:
     episodes: int = 0
     unavailable: int = 0
     notes: list[str] = field(default_factory=list)
-    degraded: str = ""
 
 
-@dataclass(frozen=True)
-class Revision:
-    """A record after a second verdict: what to call the change (PROMOTE, DEMOTE or CONFIRM), and why."""
-
-    action: str
-    record: Record
-    why: str
-
-
-def doubtful(records: Iterable[Record], contested: Collection[str], options: BankOptions) -> list[Record]:
-    """What is worth verifying again: provisional, contested or low-confidence records, the least sure first."""
-    found = [
-        record
-        for record in records
-        if record.state == "provisional"
-        or (
-            record.state == "active"
-            and (record.id in contested or record.confidence < options.replay_confidence)
-        )
-    ]
-    return sorted(found, key=lambda record: (record.confidence, record.updated, record.id))
+def replay(bank: KnowledgeBank, verifier: Verifier, *, limit: int | None = None, but: str = "") -> Replayed:
+    """Verify doubtful episodes again, at most ``limit`` and not that of source ``but``; the verifier works outside any
+    transaction.
+    """
+    done = Replayed()
+    for episode in _asked(bank, limit, but):
+        try:
+            shown = Evidence(episode.task.query, episode.transcript, episode.facts)
+            verdict, _ = credible(verifier.verify(shown))
+        except Gvla2Error as error:
+            verdict = Verdict.unavailable(str(error))
+        done.episodes += 1
+        if verdict.outcome == "unavailable":
+            done.unavailable += 1
+            done.notes += [reason for reason in verdict.reasons[:1] if reason not in done.notes]
+        else:
+            _revise(bank, episode.source, verdict, done)
+    return done
 
 
-def evidence_of(episode: StoredEpisode) -> Evidence:
-    """What a verifier gets to see of a stored episode."""
-    return Evidence(episode.task.query, episode.transcript, episode.facts)
+def _asked(bank: KnowledgeBank, limit: int | None, but: str) -> list[StoredEpisode]:
+    """The episodes behind what is doubtful: provisional, contested or unsure records, the least sure first.
+
+    Those that were looked at least often come before all others, so that none is judged over and over.
+    """
+    with bank.store.reading(bank.bank) as view:
+        records = view.records(["provisional", "active"])
+        contested = view.conflicts({record.id for record in records})
+        found = [
+            record
+            for record in sorted(records, key=lambda record: (record.confidence, record.updated, record.id))
+            if record.state == "provisional"
+            or record.id in contested
+            or record.confidence < bank.options.replay_confidence
+        ]
+        # Of each record the latest one first.
+        listed = dict.fromkeys(source for record in found for source in reversed(record.sources()))
+        sources = [source for source in listed if source != but]
+        if limit is not None:
+            sources = sources[: 8 * limit]
+        episodes = {episode.source: episode for episode in view.episodes(sources)}
+    kept = [episodes[source] for source in sources if source in episodes]
+    return sorted(kept, key=lambda episode: len(episode.verdicts))[:limit]
+
+
+def _revise(bank: KnowledgeBank, source: str, verdict: Verdict, done: Replayed) -> None:
+    with deciding(bank, "replay") as ledger:
+        episode = next(iter(ledger.transaction.episodes([source])), None)
+        if episode is None:
+            return  # forgotten meanwhile
+        for record in ledger.transaction.records(ids=episode.records):
+            action, changed, why = revised(record, verdict, ledger.now, bank.options)
+            if not action or source not in record.sources():
+                continue
+            ledger.put(changed, action, why)
+            listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
+            listed[action].append(record.id)
+        ledger.keep(with_verdict(episode, verdict))
 
 
 def with_verdict(episode: StoredEpisode, verdict: Verdict) -> StoredEpisode:
@@ -64,55 +100,31 @@ def with_verdict(episode: StoredEpisode, verdict: Verdict) -> StoredEpisode:
     return replace(episode, verdicts=kept)
 
 
-def revise(
-    record: Record, episode: StoredEpisode, verdict: Verdict, now: float, options: BankOptions
-) -> Revision | None:
-    """What a new verdict on one of its episodes makes of a record; None where it changes nothing.
+def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) -> tuple[str, Record, str]:
+    """What a new verdict on one of its episodes makes of a record: what to call the change (PROMOTE, DEMOTE, CONFIRM,
+    or "" for none), the record, and why.
 
     A provisional record is promoted when the verdict would have admitted it. A verified one whose own verdict is
     contradicted is demoted, unless other episodes still outweigh the doubt. Otherwise the verdicts are pooled.
     """
-    if verdict.outcome == "unavailable" or record.state not in ("provisional", "active"):
-        return None
     lesson = Lesson(record.type, record.content, record.effect_json())
-    decision = admit(lesson, verdict, trust=record.trust, failures=options.failures)
+    state = weigh(lesson, verdict, trust=record.trust, failures=options.failures).state
+    again = f"verified again: {verdict.outcome}"
     if record.state == "provisional":
-        return _reconsidered(record, verdict, decision.state == "active", now)
-    contradicted = verdict.outcome != "uncertain" and verdict.outcome != record.outcome
+        judged = replace(record, outcome=verdict.outcome, note="", updated=now)
+        if state == "active":
+            sure = replace(judged, quality=verdict.quality, confidence=verdict.confidence)
+            return "PROMOTE", replace(sure, state="active"), again
+        if verdict.outcome == "verified_fail" and record.type != "failure_avoidance":
+            why = "its episode failed: a recipe from it is none"
+            return "DEMOTE", replace(judged, state="archive", updated=record.updated, note=why), why
+    if record.state != "active":
+        return "", record, ""
     quality, confidence = pooled_quality(record.quality, record.count, verdict.quality)
     pooled = replace(record, quality=quality, confidence=confidence, updated=now)
-    if not contradicted:
-        return Revision("CONFIRM", pooled, f"verified again: {verdict.outcome}")
+    if verdict.outcome in ("uncertain", record.outcome):
+        return "CONFIRM", pooled, again
     if record.count > 1 and confidence >= options.replay_confidence:
-        return Revision("CONFIRM", pooled, f"one of {record.count} episodes was judged otherwise this time")
-    state: LifecycleState = "archive" if decision.state is None else "provisional"
+        return "CONFIRM", pooled, f"one of {record.count} episodes was judged otherwise this time"
     why = f"its episode was judged {verdict.outcome} this time, {record.outcome} before"
-    return Revision("DEMOTE", replace(pooled, state=state, note=why), why)
-
-
-def _reconsidered(record: Record, verdict: Verdict, admitted: bool, now: float) -> Revision | None:
-    if admitted:
-        why = f"verified again: {verdict.outcome}"
-        promoted = replace(
-            record,
-            state="active",
-            outcome=verdict.outcome,
-            quality=verdict.quality,
-            confidence=verdict.confidence,
-            note="",
-            updated=now,
-        )
-        return Revision("PROMOTE", promoted, why)
-    if verdict.outcome == "verified_fail" and record.type != "failure_avoidance":
-        why = "its episode failed: a recipe from it is none"
-        return Revision("DEMOTE", replace(record, state="archive", outcome="verified_fail", note=why), why)
-    return None
-
-
-def episodes_behind(records: Sequence[Record], limit: int | None = None) -> list[str]:
-    """The sources of these records, in their order, each once, the latest of each record first."""
-    sources: dict[str, None] = {}
-    for record in records:
-        for source in reversed(record.sources()):
-            sources.setdefault(source)
-    return list(sources)[:limit]
+    return "DEMOTE", replace(pooled, state="archive" if state is None else "provisional", note=why), why

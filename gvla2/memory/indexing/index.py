@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import OUTCOMES, TYPES, Embedder
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import SERVED, STATES, Entry, Rows
+from gvla2.memory.indexing.candidates import SERVED, STATES, Candidates, RecordRows, largest
 from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
-from gvla2.memory.storage.view import Change
+from gvla2.memory.storage.view import RecordChange
 
 __all__ = ["SERVED", "Index"]
 _MANY = 200
@@ -39,7 +38,7 @@ class Index:
         self._store, self._embedder, self._replace = store, embedder, replace
         self._made: list[tuple[Record, NDArray[np.float32]]] = []
         self._dimension = int(embedder.embed([""]).shape[1])
-        self._rows = Rows(self._dimension)
+        self._rows = RecordRows(self._dimension)
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -68,15 +67,14 @@ class Index:
             with suppress(MemoryStoreError), self._store.writing(self.bank, actor="index", now=0.0) as t:
                 t.save_vectors(self._embedder.model, made)
 
-    def apply(self, changes: Iterable[Change]) -> None:
+    def apply(self, changes: Iterable[RecordChange]) -> None:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
         listed = list(changes)
         kept = [one for one in listed if _held(one.record)]
         vectors = self._vectors(kept)
         try:
             self._rows.drop([one.record.id for one in listed if not _held(one.record)])
-            entries = zip(kept, vectors, strict=True)
-            self._rows.put([Entry(one.record, vector, one.conflicts) for one, vector in entries])
+            self._rows.put([(one.record, v, one.conflicts) for one, v in zip(kept, vectors, strict=True)])
         except BaseException:
             self._rows.clear()  # half applied: read all of it again
             self.rev = 0
@@ -91,25 +89,29 @@ class Index:
 
     def nearest(
         self, vector: NDArray[np.float32], k: int, states: Sequence[str] = SERVED
-    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """((K,) rows, (K,) cosines) of the at most ``k`` records with the largest cosine to a unit (D,) vector.
+    ) -> list[tuple[Record, float]]:
+        """The at most ``k`` records with the largest cosine to a unit (D,) vector, with it; equal ones by id.
 
-        Equal ones by id. Rows are those of :meth:`record`. A zero vector is near to nothing.
+        A zero vector is near to nothing.
         """
         served = np.flatnonzero(self._rows.in_states(states))
         k = min(k, len(served)) if vector.any() else 0
         if k <= 0:
-            return np.zeros(0, np.intp), np.zeros(0)
+            return []
         cosines = (self._rows.vectors @ vector)[served].astype(np.float64)
-        # All that are as near as the last of the k, so that the ids settle who is left out.
-        some = np.flatnonzero(cosines >= np.partition(cosines, len(cosines) - k)[len(cosines) - k])
         records = self._rows.records
-        order = sorted(some.tolist(), key=lambda i: (-cosines[i], records[served[i]].id))[:k]
-        return served[order], cosines[order]
+        best = largest(cosines, k, lambda i: records[served[i]].id)
+        return [(records[served[i]], float(cosines[i])) for i in best]
 
-    def record(self, row: int) -> Record:
-        """The record of a row of :meth:`nearest` or :meth:`rows`."""
-        return self._rows.records[row]
+    def get(self, id: str) -> Record | None:
+        """The record, None where the index does not hold it."""
+        row = self._rows.row_of.get(id)
+        return None if row is None else self._rows.records[row]
+
+    def vector(self, id: str) -> NDArray[np.float32] | None:
+        """(D,) the embedding of a record, None where the index does not hold it."""
+        row = self._rows.row_of.get(id)
+        return None if row is None else np.array(self._rows.vectors[row])
 
     def count(self, state: str) -> int:
         """How many records are held in a state."""
@@ -120,15 +122,7 @@ class Index:
         rows = np.flatnonzero(self._rows.in_states((state,)))
         return sorted((self._rows.records[row] for row in rows.tolist()), key=lambda record: record.id)
 
-    def rows(self, ids: Sequence[str]) -> list[int]:
-        """The rows of these ids; ids that the index does not hold are left out."""
-        return [self._rows.row_of[id] for id in ids if id in self._rows.row_of]
-
-    def vector(self, row: int) -> NDArray[np.float32]:
-        """(D,) the embedding of a row."""
-        return np.array(self._rows.vectors[row])
-
-    def _vectors(self, changes: Sequence[Change]) -> list[NDArray[np.float32]]:
+    def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
         """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""
         model = self._embedder.model
         found = [

@@ -4,14 +4,31 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.curation.trust import Origin
-from gvla2.memory.interop.states import STATES, Entry, Line, LineError, Remark, read_lines, read_record
-from gvla2.memory.storage.store import Store, Transaction
+from gvla2.memory.interop.states import STATES, LineError, ReadRecord, parse, read_record
+from gvla2.memory.storage.store import Store
+
+Line = tuple[str, int, Mapping[str, Any]]
+"""A file's name, a line's number from 1, and the JSON object that it holds."""
+
+
+@dataclass(frozen=True)
+class Remark:
+    """What is to be said of a line. ``broken`` when it could not be read, else it was read as ``why`` says."""
+
+    file: str
+    line: int
+    why: str
+    broken: bool = True
+
+    def __str__(self) -> str:
+        return f"{self.file}, line {self.line}: {self.why}"
 
 
 @dataclass(frozen=True)
@@ -50,17 +67,17 @@ def import_path(
     """
     lines, remarks = read_path(path)
     at, origin = time.time() if now is None else now, Origin(trusted, source)
-    entries: list[Entry] = []
-    for line in lines:
+    entries: list[ReadRecord] = []
+    for file, number, fields in lines:
         try:
-            entry = read_record(line, bank, at, origin)
+            entry = read_record(fields, file, bank, at, origin)
         except (LineError, ValueError, OverflowError, RecursionError) as error:  # the others are read
-            remarks.append(Remark(line.file, line.number, str(error)))
+            remarks.append(Remark(file, number, str(error)))
             continue
         entries.append(entry)
-        remarks += [Remark(line.file, line.number, note, broken=False) for note in entry.notes]
+        remarks += [Remark(file, number, note, broken=False) for note in entry.notes]
     ids: dict[str, str] = {}
-    new: dict[str, Entry] = {}
+    new: dict[str, ReadRecord] = {}
     with store.writing(bank, actor=actor, now=at) as tx:
         stored = tx.by_keys({entry.record.dedup_key for entry in entries})
         for entry in entries:
@@ -71,21 +88,17 @@ def import_path(
                 judged = record.outcome in ("verified_success", "verified_fail")
                 tx.put(record, action="import", origin=str(origin) if judged else "")
                 new[record.id] = entry
-        _link(tx, list(new.values()), ids)
+        for id, entry in new.items():
+            for kind, targets in (("replaces", entry.supersedes), ("conflict", entry.conflicts)):
+                for target in targets:
+                    if ids.get(target, id) != id:
+                        tx.link(id, kind, ids[target], why="imported")
     held = sum(entry.record.state == "provisional" for entry in new.values())
     return Imported(tuple(new), len(entries) - len(new), held, tuple(remarks))
 
 
-def _link(tx: Transaction, entries: Sequence[Entry], ids: dict[str, str]) -> None:
-    for entry in entries:
-        for kind, targets in (("replaces", entry.supersedes), ("conflict", entry.conflicts)):
-            for target in dict.fromkeys(targets):
-                if ids.get(target, entry.record.id) != entry.record.id:
-                    tx.link(entry.record.id, kind, ids[target], why="imported")
-
-
 def read_path(path: Path) -> tuple[list[Line], list[Remark]]:
-    """The lines of a file or folder, and remarks on broken ones.
+    """The JSON objects of a file or folder, and remarks on its other lines; empty ones are passed over.
 
     Raises :class:`MemoryStoreError` when there is nothing to read, or no line is a record's.
     """
@@ -93,12 +106,16 @@ def read_path(path: Path) -> tuple[list[Line], list[Remark]]:
     remarks: list[Remark] = []
     try:
         for file in _files(path):
-            found, broken = read_lines(file)
-            lines += found
-            remarks += broken
-    except OSError as error:  # a folder that may not be looked into
-        raise MemoryStoreError(f"Cannot read {path}: {error.strerror or error}.") from error
-    fits = any("memory_id" in line.fields and "content" in line.fields for line in lines)
+            with file.open("rb") as stream:
+                for number, raw in enumerate(stream, 1):
+                    try:
+                        lines += [(file.name, number, parse(raw))] if raw.strip() else []
+                    except LineError as error:
+                        remarks.append(Remark(file.name, number, str(error)))
+    except OSError as error:
+        place = error.filename or path
+        raise MemoryStoreError(f"Cannot read {place}: {error.strerror or error}.") from error
+    fits = any("memory_id" in fields and "content" in fields for _, _, fields in lines)
     if not fits and (lines or (remarks and not path.is_dir())):
         raise MemoryStoreError(f"{path} is no memory: no line has memory_id and content.")
     return lines, remarks

@@ -10,10 +10,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
-from gvla2.errors import Gvla2Error, MemoryStoreError
+from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import TYPES, LifecycleState, Outcome, RecordType
 from gvla2.memory.curation.trust import LEVELS, Origin, believed, trust_of
 from gvla2.memory.injection_patterns import screen
@@ -23,6 +22,16 @@ STATES: tuple[LifecycleState, ...] = ("active", "provisional", "summary", "archi
 """The lifecycle states in the order of their files."""
 LONGEST_TEXT = 100_000
 """Characters of a field."""
+_TEXTS = [
+    "memory_id",
+    "content",
+    "query",
+    "task_id",
+    "state",
+    "memory_type",
+    "verifier_label",
+    "verifier_model",
+]
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 _SPELT: Mapping[Outcome, str] = {
     "verified_success": "success succeeded verified_success pass passed true",
@@ -44,29 +53,7 @@ class LineError(Gvla2Error):
 
 
 @dataclass(frozen=True)
-class Line:
-    """One line that holds a JSON object: its ``fields``, ``number`` from 1, ``file`` by name."""
-
-    file: str
-    number: int
-    fields: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Remark:
-    """What is to be said of a line. ``broken`` when it could not be read, else it was read as ``why`` says."""
-
-    file: str
-    line: int
-    why: str
-    broken: bool = True
-
-    def __str__(self) -> str:
-        return f"{self.file}, line {self.line}: {self.why}"
-
-
-@dataclass(frozen=True)
-class Entry:
+class ReadRecord:
     """What a line says: a record, the ``key`` that names it in its source, keys of others, and ``notes`` on what was
     understood how.
     """
@@ -78,32 +65,10 @@ class Entry:
     notes: tuple[str, ...]
 
 
-def read_lines(path: Path) -> tuple[list[Line], list[Remark]]:
-    """The JSON objects of a file and what is wrong with its other lines; empty lines are passed over.
-
-    Raises :class:`MemoryStoreError` when the file cannot be read at all.
-    """
-    lines: list[Line] = []
-    remarks: list[Remark] = []
-    try:
-        with path.open("rb") as stream:
-            for number, raw in enumerate(stream, 1):
-                text = raw.removeprefix(b"\xef\xbb\xbf") if number == 1 else raw
-                if not text.strip():
-                    continue
-                try:
-                    lines.append(Line(path.name, number, parse(text)))
-                except LineError as error:
-                    remarks.append(Remark(path.name, number, str(error)))
-    except OSError as error:
-        raise MemoryStoreError(f"Cannot read {path}: {error.strerror or error}.") from error
-    return lines, remarks
-
-
 def parse(raw: bytes) -> dict[str, Any]:
     """One JSON object; raises :class:`LineError` for anything else, NaN and infinities included."""
     try:
-        return load_object(raw.decode(errors="surrogatepass").strip())
+        return load_object(raw.decode("utf-8-sig", "surrogatepass").strip())
     except UnicodeDecodeError as error:
         raise LineError(f"it is not UTF-8 (byte {error.start})") from error
     except (ValueError, RecursionError) as error:
@@ -119,32 +84,45 @@ def to_bytes(rows: Iterable[Mapping[str, Any]]) -> bytes:
     return "".join(f"{text}\n" for text in texts).encode()
 
 
-def read_record(line: Line, bank: str, now: float, origin: Origin) -> Entry:
+def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, origin: Origin) -> ReadRecord:
     """The record of a line as ``bank`` takes it; raises :class:`LineError` when it has no id or says nothing.
 
-    The file's name tells the state, or else the line's own word; but what is not believed by its ``origin`` is
+    The ``file``'s name tells the state, or else the line's own word; but what is not believed by its ``origin`` is
     provisional, whatever the line says of it.
     """
-    fields, notes = line.fields, list[str]()
-    told = _text(fields, "state")
-    state = next((s for word in (line.file.removesuffix(".jsonl"), told) for s in STATES if s == word), None)
+    told, notes = {name: _text(fields, name) for name in _TEXTS}, list[str]()
+    for name in ("memory_id", "content"):
+        if not told[name].strip():
+            raise LineError(f"'{name}' is missing or empty")
+    words = (file.removesuffix(".jsonl"), told["state"])
+    state = next((state for word in words for state in STATES if state == word), None)
     if state is None:
-        raise LineError(f"neither the file's name nor 'state' ('{told}') is one of {', '.join(STATES)}")
-    said = _text(fields, "verifier_label") or fields.get("source_status")
+        raise LineError(f"neither the file's name nor 'state' ('{words[1]}') is one of {', '.join(STATES)}")
+    said = told["verifier_label"] or fields.get("source_status")
     status = "" if said is None else str(said)
     outcome = _OUTCOMES.get(status.strip().casefold())
     if outcome is None:
         notes.append(f"its status '{status[:40]}' is not known")
         outcome = "uncertain"
-    kind = _type(_text(fields, "memory_type"), outcome, notes)
-    name, content = _text(fields, "memory_id", needed=True)[:1000], _text(fields, "content", needed=True)
-    query, task = _text(fields, "query"), clean(_text(fields, "task_id"), 200)
-    quality = share(fields.get("quality_score"))
+    called = told["memory_type"]
+    kind: RecordType = next((known for known in TYPES if known == called), "procedural_hint")
+    if called not in ("", kind):
+        notes.append(f"its type '{called}' is not known")
+    if (
+        outcome == "verified_fail" and kind == "procedural_hint"
+    ):  # a recipe from a failure is a thing to avoid
+        kind = "failure_avoidance"
+    key_there, content, query, task = (
+        told["memory_id"][:1000],
+        told["content"],
+        told["query"],
+        told["task_id"][:200],
+    )
+    quality = number(fields.get("quality_score"), 0.0, 1.0)
     quality = _QUALITIES.get(outcome, 0.5) if quality is None else quality
-    confidence = share(fields.get("confidence"))
-    ours = _mapping(fields.get("gvla2"))
-    effect, skill = _mapping(ours.get("effect")), clean(str(ours.get("skill") or ""), 64)
-    signature = {k: v for k, v in _mapping(ours.get("signature")).items() if isinstance(v, int | float)}
+    confidence = number(fields.get("confidence"), 0.0, 1.0)
+    ours = _mapping(fields, "gvla2")
+    effect, skill = _mapping(ours, "effect"), clean(str(ours.get("skill") or ""), 64)
     key = dedup_key(kind, content, skill, effect or None)
     screened = screen(f"{query}\n{content}")
     trust = trust_of([origin], screened=bool(screened))
@@ -156,12 +134,8 @@ def read_record(line: Line, bank: str, now: float, origin: Origin) -> Entry:
     created, used = _when(fields.get("created_at")), min(_when(fields.get("last_used_at")) or 0.0, now)
     created = now if created is None else min(created, now)
     usage = count(fields.get("use_count"))
-    criteria = {
-        str(k): n
-        for k, v in _mapping(fields.get("verifier_criteria")).items()
-        if (n := number(v)) is not None
-    }
-    provenance = {"made_by": {"import": "states"}, "sources": [task] if task else [], "key": name}
+    criteria = _numbers(_mapping(fields, "verifier_criteria"))
+    provenance = {"made_by": {"import": "states"}, "sources": [task] if task else [], "key": key_there}
     record = Record(
         id=record_id(kind, bank, key),
         bank=bank,
@@ -179,16 +153,20 @@ def read_record(line: Line, bank: str, now: float, origin: Origin) -> Entry:
         count=max(count(ours.get("count")), 1),
         usage=usage,
         recalled=max(usage, count(ours.get("recalled"))),
-        verifier=dump({"verifier": _text(fields, "verifier_model"), "criteria": criteria, "reasons": []}),
-        signature=dump(finite(signature)),
+        verifier=dump({"verifier": told["verifier_model"], "criteria": criteria, "reasons": []}),
+        signature=dump(_numbers(_mapping(ours, "signature"))),
         skill=skill,
         effect=dump(dict(effect)) if effect else "",
         provenance=dump(provenance),
         note=note,
         trust=trust,
     )
-    return Entry(
-        name, record, _names(fields.get("supersedes")), _names(fields.get("conflicts_with")), tuple(notes)
+    return ReadRecord(
+        key_there,
+        record,
+        _names(fields.get("supersedes")),
+        _names(fields.get("conflicts_with")),
+        tuple(notes),
     )
 
 
@@ -229,34 +207,27 @@ def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[st
     }
 
 
-def _type(told: str, outcome: Outcome, notes: list[str]) -> RecordType:
-    """The type of a lesson that calls itself ``told``: a recipe from a failure is a thing to avoid."""
-    kind = next((known for known in TYPES if known == told), None)
-    if told and kind is None:
-        notes.append(f"its type '{told}' is not known")
-    if outcome == "verified_fail" and kind in (None, "procedural_hint"):
-        return "failure_avoidance"
-    return kind or "procedural_hint"
-
-
-def _text(fields: Mapping[str, Any], name: str, *, needed: bool = False) -> str:
+def _text(fields: Mapping[str, Any], name: str) -> str:
     """A field that is text, as a database takes it; "" where it is absent or null. Numbers (ids) become their text.
 
-    Raises :class:`LineError` when it is ``needed`` and says nothing, or when it is something else.
+    Raises :class:`LineError` when it is something else.
     """
     value = fields.get(name)
     if isinstance(value, int | float) and not isinstance(value, bool):
         value = str(value)
     if value is not None and not isinstance(value, str):
         raise LineError(f"'{name}' is no text")
-    text = clean(value or "", LONGEST_TEXT)
-    if needed and not text.strip():
-        raise LineError(f"'{name}' is missing or empty")
-    return text
+    return clean(value or "", LONGEST_TEXT)
 
 
-def _mapping(value: object) -> Mapping[str, Any]:
+def _mapping(fields: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    value = fields.get(name)
     return value if isinstance(value, Mapping) else {}
+
+
+def _numbers(told: Mapping[str, Any]) -> dict[str, float]:
+    """The entries that are numbers."""
+    return {str(name): found for name, value in told.items() if (found := number(value)) is not None}
 
 
 def _names(value: object) -> tuple[str, ...]:
@@ -284,21 +255,15 @@ def _date(seconds: float) -> str | None:
         return None
 
 
-def number(value: object) -> float | None:
-    """A number as a finite float; None for what is no number, or beyond all floats."""
+def number(value: object, low: float = -math.inf, high: float = math.inf) -> float | None:
+    """A number as a finite float held to [low, high]; None for what is no number, or beyond all floats."""
     try:
         found = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
     except OverflowError:  # JSON's whole numbers have no bound
         return None
-    return found if math.isfinite(found) else None
-
-
-def share(value: object) -> float | None:
-    """A number held to [0, 1]; None for what is no number."""
-    found = number(value)
-    return None if found is None else min(max(found, 0.0), 1.0)
+    return min(max(found, low), high) if math.isfinite(found) else None
 
 
 def count(value: object) -> int:
     """A count; 0 for what is none."""
-    return int(min(max(number(value) or 0.0, 0.0), 2.0**53))
+    return int(number(value, 0.0, 2.0**53) or 0)

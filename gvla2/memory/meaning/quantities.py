@@ -6,7 +6,98 @@ import math
 import re
 from typing import NamedTuple
 
-from gvla2.memory.meaning.units import Unit, unit_at
+_UNITS = """
+length 0.000001 µm um micron micrometer micrometre
+length 0.001 mm millimeter millimetre
+length 0.01 cm centimeter centimetre
+length 1 m meter metre
+length 1000 km kilometer kilometre
+length 0.0254 inch inches ″
+angle 1 degree deg ° º
+angle 57.29577951308232 rad radian
+angle 360 revolution rotation turns
+temperature 1 °c ℃ celsius
+time 0.000001 µs microsecond
+time 0.001 ms millisecond msec
+time 1 s sec second
+time 60 min minute
+time 3600 h hr hour
+time 86400 day
+time 604800 week
+ratio 0.01 % percent ％
+mass 0.001 g gram
+mass 1 kg kilo kilogram
+volume 0.001 ml milliliter millilitre cm3
+volume 1 l liter litre
+turning 6 rpm
+force 1 n newton
+torque 1 nm newtonmeter newtonmetre
+torque 0.01 ncm
+pressure 1 pa pascal
+pressure 100 hpa mbar
+pressure 1000 kpa
+pressure 1000000 mpa
+pressure 100000 bar
+voltage 1 v volt
+current 1 amp ampere
+power 1 w watt
+frequency 1 hz hertz fps
+frequency 1000 khz
+frequency 1000000 mhz
+bytes 1 byte
+bytes 1024 kb kib kilobyte
+bytes 1048576 mb mib megabyte
+bytes 1073741824 gb gib gigabyte
+pixels 1 px pixel
+times 1 times
+time2 1 s2
+"""
+_KNOWN = {
+    word: (line.split()[0], float(line.split()[1]))
+    for line in _UNITS.strip().split("\n")
+    for word in line.split()[2:]
+}
+_RATES = {
+    ("length", "time"): "speed",
+    ("angle", "time"): "turning",
+    ("times", "time"): "frequency",
+    ("length", "time2"): "acceleration",
+}
+_WORD = r"(?:[°º](?:\s?c(?![^\W\d_]))?|[%％℃″]|[^\W\d_]+(?:\^?[23](?!\w))?)"
+_TOKEN = re.compile(rf"[\s-]?\s*(?P<word>{_WORD})")
+_RATE = re.compile(rf"\s*(?:/|⁄|\bper\b)\s*(?P<under>{_WORD})")
+_METRE = re.compile(r"(?:\s*[·⋅*]?\s*|-)m(?:et(?:er|re)s?)?(?![\w/])")
+_DEGREES_OF = re.compile(r"\s+(?:celsius|c)(?!\w)")
+
+
+class UnitAt(NamedTuple):
+    """A unit in a text: a number x of it is ``x * factor`` of its base unit; it ends at ``end``."""
+
+    dimension: str
+    factor: float
+    end: int
+
+
+def unit_at(text: str, at: int) -> UnitAt | None:
+    """The unit that stands in a casefolded text behind a number that ends at ``at``, None where there is none."""
+    token = _TOKEN.match(text, at)
+    if token is None or (found := _known(token["word"])) is None:
+        return None
+    (dimension, factor), end = found, token.end()
+    if dimension == "force" and (metre := _METRE.match(text, end)):
+        dimension, end = "torque", metre.end()
+    elif dimension == "angle" and (scale := _DEGREES_OF.match(text, end)):
+        dimension, end = "temperature", scale.end()
+    if (rate := _RATE.match(text, end)) is not None and (under := _known(rate["under"])) is not None:
+        dimension = _RATES.get((dimension, under[0]), f"{dimension}/{under[0]}")
+        factor, end = factor / under[1], rate.end()
+    return UnitAt(dimension, factor, end)
+
+
+def _known(word: str) -> tuple[str, float] | None:
+    plain = word.replace(" ", "").replace("^", "")
+    return _KNOWN.get(plain) or (_KNOWN.get(plain[:-1]) if plain[-1:] == "s" and len(plain) > 3 else None)
+
 
 _DIGITS = re.compile(r"\d(?:\d{0,2}(?:[ \u00a0]\d{3})+(?![\d.,])|\d*(?:[.,]\d+)*)(?:e[-+]?\d+(?!\w))?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?")
@@ -64,7 +155,7 @@ class Quantity(NamedTuple):
         return gap > (TOLERANCE if figures else 0.02) * scale
 
 
-class Found(NamedTuple):
+class QuantityAt(NamedTuple):
     """A quantity and where it stands in the text, ``start`` to ``end``."""
 
     quantity: Quantity
@@ -72,21 +163,15 @@ class Found(NamedTuple):
     end: int
 
 
-class _Atom(NamedTuple):
-    value: float
-    start: int
-    end: int
-
-
-def quantities(text: str) -> list[Found]:
+def quantities(text: str) -> list[QuantityAt]:
     """All quantities of a :func:`~gvla2.memory.meaning.plain_text.plain_text`, in reading order."""
-    atoms = []
+    atoms: list[tuple[float, int, int]] = []
     for match in _DIGITS.finditer(text):
         start = _start(text, match.start())
         value = _number(text[start : match.end()]) if start >= 0 else None
         if value is not None:
-            atoms.append(_Atom(value, start, match.end()))
-    found: list[Found] = []
+            atoms.append((value, start, match.end()))
+    found: list[QuantityAt] = []
     last = index = 0
     while index < len(atoms):
         made, index = _read(text, atoms, index, last)
@@ -110,7 +195,9 @@ def _in_word(character: str) -> bool:
     return character.isalnum() or character == "_"
 
 
-def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[Found | None, int]:
+def _read(
+    text: str, atoms: list[tuple[float, int, int]], index: int, last: int
+) -> tuple[QuantityAt | None, int]:
     """The quantity that begins with atom ``index``, and the index of the atom behind it."""
     value, start, end = atoms[index]
     index += 1
@@ -130,7 +217,7 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[Found |
     to = _TO.match(text, end) if index < len(atoms) else None
     if (
         to is not None
-        and to.end() == atoms[index].start
+        and to.end() == atoms[index][1]
         and (to["word"] != "and" or (front and front["between"]))
     ):
         high, _, end = atoms[index]
@@ -145,10 +232,10 @@ def _read(text: str, atoms: list[_Atom], index: int, last: int) -> tuple[Found |
         low, high = (low, math.inf) if bound["low"] else (-math.inf, high)
         end = max(end, bound.end())
     read = Quantity(unit.dimension if unit else dimension, min(low, high), max(low, high))
-    return Found(read, front.start() if front else start, end), index
+    return QuantityAt(read, front.start() if front else start, end), index
 
 
-def _scaled(value: float, unit: Unit | None) -> float:
+def _scaled(value: float, unit: UnitAt | None) -> float:
     return value if unit is None else value * unit.factor
 
 

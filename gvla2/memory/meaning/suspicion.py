@@ -1,6 +1,6 @@
 """How likely two English texts contradict each other: a small logistic regression on features of the two.
 
-p = max over the ways k in which they may (:func:`gvla2.memory.meaning.features.candidates`) of sigmoid(w . x_k + b).
+p = max over the ways k in which they may (:func:`gvla2.memory.meaning.suspicion.candidates`) of sigmoid(w . x_k + b).
 The weights lie beside this file; ``tests/benchmarks/memory/train_suspicion.py`` makes them, and says of what. What
 comes out is a suspicion, never a decision.
 """
@@ -9,14 +9,164 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from functools import cache, lru_cache
 from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.meaning.english import is_english
-from gvla2.memory.meaning.features import FEATURES, candidates
+from gvla2.memory.meaning.clauses import Clause, Order, Reading, Words, read
+from gvla2.memory.meaning.english import Side, is_english
+
+CROSSED = 0.2
+"""From here on two orders are taken for each other's reverse."""
+SIGNS = ("number", "bare", "side", "case_side", "forbids", "rules_out", "order", "choice")
+"""How two clauses may contradict each other: in a measure, in a bare number, in what is done, in which case; one
+forbids what the other may do, or all that it does; what comes first, what is taken.
+"""
+FEATURES = (
+    *SIGNS, "like", "held", "own_words", "own_given", "same_task", "like_task", "when", "two_signs", "steps", "shared",
+    "one_figure",
+)  # fmt: skip
+"""The signs; how much of their words two clauses share; what each has of its own; whether their tasks are one; which
+cases they name; in how many respects they differ.
+"""
+
+
+def candidates(first: str, second: str, first_query: str = "", second_query: str = "") -> NDArray[np.float64]:
+    """(K, F) the :data:`FEATURES` of each way in which two English texts may contradict each other.
+
+    K is 0 where no sign of it was found, and where their tasks are about different things: what is right for the one
+    may be wrong for the other. The texts may be exchanged.
+    """
+    same = _same_task(first_query, second_query)
+    if same < 0:
+        return np.empty((0, len(FEATURES)))
+    one, two = read(first), read(second)
+    # What one task is about goes without saying: whoever leaves it out means it, too.
+    given = _all(read(first_query)) if same == 1.0 else frozenset()
+    shared = len(one.words & two.words)
+    context = {
+        "same_task": same,
+        "steps": min(max(len(one.clauses), len(two.clauses)) - 1, 4) / 4,
+        "shared": shared / max(min(len(one.words), len(two.words)), 1),
+        "one_figure": float(all(sum(len(c.figures) for c in said.clauses) == 1 for said in (one, two))),
+    }
+    found: list[dict[str, float]] = []
+    for a in one.clauses:
+        for b in two.clauses:
+            if same == 0.0 and a.topics.isdisjoint(b.topics):
+                continue  # of other tasks, and of nothing that the other speaks of
+            if signs := _signs(a, b):
+                found.append({**context, **signs, **_compared(a, b, given)})
+    like = shared / max(len(one.words | two.words), 1)
+    for name, mine, theirs in (("order", one.orders, two.orders), ("choice", one.choices, two.choices)):
+        if (crossed := _crossed(mine, theirs)) > CROSSED:
+            found.append({**context, "like": like, "held": context["shared"], name: crossed})
+    for way in found:
+        way["like_task"] = way["like"] * same
+    return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
+
+
+def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
+    """How far two clauses speak of one thing in one case."""
+    mine, theirs = a.topics, b.topics
+    shared = len(mine & theirs)
+    cases = bool(a.when - b.when), bool(b.when - a.when)
+    return {
+        # Who says nothing of what it is about ("use 4 N") may speak of anything.
+        "like": shared / len(mine | theirs) if mine and theirs else 0.5,
+        "held": shared / min(len(mine), len(theirs)) if mine and theirs else 1.0,
+        "own_words": min(len(mine - theirs), len(theirs - mine), 4) / 4,
+        "own_given": min(len(mine - theirs - given), len(theirs - mine - given), 4) / 4,
+        "when": 1.0 if all(cases) else 0.4 * any(cases),
+    }
+
+
+def _signs(a: Clause, b: Clause) -> dict[str, float]:
+    """The :data:`SIGNS` of two clauses, before it is asked whether they speak of one thing."""
+    found: dict[str, float] = {}
+    differ = _differing_figure(a, b)
+    if differ is not None:
+        found["number" if differ else "bare"] = 1.0
+    # "Off before it docks" and "on after it docks" are two cases.
+    apart = a.ahead != b.ahead and not a.when.isdisjoint(b.when)
+    opposed = [] if apart else turned(a.sides, b.sides)
+    cases = turned(a.sides, _sides_in(b.when)) or turned(_sides_in(a.when), b.sides)
+    if a.forbidden != b.forbidden and not opposed and not cases:  # "don't leave it open" and "close it" agree
+        rule, act = (a, b) if a.forbidden else (b, a)
+        found["forbids" if rule.words - act.words - act.when or not rule.words else "rules_out"] = 1.0
+    elif a.forbidden == b.forbidden and (opposed or cases):
+        found["side" if opposed else "case_side"] = 1.0
+    if any(x.lacks and not y.lacks and x.lacks <= y.words for x, y in ((a, b), (b, a))):
+        found["rules_out"] = 1.0
+    if found:
+        found["two_signs"] = float(
+            len(opposed) + len(found.keys() & {"number", "bare", "forbids", "rules_out"}) > 1
+        )
+    return found
+
+
+def turned(mine: Iterable[Side], theirs: Iterable[Side]) -> list[str]:
+    """The axes on which two rows of sides are opposed; of both in a row the first counts ("from the top down")."""
+    found = []
+    for axis in sorted({axis for axis, _ in mine} & {axis for axis, _ in theirs}):
+        one = [sign for name, sign in mine if name == axis]
+        two = [sign for name, sign in theirs if name == axis]
+        if len(set(one)) == len(set(two)) and one[0] != two[0]:
+            found.append(axis)
+    return found
+
+
+def _differing_figure(a: Clause, b: Clause) -> str | None:
+    """The first dimension in which figures of two clauses disagree, taken in turn; None: in none."""
+    for dimension in sorted({figure.dimension for figure in a.figures}):
+        one, two = ([f for f in clause.figures if f.dimension == dimension] for clause in (a, b))
+        if any(mine.disagrees(other) for mine, other in zip(one, two, strict=False)):
+            return dimension
+    return None
+
+
+def _sides_in(words: Words) -> tuple[Side, ...]:
+    return tuple((word[:-1], 1 if word[-1] == "+" else -1) for word in sorted(words) if word[-1] in "+-")
+
+
+def _crossed(mine: Iterable[Order], theirs: Iterable[Order]) -> float:
+    """How surely two orders, or two choices, are each other's reverse: 1 where both halves changed places.
+
+    What stands on one side in both tells nothing, and neither does what stands on both sides of one.
+    """
+    most = 0.0
+    for a, b in mine:
+        for c, d in theirs:
+            one, two, three, four = a - b - c, b - a - d, c - d - a, d - c - b
+            undone = turned(_sides_in(a), _sides_in(d)) or turned(_sides_in(b), _sides_in(c))
+            if one and two and three and four and not undone:  # "start A, then B" and "stop B, then A" agree
+                most = max(most, min(_held(one, four), _held(two, three)))
+    return most
+
+
+def _held(mine: Words, theirs: Words) -> float:
+    return len(mine & theirs) / min(len(mine), len(theirs))
+
+
+@lru_cache(maxsize=16384)
+def _same_task(first: str, second: str) -> float:
+    """Whether two queries, one instruction a line, are one task: 1 where they share one, .5 where one is not known, 0
+    where one only says more than the other, -1 where each has something of its own: another thing, another case.
+    """
+    if not first.strip() or not second.strip():
+        return 0.5
+    mine, theirs = first.casefold().split("\n"), second.casefold().split("\n")
+    if set(mine) & set(theirs):
+        return 1.0
+    pairs = [(_all(read(line)), _all(read(other))) for line in mine for other in theirs]
+    return -1.0 if all(one - two and two - one for one, two in pairs) else 0.0
+
+
+def _all(said: Reading) -> Words:
+    return said.words.union(*(clause.everything for clause in said.clauses))
 
 
 def suspicion(first: str, second: str, first_query: str = "", second_query: str = "") -> float | None:

@@ -100,7 +100,11 @@ class HybridRetriever:
                 some = some[np.argpartition(-scores[some], _LOOKED_AT)[:_LOOKED_AT]]
             groups: dict[str, list[int]] = {}
             for i in sorted(some.tolist(), key=lambda i: (-scores[i], candidates.record(row[i]).id)):
-                name = str((candidates.effect(row[i]) or {}).get("language")) if programs[i] else ""
+                name = (
+                    str((candidates.record(row[i]).effect_json() or {}).get("language"))
+                    if programs[i]
+                    else ""
+                )
                 if name not in groups and len(groups) == _LANGUAGES:
                     continue
                 group = groups.setdefault(name, [])
@@ -113,7 +117,7 @@ class HybridRetriever:
 
     def _same(self, one: int, other: int, candidates: Candidates) -> bool:
         """Whether two records say the same; the numbers of their effects aside, which one of them wins with."""
-        mine, theirs = _wording(candidates.content(one)), _wording(candidates.content(other))
+        mine, theirs = (_wording(candidates.record(row).content) for row in (one, other))
         if len(mine & theirs) < self._options.same_words * len(mine | theirs):
             return False
         return _parameter(candidates, one) == _parameter(candidates, other)
@@ -148,7 +152,7 @@ def _filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) ->
     """(K,) how well the task's things can fill the roles of the rows' programs, nan where that says nothing."""
     found = np.full(len(rows), math.nan)
     for i in np.flatnonzero(candidates.programs[rows]) if task.things else ():
-        share = filled(candidates.effect(int(rows[i])), task.things)
+        share = filled(candidates.record(int(rows[i])).effect_json(), task.things)
         if share is not None:
             found[i] = share
     return found
@@ -161,7 +165,7 @@ def _wording(content: str) -> frozenset[str]:
 
 def _parameter(candidates: Candidates, row: int) -> str:
     """What an effect is about; a program is about nothing but itself."""
-    effect = candidates.effect(row) or {}
+    effect = candidates.record(row).effect_json() or {}
     if effect.get("kind") == "program":
         return dump(dict(effect))
     return dump([str(effect.get(name, "")) for name in ("kind", "parameter", "op", "skill")])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import MemoryTask, Ranked
-from gvla2.memory.indexing.candidates import Candidates
+from gvla2.memory.indexing.candidates import Candidates, largest
 from gvla2.memory.retrieval.options import SemanticOptions
 
 
@@ -30,7 +30,5 @@ class SemanticRetriever:
         k = min(self._options.top_k, len(cosines))
         if k <= 0:
             return (), "The retriever is told to find none (top_k)."
-        least = np.partition(cosines, len(cosines) - k)[len(cosines) - k]
-        near = np.flatnonzero(cosines >= least).tolist()  # with all that tie for the last place
-        best = sorted(near, key=lambda row: (-cosines[row], candidates.record(row).id))[:k]
+        best = largest(cosines, k, lambda row: candidates.record(row).id)
         return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""

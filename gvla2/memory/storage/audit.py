@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy import delete, insert
 
 from gvla2.errors import MemoryStoreError
@@ -24,7 +25,7 @@ from gvla2.memory.storage.events import (
 )
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
-from gvla2.memory.storage.view import View, vector_of
+from gvla2.memory.storage.view import BankView, vector_of
 from gvla2.memory.storage.writing import link_row
 
 _OWN = 0.99
@@ -44,7 +45,7 @@ class Problem:
         return f"{self.where} {self.id}: {self.what}." if self.id else f"{self.where}: {self.what}."
 
 
-def audit(view: View, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
+def audit(view: BankView, head: str = "", embedder: Embedder | None = None) -> list[Problem]:
     """What is wrong with a bank: its chain, payloads, rows against events, vectors, episodes; [] for nothing.
 
     ``head`` is "SEQ:HASH" of an event, as the bank's statistics had them once and somebody kept elsewhere: with it, a
@@ -55,9 +56,7 @@ def audit(view: View, head: str = "", embedder: Embedder | None = None) -> list[
     problems = list(_chain(view, folding))
     problems += _kept_head(view, head) if head else ()
     problems += _records(view, folding)
-    problems += _vectors(view)
-    named = {problem.id for problem in problems if problem.where in ("record", "vector")}
-    problems += _foreign_vectors(view, embedder, named) if embedder else ()
+    problems += _vectors(view, embedder, {problem.id for problem in problems if problem.where == "record"})
     stored, due = {(x.source, x.kind, x.target): x.at for x in view.links()}, folding.ties
     for key in sorted(key for key in {*stored, *due} if stored.get(key) != due.get(key)):
         kind = "it differs from" if key in stored and key in due else "it is not in both rows and"
@@ -68,7 +67,7 @@ def audit(view: View, head: str = "", embedder: Embedder | None = None) -> list[
     return problems
 
 
-def _chain(view: View, folding: Folding) -> Iterator[Problem]:
+def _chain(view: BankView, folding: Folding) -> Iterator[Problem]:
     """Walk the events: numbers, hashes, digests, times; fold them on the way."""
     prev, seq, rev, at = GENESIS, 0, 0, -math.inf
     erased: list[Event] = []
@@ -103,7 +102,7 @@ def _chain(view: View, folding: Folding) -> Iterator[Problem]:
         yield Problem("chain", "", "the bank's own row is missing")
 
 
-def _kept_head(view: View, head: str) -> Iterator[Problem]:
+def _kept_head(view: BankView, head: str) -> Iterator[Problem]:
     """Whether the chain still has an event that was its last once."""
     place, _, hash_ = head.strip().partition(":")
     if not place.isdecimal() or not hash_:
@@ -126,7 +125,7 @@ def _hash(event: Event) -> str:
         return ""
 
 
-def _records(view: View, folding: Folding) -> Iterator[Problem]:
+def _records(view: BankView, folding: Folding) -> Iterator[Problem]:
     missing = set(folding.rows)
     for row in view.rows():
         id = str(row.id)
@@ -144,30 +143,29 @@ def _records(view: View, folding: Folding) -> Iterator[Problem]:
         yield Problem("record", id, "the events have it, the rows do not")
 
 
-def _vectors(view: View) -> Iterator[Problem]:
+def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) -> Iterator[Problem]:
+    """Vectors of nothing, and damaged ones; with the embedder also those of its model that were not made of what their
+    records say, where these are not ``named`` already.
+    """
+    texts = {one.id: one.text for one in view.records() if one.id not in named} if embedder else {}
+    held: list[tuple[str, NDArray[np.float32]]] = []
     for row in view.vector_rows():
-        id, _, dimension, stored, state = tuple[Any, ...](row)
+        id, model, dimension, stored, state = tuple[Any, ...](row)
+        vector = vector_of(dimension, stored)
         if state in (None, FORGOTTEN):
             yield Problem("vector", id, "it belongs to no record")
-        elif vector_of(dimension, stored) is None:
+        elif vector is None:
             yield Problem("vector", id, "damaged: not finite, or of another length than it says")
+        elif embedder and model == embedder.model and id in texts:
+            held.append((id, vector))
+    made = embedder.embed([texts[id] for id, _ in held]) if embedder and held else ()
+    for (id, vector), own in zip(held, made, strict=True):
+        length = np.linalg.norm(vector) * np.linalg.norm(own)
+        if own.any() and not (vector.shape == own.shape and float(vector @ own) >= _OWN * length > 0):
+            yield Problem("vector", id, "it was not made of what the record says")
 
 
-def _foreign_vectors(view: View, embedder: Embedder, named: Collection[str]) -> Iterator[Problem]:
-    """Only who has the embedder can tell."""
-    model = embedder.model
-    held = [
-        x for x in view.changes() if x.model == model and x.vector is not None and x.record.id not in named
-    ]
-    for change, own in zip(held, embedder.embed([x.record.text for x in held]) if held else (), strict=True):
-        stored = np.asarray(change.vector)
-        length = np.linalg.norm(stored) * np.linalg.norm(own)
-        alike = stored.shape == own.shape and float(stored @ own) >= _OWN * length > 0
-        if own.any() and not alike:
-            yield Problem("vector", change.record.id, "it was not made of what the record says")
-
-
-def _episodes(view: View, folding: Folding) -> Iterable[Problem]:
+def _episodes(view: BankView, folding: Folding) -> Iterable[Problem]:
     missing = set(folding.episodes)
     for row in view.episode_rows():
         missing.discard(row.source)

@@ -10,14 +10,28 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Self
 
 from sqlalchemy import URL, Connection, Engine, create_engine, insert
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.pool import NullPool, QueuePool
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.storage.tables import META, SCHEMA_VERSION, TABLES
+from gvla2.memory.storage.tables import META, METADATA, SCHEMA_VERSION
+
+
+class Closing(ABC):
+    """What is closed at the end of a ``with`` block."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of everything; safe to call twice."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class Database(ABC):
@@ -97,8 +111,7 @@ class Database(ABC):
 
 def create_tables(connection: Connection) -> None:
     """Create the tables of :data:`SCHEMA_VERSION` and state it, within the connection's transaction."""
-    for table in TABLES:
-        table.create(connection)
+    METADATA.create_all(connection, checkfirst=False)
     connection.execute(insert(META), {"key": "schema", "value": str(SCHEMA_VERSION)})
 
 

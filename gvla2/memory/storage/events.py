@@ -23,7 +23,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.contracts import MemoryTask, Verdict
 from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, clean, dump, load_object
 
 GENESIS = ""
@@ -206,12 +206,10 @@ class StoredEpisode:
     source: str
     at: float
     task: MemoryTask
-    lessons: tuple[Lesson, ...] = ()
     transcript: str = ""
     facts: Mapping[str, Any] = field(default_factory=dict)
     verdicts: tuple[Verdict, ...] = ()
     records: tuple[str, ...] = ()
-    provenance: Mapping[str, str] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """Canonical JSON without ``source`` and ``at``; raises ``ValueError`` or ``TypeError`` for unsound facts."""
@@ -230,12 +228,10 @@ class StoredEpisode:
                 source=source,
                 at=at,
                 task=MemoryTask(**_frozen(data["task"])),
-                lessons=tuple(Lesson(**_frozen(lesson)) for lesson in data["lessons"]),
                 transcript=str(data["transcript"]),
                 facts=dict(data["facts"]),
                 verdicts=tuple(Verdict(**_frozen(verdict)) for verdict in data["verdicts"]),
                 records=tuple(data["records"]),
-                provenance=dict(data["provenance"]),
             )
         except (KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"not an episode: {error}") from error

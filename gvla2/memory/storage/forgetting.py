@@ -16,10 +16,9 @@ from sqlalchemy import Connection, Row, update
 
 from gvla2.memory.records import FORGOTTEN, Record, as_json, dump, load_object, numbered
 from gvla2.memory.storage.database import upsert
-from gvla2.memory.storage.putting import Put
 from gvla2.memory.storage.tables import EPISODE, EVENT, LINK, META, PENDING, VECTOR
 from gvla2.memory.storage.view import parts
-from gvla2.memory.storage.writing import Writing
+from gvla2.memory.storage.writing import Put, Writing
 
 ERASED = {"why": "", "scores": "", "change": "", "origin": "", "salt": b""}
 """What is left of the payload of an event that told of something forgotten."""
@@ -73,23 +72,12 @@ class Transaction(Writing):
 
     def _tombstone(self, row: Row[Any]) -> Record:
         """What is left of a forgotten record: that it was."""
-        return Record(
-            id=row.id,
-            bank=self.bank,
-            query="",
-            content="",
-            type=cast(Any, ""),
-            state=cast(Any, FORGOTTEN),
-            outcome=cast(Any, ""),
-            confidence=0.0,
-            quality=0.0,
-            dedup_key=f"{FORGOTTEN}:{row.id}",
-            created=self.now,
-            updated=self.now,
-            count=0,
-            version=(row.version if type(row.version) is int else 0) + 1,
-            rev=self.rev,
-        )
+        blank, version = cast(Any, ""), row.version if type(row.version) is int else 0
+        made = Record(
+            row.id, self.bank, "", "", blank, cast(Any, FORGOTTEN), blank, 0.0, 0.0, f"{FORGOTTEN}:{row.id}",
+            self.now, self.now, count=0,
+        )  # fmt: skip
+        return numbered(made, version + 1, self.rev)
 
     def _forget_episodes(self, rows: Mapping[str, Row[Any]]) -> None:
         """The episodes that taught them: their rows, and what events say of them."""

@@ -2,41 +2,22 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from sqlalchemy import delete, select
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.records import Record
 from gvla2.memory.storage.addresses import parsed, wrong_bank_name
-from gvla2.memory.storage.database import Database
-from gvla2.memory.storage.events import Event, Link, StoredEpisode
+from gvla2.memory.storage.database import Closing, Database
 from gvla2.memory.storage.forgetting import Transaction
-from gvla2.memory.storage.putting import Put, StaleRecordError, Tie
 from gvla2.memory.storage.tables import BANK, META, PENDING
-from gvla2.memory.storage.view import Change, View
-
-__all__ = [
-    "Change",
-    "Event",
-    "Link",
-    "Put",
-    "Record",
-    "StaleRecordError",
-    "Store",
-    "StoredEpisode",
-    "Tie",
-    "Transaction",
-    "View",
-]
+from gvla2.memory.storage.view import BankView
 
 
-class Store:
+class Store(Closing):
     """An open database of banks. Any number of processes and threads may have the same one open.
 
     Every method raises :class:`~gvla2.errors.MemoryStoreError` when the database cannot be used. Damaged rows are
@@ -66,10 +47,10 @@ class Store:
         return cls(PostgresDatabase(url, busy_seconds, create))
 
     @contextmanager
-    def reading(self, bank: str) -> Iterator[View]:
+    def reading(self, bank: str) -> Iterator[BankView]:
         """A bank as it is at one instant, for reads that must agree with one another."""
         with self._database.reading() as connection:
-            yield View(connection, bank)
+            yield BankView(connection, bank)
 
     @contextmanager
     def writing(self, bank: str, *, actor: str, now: float) -> Iterator[Transaction]:
@@ -85,12 +66,12 @@ class Store:
             yield transaction
             transaction.finish()
         if transaction.to_scrub:
-            self._scrub(transaction.forgotten)
+            self.compact(transaction.forgotten)
 
     def rev(self, bank: str) -> int:
         """The number of the bank's last transaction, 0 for none; cheap enough to ask before each query."""
         with self._database.connection() as connection:
-            return View(connection, bank).rev
+            return BankView(connection, bank).rev
 
     def banks(self) -> list[str]:
         """Names of the banks that anything was ever written to."""
@@ -102,30 +83,9 @@ class Store:
         with self.reading(bank) as view:
             return {**view.counts(), "bytes": self._database.size()}
 
-    def compact(
-        self,
-        bank: str = "",
-        *,
-        archived_before: float | None = None,
-        actor: str = "compact",
-        now: float | None = None,
-    ) -> int:
-        """Give space back, and overwrite what was forgotten where that is pending.
-
-        With a ``bank`` and ``archived_before`` (seconds since the epoch), archived records not updated since then
-        are forgotten first; how many is returned.
-        """
-        gone: Sequence[str] = ()
-        if bank and archived_before is not None:
-            with self.writing(bank, actor=actor, now=time.time() if now is None else now) as transaction:
-                old = [r.id for r in transaction.records(["archive"]) if r.updated < archived_before]
-                gone = transaction.forget(*old, why="archived long ago")
-        if not gone:  # else forgetting has scrubbed already
-            self._scrub()
-        return len(gone)
-
-    def _scrub(self, forgotten: Sequence[str] = ()) -> None:
-        """Clean the database's files of what was forgotten, to the last byte; ``forgotten`` are those of just now.
+    def compact(self, forgotten: Sequence[str] = ()) -> None:
+        """Give space back, and clean the files of what was forgotten, to the last byte; ``forgotten`` are those of just
+        now.
 
         Where that cannot be done now it stays noted, and the next time tries again.
         """
@@ -135,9 +95,8 @@ class Store:
         try:
             database.scrub()
             if asked:
-                with database.writing(
-                    ""
-                ) as sql:  # unless somebody has forgotten something since: he will clean, too
+                # Unless somebody has forgotten something since: he will clean, too.
+                with database.writing("") as sql:
                     sql.execute(delete(META).where(pending, META.c.value == asked))
         except MemoryStoreError as error:
             if not asked:
@@ -152,11 +111,3 @@ class Store:
     def close(self) -> None:
         """Release the database; safe to call twice."""
         self._database.close()
-
-    def __enter__(self) -> Store:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

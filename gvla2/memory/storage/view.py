@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,12 +23,12 @@ _TOGETHER = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class RecordChange:
     """A record as it is now, which a transaction after ``since`` changed (or a link of it).
 
     ``vector`` is (D,) float32 made by ``model``, read-only; None where it is damaged, or where there is none (``model``
-    is "" then): the index embeds the record then. ``conflicts`` is how many others contradict the record. Where
-    ``forgotten``, the record has an id, a version and a rev, and nothing else: drop it.
+    is "" then): the index embeds the record then. ``conflicts`` is how many others contradict the record. A record of
+    the state :data:`FORGOTTEN` has an id, a version and a rev, and nothing else: drop it.
     """
 
     record: Record
@@ -36,13 +36,8 @@ class Change:
     model: str
     conflicts: int = 0
 
-    @property
-    def forgotten(self) -> bool:
-        """Whether the record is to be dropped."""
-        return self.record.state == FORGOTTEN
 
-
-class View:
+class BankView:
     """A bank at one instant. Damaged rows are passed over; :func:`~gvla2.memory.storage.audit.audit` names them."""
 
     def __init__(self, sql: Connection, bank: str) -> None:
@@ -93,7 +88,7 @@ class View:
             query if states is None else query.where(RECORD.c.state.in_(states)), RECORD.c.id, ids
         )
 
-    def changes(self, since: int = 0) -> list[Change]:
+    def changes(self, since: int = 0) -> list[RecordChange]:
         """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
         joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
@@ -104,7 +99,7 @@ class View:
                 found.append((record, vector_of(row[1], row[2]), row[0] or ""))
         found.sort(key=lambda entry: (entry[0].rev, entry[0].id))
         against = self.conflicts({record.id for record, _, _ in found})
-        return [Change(record, vector, model, against[record.id]) for record, vector, model in found]
+        return [RecordChange(record, vector, model, against[record.id]) for record, vector, model in found]
 
     def vector_rows(self) -> Iterator[Row[Any]]:
         """(id, model, dimension, bytes, state of the record or None) of the stored vectors."""
@@ -118,10 +113,7 @@ class View:
         """How many others contradict each of these records, or are suspected of it and were not acquitted, whichever
         end a link names.
         """
-        pairs: dict[str, set[frozenset[str]]] = {"conflict": set(), "suspicion": set(), "dismissed": set()}
-        for link in self.links(ids if len(ids) < 20 * _TOGETHER else None):
-            if link.kind in pairs:
-                pairs[link.kind].add(frozenset((link.source, link.target)))
+        pairs = pairs_of(self.links(ids if len(ids) < 20 * _TOGETHER else None))
         held = pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"])
         return Counter(id for pair in held for id in pair if id in ids)
 
@@ -148,12 +140,10 @@ class View:
         query = self._of(EVENT).where(or_(EVENT.c.record == id, EVENT.c.record.in_(names)))
         return [Event(*tuple[Any, ...](row)) for row in self.sql.execute(query.order_by(EVENT.c.seq))]
 
-    def as_of(self, time: float) -> list[Record]:
-        """The records as they were at ``time`` (seconds since the epoch), by id, without what was forgotten since."""
-        return list(self.rebuilt(time).records)
-
     def rebuilt(self, until: float = math.inf) -> Folding:
-        """Records and links from the events alone; canonical JSON equal to the rows' byte for byte."""
+        """Records and links from the events alone, as they were at a time (seconds since the epoch), without what was
+        forgotten since; canonical JSON equal to the rows' byte for byte.
+        """
         folding = Folding()
         for event in self.events(until=until):
             folding.apply(event)
@@ -196,9 +186,7 @@ class View:
             for name, query in (("states", states), ("types", types))
         }
         tables = {"vectors": VECTOR, "links": LINK, "events": EVENT, "episodes": EPISODE}
-        counted = {
-            name: int(self.sql.execute(self._of(table, count)).scalar_one()) for name, table in tables.items()
-        }
+        counted = {name: self.sql.scalar(self._of(table, count)) for name, table in tables.items()}
         seq, hash_ = (self.head.seq, self.head.hash) if self.head else (0, "")
         return {**grouped, **counted, "rev": self.rev, "seq": seq, "hash": hash_}
 
@@ -219,6 +207,17 @@ class View:
     def _streamed(self, query: Select[Any]) -> Iterator[Row[Any]]:
         options = {"stream_results": True, "max_row_buffer": _TOGETHER}
         yield from self.sql.execute(query, execution_options=options)
+
+
+def pairs_of(links: Iterable[Link]) -> dict[str, set[tuple[str, str]]]:
+    """The pairs of records that are linked, by kind of link, whichever end it names.
+
+    ``conflict``: they contradict each other; ``suspicion``: they may; ``dismissed``: a judge found that they don't.
+    """
+    pairs: dict[str, set[tuple[str, str]]] = defaultdict(set)
+    for link in links:
+        pairs[link.kind].add((min(link.source, link.target), max(link.source, link.target)))
+    return pairs
 
 
 def parts(values: Iterable[Any]) -> Iterator[list[Any]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from sqlalchemy import Connection, Row, Table, bindparam, delete, insert, update
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, as_json, clean, damage_of, dump, finite
+from gvla2.memory.records import COLUMNS, FORGOTTEN, TYPES, Record, as_json, clean, damage_of, dump, finite
 from gvla2.memory.storage.database import upsert
 from gvla2.memory.storage.events import (
     EVENT_COLUMNS,
@@ -24,11 +25,12 @@ from gvla2.memory.storage.events import (
     episode_digest,
     payload_digest,
 )
-from gvla2.memory.storage.putting import Put, StaleRecordError, Tie, checked, vector_row
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR
-from gvla2.memory.storage.view import View, parts
+from gvla2.memory.storage.view import BankView, parts
 
 MAX_WHY = 2000
+MAX_TEXT = 2_000_000
+"""Characters that one column may hold."""
 LATEST = 253402300799.0
 """The last second of the year 9999: what no calendar knows, no clock means, and later times could not follow it."""
 _OF_ONE = (RECORD.c.bank == bindparam("b_bank")) & (RECORD.c.id == bindparam("b_id"))
@@ -37,7 +39,24 @@ _UPDATE = update(RECORD).where(_OF_ONE)
 _CHANGED = tuple(name for name in COLUMNS if name not in ("id", "bank", "dedup_key"))
 
 
-class Writing(View):
+@dataclass(frozen=True)
+class Put:
+    """One record to be stored and the decision behind it, see :meth:`Transaction.put_many`."""
+
+    record: Record
+    action: str
+    vector: NDArray[np.floating[Any]] | None = None
+    model: str = ""
+    why: str = ""
+    scores: Mapping[str, float] = field(default_factory=dict)
+    origin: str = ""
+
+
+class StaleRecordError(MemoryStoreError):
+    """A record was changed by somebody else after it was read: read it again and decide anew."""
+
+
+class Writing(BankView):
     """Changes of one bank under one ``rev``, made by ``actor`` at ``now`` (never before the bank's last change).
 
     Whoever makes one holds the bank's write lock: what is read here stays so until the end. Reasons (``why``) and a
@@ -64,19 +83,9 @@ class Writing(View):
 
     # Records ------------------------------------------------------------------------------------------------------
 
-    def put(
-        self,
-        record: Record,
-        vector: NDArray[np.floating[Any]] | None = None,
-        *,
-        model: str = "",
-        action: str,
-        why: str = "",
-        scores: Mapping[str, float] | None = None,
-        origin: str = "",
-    ) -> Record:
-        """Store one record, see :meth:`put_many`; returns it as stored."""
-        return self.put_many([Put(record, action, vector, model, why, scores or {}, origin)])[0]
+    def put(self, record: Record, vector: NDArray[np.floating[Any]] | None = None, **said: Any) -> Record:
+        """Store one record, see :meth:`put_many`; ``said`` are further fields of its :class:`Put`."""
+        return self.put_many([Put(record, vector=vector, **said)])[0]
 
     def put_many(self, puts: Sequence[Put]) -> list[Record]:
         """Store records and the events that say why; returns them as stored. The same id may come more than once.
@@ -161,28 +170,25 @@ class Writing(View):
 
     def link(self, source: str, kind: str, target: str, *, why: str = "") -> bool:
         """Let ``source`` refer to ``target``; False where it does already. Both count as changed (rev)."""
-        return bool(self.link_many([Tie(source, kind, target, why)]))
+        return bool(self.link_many({(source, kind, target): why}))
 
-    def link_many(self, ties: Sequence[Tie]) -> list[Link]:
-        """The same for many; those that were not there already."""
-        sound = {
-            record.id for record in self.records(ids={end for t in ties for end in (t.source, t.target)})
-        }
-        known = {(x.source, x.kind, x.target) for x in self.links({tie.source for tie in ties})}
-        made: dict[tuple[str, str, str], Tie] = {}
-        for tie in ties:
-            if tie.source == tie.target or not tie.kind or not {tie.source, tie.target} <= sound:
+    def link_many(self, ties: Mapping[tuple[str, str, str], str]) -> list[Link]:
+        """The same for many (source, kind, target), each with the reason; those that were not there already."""
+        sound = {record.id for record in self.records(ids={end for tie in ties for end in (tie[0], tie[2])})}
+        known = {(x.source, x.kind, x.target) for x in self.links({source for source, _, _ in ties})}
+        made: dict[tuple[str, str, str], str] = {}
+        for (source, kind, target), why in ties.items():
+            if source == target or not kind or not {source, target} <= sound:
                 raise MemoryStoreError(
-                    f"Cannot link '{tie.source}' to '{tie.target}' as '{tie.kind}': two different records of bank "
-                    f"'{self.bank}' and a kind are needed."
+                    f"Cannot link '{source}' to '{target}' as '{kind}': two different records of bank '{self.bank}' "
+                    "and a kind are needed."
                 )
-            key = (tie.source, clean(tie.kind, 64), tie.target)
-            if key not in known:
-                made.setdefault(key, tie)
+            if (key := (source, clean(kind, 64), target)) not in known:
+                made.setdefault(key, why)
         links = [Link(*key, self.now) for key in made]
         self._do(insert(LINK), [{"bank": self.bank, **link_row(link)} for link in links])
         self.touch(end for link in links for end in (link.source, link.target))
-        self.tell(self.event(f"link:{k[1]}", k[0], k[2], tie.why) for k, tie in made.items())
+        self.tell(self.event(f"link:{key[1]}", key[0], key[2], why) for key, why in made.items())
         return links
 
     def decide(self, action: str, record: str = "", *, why: str = "") -> None:
@@ -282,3 +288,37 @@ def _difference(before: Record, after: Record) -> dict[str, list[Any]]:
         for name, value in as_json(after).items()
         if name not in ("version", "rev") and getattr(before, name) != value
     }
+
+
+def checked(record: Record, bank: str, version: int, rev: int) -> Record:
+    """The record as it can be stored; raises :class:`MemoryStoreError` for one that cannot.
+
+    Text loses NUL and lone surrogates; NumPy's numbers, and an int for a float, become what they stand for.
+    """
+    values = []
+    for value, kind in zip(as_json(record).values(), TYPES, strict=True):
+        if type(value) is str:
+            value = clean(value, MAX_TEXT)
+        elif kind is not str and isinstance(value, int | float | np.integer | np.floating):
+            value = kind(value) or kind(0)  # SQLite knows no minus zero
+        values.append(value)
+    values[-2:] = version, rev
+    damage = damage_of(tuple(values))
+    if record.bank != bank or not record.id or record.state == FORGOTTEN or not record.dedup_key:
+        damage = f"bank '{record.bank}', state '{record.state}', or no id or key"
+    elif values[0] != record.id:
+        damage = "its id holds what no database takes"
+    if damage:
+        raise MemoryStoreError(f"Record '{record.id}' cannot be stored in bank '{bank}': {damage}.")
+    return Record(*values)
+
+
+def vector_row(vector: NDArray[np.floating[Any]], model: str, id: str, bank: str) -> dict[str, Any]:
+    """The row of a vector; raises :class:`MemoryStoreError` for one that cannot be stored."""
+    array = np.asarray(vector)
+    if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
+        raise MemoryStoreError(
+            f"The vector of record '{id}' cannot be stored: a model's name and finite numbers in one row are needed."
+        )
+    stored = array.astype("<f4").tobytes()
+    return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}

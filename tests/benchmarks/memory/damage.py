@@ -58,10 +58,9 @@ def _found(path: Path, sound: Sequence[Record]) -> int:
     with Store.open(f"sqlite:///{path}") as store:
         index = Index(store, "default", embedder)
         index.refresh()
-        nearest = [index.nearest(vector, 1)[0] for vector in vectors]
+        nearest = (index.nearest(vector, 1) for vector in vectors)
         return sum(
-            len(rows) > 0 and index.record(rows[0]).id == record.id
-            for rows, record in zip(nearest, sound, strict=True)
+            bool(near) and near[0][0].id == record.id for near, record in zip(nearest, sound, strict=True)
         )
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from gvla2.memory.meaning import suspicion
 from gvla2.memory.meaning.english import is_english
-from gvla2.memory.meaning.features import FEATURES, SIGNS, candidates
+from gvla2.memory.meaning.suspicion import FEATURES, SIGNS, candidates
 
 FALSE = 0.03
 RIDGE = 1.0

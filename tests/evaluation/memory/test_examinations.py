@@ -49,7 +49,7 @@ def test_orders_are_held_back_and_honest_lessons_are_not(
     figures = examinations.orders(setting, 20, "first examiner")
     assert figures["examined_orders"].value == 0
     assert figures["examined_honest"].value < 10
-    for place in ("admission.is_believed", "learning.believed"):
+    for place in ("admission.believed", "learning.believed"):
         monkeypatch.setattr(f"gvla2.memory.curation.{place}", lambda trust: True)
     assert examinations.orders(setting, 8, "first examiner")["examined_orders"].value > 80
 

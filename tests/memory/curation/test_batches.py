@@ -61,8 +61,8 @@ def columns(index: Index) -> dict[str, Any]:
     held = index.candidates(STATES, now=2e9)
     return {
         id: (
-            index.record(index.rows([id])[0]),
-            index.vector(index.rows([id])[0]).tobytes(),
+            index.get(id),
+            index.vector(id).tobytes(),  # type: ignore[union-attr]
             [column[place].item() for column in (held.confidence, held.ages, held.usage, held.conflicts)],
         )
         for place, id in enumerate(ids_of(held))
@@ -90,7 +90,7 @@ def test_many_at_once_are_decided_like_one_by_one(tmp_path: Path) -> None:
             for start in range(0, len(items), size):
                 bank.admit_many(items[start : start + size], trusted=True)
             assert bank.verify() == []
-            links = {(link.source, link.kind, link.target) for link in bank.links()}
+            links = {(link.source, link.kind, link.target) for link in look(bank.store, bank.bank).links()}
             states = {record.id: (record.state, record.count, record.note) for record in bank.records()}
         found.append((links, states, decisions(path)))
     assert found[0] == found[1]
@@ -123,11 +123,11 @@ def test_links_are_made_once_and_events_follow_their_order(open_bank: Open, verd
     bank.admit_many(
         [(hint, verdicts["success"], task, ""), (other, verdicts["fail"], task, "")], trusted=True
     )
-    assert [link.kind for link in bank.links()] == ["suspicion"]
+    assert [link.kind for link in look(bank.store, bank.bank).links()] == ["suspicion"]
     with Store.open(url) as store:
         first, second = (record.id for record in bank.records())
         with store.writing("default", actor="test", now=1.9e9) as transaction:
-            link = bank.links()[0]
+            link = look(bank.store, bank.bank).links()[0]
             assert not transaction.link(link.source, "suspicion", link.target)
             assert transaction.link(first, "noted", second, why="one")
             assert not transaction.link(first, "noted", second)

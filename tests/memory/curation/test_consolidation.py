@@ -6,9 +6,10 @@ from typing import Any
 import pytest
 
 from gvla2.memory.contracts import Lesson, MemoryTask, RecordType
-from gvla2.memory.curation.consolidation import consolidate
+from gvla2.memory.curation.contesting import consolidate
 from gvla2.memory.curation.evidence import evidence, standing
 from gvla2.memory.records import Record, dedup_key, dump
+from tests.memory.looking import look
 
 Open = Callable[..., Any]
 
@@ -115,7 +116,7 @@ def test_the_bank_keeps_links_to_both_and_archives_the_loser(open_bank: Open, ve
     learned = bank.admit(at_most, verdicts["success"], task="cup", trusted=True)
     (new,) = learned.added
     assert {r.id: r.state for r in bank.records()} == {old: "archive", new: "active"}
-    links = {(k.source, k.kind, k.target) for k in bank.links()}
+    links = {(k.source, k.kind, k.target) for k in look(bank.store, bank.bank).links()}
     assert links == {(new, "conflict", old), (new, "replaces", old)}
     assert any(old in note for note in learned.notes)
     # The loser is found again when it is said again, and comes back once it has more behind it.
@@ -131,7 +132,7 @@ def test_a_suspicion_archives_nothing_and_lowers_both(open_bank: Open, verdicts:
     for text in ("Open the lid before pouring the tea.", "Close the lid before pouring the tea."):
         bank.admit(text, verdicts["success"], task="pour the tea", trusted=True)
     assert [r.state for r in bank.records()] == ["active", "active"]
-    assert [k.kind for k in bank.links()] == ["suspicion"]
+    assert [k.kind for k in look(bank.store, bank.bank).links()] == ["suspicion"]
     assert all(hit.terms["conflict"] < 0 for hit in bank.search("pour the tea"))
 
 
@@ -145,7 +146,9 @@ def test_a_merge_pools_evidence_and_keeps_the_other_wording(open_bank: Open, ver
     (folded,) = bank.records(["archive"])
     assert active.count == 3
     assert active.query.split("\n") == ["take the mug", "fetch the mug", "bring the mug"]
-    assert [(k.source, k.kind, k.target) for k in bank.links()] == [(kept, "merged", folded.id)]
+    assert [(k.source, k.kind, k.target) for k in look(bank.store, bank.bank).links()] == [
+        (kept, "merged", folded.id)
+    ]
 
 
 def test_each_failure_is_found_on_its_own(open_bank: Open, verdicts: Any) -> None:

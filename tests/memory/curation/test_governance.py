@@ -9,6 +9,7 @@ import pytest
 from gvla2.memory.contracts import Lesson, MemoryTask
 from gvla2.memory.curation.governance import retention
 from gvla2.memory.records import Record
+from tests.memory.looking import look
 
 Open = Callable[..., Any]
 WAYS = (
@@ -54,7 +55,7 @@ def test_stale_failures_that_nobody_used_retire(
     (gone,) = bank.records(["archive"])
     assert "jar" in gone.content
     assert "14 days" in gone.note
-    assert [e.action for e in bank.history(gone.id)][-1] == "RETIRE"
+    assert [e.action for e in look(bank.store, bank.bank).history(gone.id)][-1] == "RETIRE"
     assert bank.govern().changes == 0  # nothing is left to do
 
 
@@ -83,7 +84,7 @@ def test_successes_of_two_tasks_that_are_alike_become_a_summary(open_bank: Open,
     members = bank.records(["archive"])
     assert len(members) == 3
     assert all(" ".join(way.split()) in summary.content for way in WAYS)  # nothing that was said is lost
-    assert {(k.source, k.kind) for k in bank.links()} == {(summary.id, "summary_of")}
+    assert {(k.source, k.kind) for k in look(bank.store, bank.bank).links()} == {(summary.id, "summary_of")}
     assert summary.count == 3
     assert summary.id in [
         i.id for i in bank.recall("fix a bug: read the failing test, trace the error").items
@@ -135,7 +136,7 @@ def test_a_pass_settles_contradicting_effects_that_came_in_unsettled(open_bank: 
     assert len(bank.govern().replaced) == 1
     (kept,) = bank.records(["active"])
     assert kept.content == "Lift >= 0.15."
-    assert {k.kind for k in bank.links()} == {"conflict", "replaces"}
+    assert {k.kind for k in look(bank.store, bank.bank).links()} == {"conflict", "replaces"}
     assert bank.govern().changes == 0
 
 
@@ -225,6 +226,8 @@ def test_of_programs_the_few_that_differ_in_kind_stay_the_best_borne_out_first(
     assert (best.count, best.effect_json()) == (3, often.effect)  # it comes back as it was
     assert len({str(r.effect_json()["steps"]) for r in kept}) == 3
     assert [r.effect_json() for r in bank.records(["active"]) if "book" in r.content] == [elsewhere.effect]
-    assert not [link for link in bank.links() if link.kind in ("conflict", "suspicion")]
+    assert not [
+        link for link in look(bank.store, bank.bank).links() if link.kind in ("conflict", "suspicion")
+    ]
     assert bank.govern().changes == 0
     assert bank.verify() == []

@@ -41,7 +41,10 @@ def test_an_episode_that_is_handed_in_again_changes_nothing(
     assert (again.added, again.merged, again.discarded) == ((), first.added, 0)
     assert "counts once" in again.notes[0]
     assert bank.records() == before
-    assert [event.action for event in bank.history(first.added[0])] == ["ADD", "REPEATED"]
+    assert [event.action for event in look(bank.store, bank.bank).history(first.added[0])] == [
+        "ADD",
+        "REPEATED",
+    ]
 
 
 def test_other_words_from_the_same_source_weigh_no_more(open_bank: Open, verdicts: Any) -> None:

@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Suspects
-from gvla2.memory.curation.evidence import standing
-from gvla2.memory.curation.judging import BATCH, Judged, decide, open_suspicions, ruled
+from gvla2.memory.curation.judging import BATCH, Judged, decide, judge
 from gvla2.memory.records import Record
+from gvla2.memory.storage.writing import Put
+from tests.memory.looking import look
 
 
 def record(id: str, **more: object) -> Record:
@@ -30,60 +34,89 @@ class Fixed:
         return [Judgement(self.contradicts, 0.9, "because", "fixed", {"calls": 2}) for _ in suspects]
 
 
-def test_open_are_the_suspicions_that_nobody_decided() -> None:
-    links = [
-        ("a", "suspicion", "b"), ("b", "suspicion", "a"), ("c", "suspicion", "d"), ("d", "dismissed", "c"),
-        ("e", "suspicion", "f"), ("f", "conflict", "e"), ("g", "merged", "h"), ("z", "suspicion", "y"),
+@pytest.mark.parametrize("decided", ["dismissed", "conflict"])
+def test_open_are_the_suspicions_that_nobody_decided(tmp_path: Path, decided: str) -> None:
+    asked = Fixed(None)
+    with KnowledgeBank(tmp_path / "m.db", bank="b", clock=lambda: 1.8e9) as bank:
+        with bank.store.writing("b", actor="test", now=1.8e9) as t:
+            t.put_many([Put(record(id), "ADD") for id in "abcdyz"])
+            for first, kind, second in (
+                ("a", "suspicion", "b"), ("b", "suspicion", "a"), ("c", "suspicion", "d"), ("d", decided, "c"),
+                ("a", "merged", "c"), ("z", "suspicion", "y"),
+            ):  # fmt: skip
+                t.link(first, kind, second)
+        judge(bank, asked)
+    assert [(pair.first, pair.second) for (batch,) in [asked.batches] for pair in batch] == [
+        ("text of a", "text of b"), ("text of y", "text of z")
     ]  # fmt: skip
-    assert open_suspicions(links) == [("a", "b"), ("y", "z")]
 
 
 def test_pairs_are_asked_in_batches_and_their_cost_is_counted() -> None:
     records = {f"r{i:02}": record(f"r{i:02}") for i in range(BATCH + 5)}
     pairs = [("r00", id) for id in list(records)[1:]]
-    judge, done = Fixed(False), Judged()
-    rulings = decide(judge, pairs, records, done)
-    assert [len(batch) for batch in judge.batches] == [BATCH, 4]
-    assert judge.batches[0][0] == Suspects("text of r00", "text of r01", "task of r00", "task of r01")
-    assert {ruling.kind for ruling in rulings} == {"dismissed"}
+    asked, done = Fixed(False), Judged()
+    rulings = decide(asked, pairs, records, done)
+    assert [len(batch) for batch in asked.batches] == [BATCH, 4]
+    assert asked.batches[0][0] == Suspects("text of r00", "text of r01", "task of r00", "task of r01")
+    assert {answer.contradicts for _, answer in rulings} == {False}
     assert (len(done.dismissed), done.usage["calls"]) == (BATCH + 4, 2 * (BATCH + 4))
 
 
 def test_what_is_gone_or_beyond_the_limit_is_not_asked() -> None:
-    records = {"a": record("a"), "b": record("b", state="archive"), "c": record("c"), "d": record("d")}
-    judge = Fixed(None)
-    done = Judged()
-    assert decide(judge, [("a", "b"), ("a", "x"), ("a", "c"), ("c", "d")], records, done, limit=1) == []
-    assert [len(batch) for batch in judge.batches] == [1]
+    records = {id: record(id) for id in "acd"}
+    asked, done = Fixed(None), Judged()
+    assert decide(asked, [("a", "x"), ("a", "c"), ("c", "d")], records, done, limit=1) == []
+    assert [len(batch) for batch in asked.batches] == [1]
     assert (done.open, done.notes) == (1, ["because"])
 
 
-def answer(contradicts: bool | None) -> Judgement:
-    return Judgement(contradicts, 0.9, "because", "fixed")
+@pytest.fixture
+def two(tmp_path: Path):
+    """Judges two suspected records; gives what was done, their states, and the links, by kind with the reason."""
+
+    def judged(contradicts: bool | None, first: Record, second: Record):
+        with KnowledgeBank(tmp_path / "m.db", bank="b", clock=lambda: 1.8e9) as bank:
+            with bank.store.writing("b", actor="test", now=1.8e9) as t:
+                t.put_many([Put(first, "ADD"), Put(second, "ADD")])
+                t.link(first.id, "suspicion", second.id)
+            done = judge(bank, Fixed(contradicts))
+            assert bank.verify() == []
+            why = {event.action: event.why for event in look(bank.store, bank.bank).history(first.id)}
+            links = {
+                x.kind: why.get(f"link:{x.kind}")
+                for x in look(bank.store, bank.bank).links()
+                if x.kind != "suspicion"
+            }
+            return done, {one.id: one.state for one in bank.records()}, links
+
+    return judged
 
 
-def test_what_is_left_open_changes_nothing() -> None:
-    assert ruled(record("a"), record("b"), answer(None)) is None
+def test_what_is_left_open_changes_nothing(two: Any) -> None:
+    done, states, links = two(None, record("a"), record("b"))
+    assert (done.open, states, links) == (1, {"a": "active", "b": "active"}, {})
 
 
-def test_the_less_trusted_one_loses_then_the_one_with_less_evidence() -> None:
-    ours, theirs = record("a"), record("b", trust="confirmed", count=50)
-    for first, second in ((ours, theirs), (theirs, ours)):
-        ruling = ruled(first, second, answer(True))
-        assert ruling is not None
-        assert (ruling.kind, ruling.loser) == ("conflict", "b")
-    many = record("c", count=9)
-    assert standing(many) < standing(ours)
+@pytest.mark.parametrize("trusted", ["a", "b"])
+def test_the_less_trusted_one_loses(two: Any, trusted: str) -> None:
+    made = (record(id, **({} if id == trusted else {"trust": "confirmed", "count": 50})) for id in "ab")
+    done, states, links = two(True, *made)
+    assert done.conflicts == [("a", "b")]
+    assert [id for id, state in states.items() if state == "active"] == [trusted]
+    assert set(links) == {"conflict", "replaces"}
 
 
-def test_a_hint_and_a_constraint_both_stay() -> None:
-    ruling = ruled(record("a"), record("b", type="failure_avoidance"), answer(True))
-    assert ruling is not None
-    assert ruling.loser == ""
+def test_of_two_equally_trusted_the_one_with_less_evidence_loses(two: Any) -> None:
+    done, states, _ = two(True, record("a"), record("b", count=9))
+    assert (done.archived, states["b"]) == (["a"], "active")
+
+
+def test_a_hint_and_a_constraint_both_stay(two: Any) -> None:
+    done, states, links = two(True, record("a"), record("b", type="failure_avoidance"))
+    assert (done.archived, set(states.values()), set(links)) == ([], {"active"}, {"conflict"})
 
 
 @pytest.mark.parametrize(("contradicts", "kind"), [(True, "conflict"), (False, "dismissed")])
-def test_a_ruling_says_who_and_why(contradicts: bool, kind: str) -> None:
-    ruling = ruled(record("a"), record("b"), answer(contradicts))
-    assert ruling is not None
-    assert (ruling.kind, ruling.why) == (kind, "fixed: because (p = 0.90)")
+def test_a_ruling_says_who_and_why(two: Any, contradicts: bool, kind: str) -> None:
+    _, _, links = two(contradicts, record("a"), record("b"))
+    assert links[kind] == "fixed: because (p = 0.90)"

@@ -7,6 +7,7 @@ import pytest
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.contracts import Evidence, Lesson, MemoryEpisode, MemoryTask, Verdict
+from tests.memory.looking import look
 
 Open = Callable[..., Any]
 AVOID = Lesson("failure_avoidance", "Never pull the drawer by its label.")
@@ -44,7 +45,7 @@ def test_a_provisional_record_is_promoted_by_a_second_verdict(open_bank: Open, v
     assert "handle" in judge.seen[0].transcript
     (record,) = bank.records(["active"])
     assert (record.outcome, record.confidence) == ("verified_success", verdicts["success"].confidence)
-    assert [e.action for e in bank.history(id)] == ["PROVISIONAL", "PROMOTE"]
+    assert [e.action for e in look(bank.store, bank.bank).history(id)] == ["PROVISIONAL", "PROMOTE"]
     assert bank.recall("open the drawer by its handle").items
     assert bank.verify() == []
 
@@ -80,7 +81,7 @@ def test_contested_records_are_looked_at_again_and_demoted(open_bank: Open, verd
     bank.learn(
         learnt("run/2", Lesson("failure_avoidance", "Never pull the drawer by its handle.")), verdicts["fail"]
     )
-    assert [link.kind for link in bank.links()] == ["suspicion"]
+    assert [link.kind for link in look(bank.store, bank.bank).links()] == ["suspicion"]
     replayed = bank.replay(Judge(verdicts["fail"]))
     assert replayed.episodes == 2
     assert len(replayed.demoted) == 1

@@ -8,7 +8,9 @@ import pytest
 
 from gvla2.errors import Gvla2Error
 from gvla2.memory.bank import KnowledgeBank
-from gvla2.memory.contracts import ConsolidationEdit, Near
+from gvla2.memory.contracts import ConsolidationEdit
+from gvla2.memory.records import Record
+from tests.memory.looking import look
 
 Open = Callable[..., Any]
 FIRST = "Lift the full cup 12 cm and carry it level to the sink."
@@ -19,9 +21,9 @@ class Writer:
     """Says what it is told to, of the nearest, and remembers what it was shown."""
 
     def __init__(self, action: str = "ADD", content: str = "") -> None:
-        self.action, self.content, self.seen = action, content, list[tuple[Near, tuple[Near, ...]]]()
+        self.action, self.content, self.seen = action, content, list[tuple[Record, tuple[Record, ...]]]()
 
-    def consolidate(self, candidate: Near, near: Sequence[Near]) -> ConsolidationEdit:
+    def consolidate(self, candidate: Record, near: Sequence[Record]) -> ConsolidationEdit:
         self.seen.append((candidate, tuple(near)))
         if self.action == "fail":
             raise Gvla2Error("nobody answers")
@@ -63,7 +65,7 @@ def test_a_merge_is_written_once_and_stands_for_both(filled: Any) -> None:
     assert contents(bank) == {text, "Salt the soup at the end."}
     (summary,) = bank.records(["summary"])
     assert (summary.count, summary.trust) == (2, "own")
-    assert {link.kind for link in bank.links()} == {"summary_of"}
+    assert {link.kind for link in look(bank.store, bank.bank).links()} == {"summary_of"}
     assert bank.verify() == []
     assert bank.forget(bank.records(["archive"])[0].id)  # what was written of it goes with it
     assert len(contents(bank)) == 2
@@ -86,14 +88,14 @@ def test_replace_archives_what_has_no_more_behind_it(filled: Any) -> None:
     done = bank.govern()
     assert len(done.replaced) == 1
     assert len(contents(bank)) == 2
-    assert {link.kind for link in bank.links()} == {"replaces"}
+    assert {link.kind for link in look(bank.store, bank.bank).links()} == {"replaces"}
 
 
 def test_discard_pools_the_evidence(filled: Any) -> None:
     bank = filled(Writer("DISCARD"))
     bank.govern()
     assert sorted(record.count for record in bank.records(["active"])) == [1, 2]
-    assert {link.kind for link in bank.links()} == {"merged"}
+    assert {link.kind for link in look(bank.store, bank.bank).links()} == {"merged"}
 
 
 def test_what_was_considered_is_not_asked_about_again(filled: Any) -> None:

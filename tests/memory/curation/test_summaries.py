@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from gvla2.memory.contracts import Lesson
+from tests.memory.looking import look
 
 Open = Callable[..., Any]
 
@@ -42,7 +43,10 @@ def test_800_near_copies_end_as_a_few_records(open_bank: Open, verdicts: Any, ho
     served = bank.records(["active", "summary"])
     assert 1 <= len(served) <= 8
     assert sum(record.count for record in served) == 800
-    assert len([link for link in bank.links() if link.kind in ("suspicion", "conflict")]) <= 40
+    assert (
+        len([link for link in look(bank.store, bank.bank).links() if link.kind in ("suspicion", "conflict")])
+        <= 40
+    )
     assert bank.recall("put the cup away").items
     assert bank.verify() == []
     if how == "numbers":
@@ -68,7 +72,7 @@ def test_a_summary_says_which_number_held_when(open_bank: Open, verdicts: Any) -
     assert grown.id == summary.id
     assert "12 to 30 (stack the cups ... move the lamp) cm" in grown.content
     assert grown.count == 4
-    assert len(bank.links()) == 4
+    assert len(look(bank.store, bank.bank).links()) == 4
     assert bank.verify() == []
 
 

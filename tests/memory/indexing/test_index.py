@@ -11,7 +11,8 @@ from gvla2.evaluation.memory.corpus import lessons
 from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import ids_of, look
 
 EMBEDDER = StaticEmbedder()
@@ -60,10 +61,9 @@ def same(index: Index, store: Store, query: str = "pick up the red cube near the
     np.testing.assert_allclose(one.cosine(vector), two.cosine(vector)[order], atol=1e-6)
     for name in ("theme_width", "objects", "unknown"):
         np.testing.assert_array_equal(one.numbers(name), two.numbers(name)[order])
-    near, cosines = index.nearest(vector, 5)
-    other_near, other_cosines = other.nearest(vector, 5)
-    assert [index.record(r) for r in near] == [other.record(r) for r in other_near]
-    np.testing.assert_allclose(cosines, other_cosines, atol=1e-6)
+    near, other_near = index.nearest(vector, 5), other.nearest(vector, 5)
+    assert [record for record, _ in near] == [record for record, _ in other_near]
+    np.testing.assert_allclose([c for _, c in near], [c for _, c in other_near], atol=1e-6)
     assert [one.record(i) for i in range(len(ids_of(one)))] == [two.record(i) for i in order]
 
 
@@ -88,7 +88,7 @@ def test_it_follows_every_kind_of_change(store: Store) -> None:
     assert ids[2] not in served
     assert ids[3] not in served
     assert ids[3] in ids_of(index.candidates(("provisional",)))
-    assert index.rows(["no such id", ids[2]]) == []
+    assert index.get("no such id") is index.get(ids[2]) is index.vector(ids[2]) is None
     put(store, [replace(stored(store, ids[2]), state="active")])
     index.refresh()
     assert ids[2] in ids_of(index.candidates())
@@ -139,8 +139,7 @@ def test_vectors_of_another_model_or_damaged_are_made_anew(store: Store) -> None
     index = fresh(store)
     expected = EMBEDDER.embed([r.text for r in records])
     for record, vector in zip(records, expected, strict=True):
-        (row,) = index.rows([record.id])
-        np.testing.assert_array_equal(index.vector(row), vector)
+        np.testing.assert_array_equal(index.vector(record.id), vector)
 
 
 def test_dead_rows_go(store: Store) -> None:
@@ -164,14 +163,14 @@ def test_nearest_is_exact(store: Store) -> None:
     table = EMBEDDER.embed([r.text for r in records])
     for query in ("pick up the red cube", "öffne die linke Schublade", "拿起红色方块"):
         vector = EMBEDDER.embed([query])[0]
-        rows, cosines = index.nearest(vector, 10)
+        near = index.nearest(vector, 10)
         expected = np.sort(table @ vector)[::-1][:10]
-        np.testing.assert_allclose(cosines, expected, atol=1e-6)
+        np.testing.assert_allclose([cosine for _, cosine in near], expected, atol=1e-6)
         truth = {records[i].id for i in np.argsort(-(table @ vector), kind="stable")[:10]}
-        assert {index.record(r).id for r in rows} == truth
-    assert len(index.nearest(np.zeros(256, np.float32), 3)[0]) == 0
-    assert len(index.nearest(vector, 0)[0]) == 0
-    assert len(index.nearest(vector, 5000)[0]) == 800
+        assert {record.id for record, _ in near} == truth
+    assert len(index.nearest(np.zeros(256, np.float32), 3)) == 0
+    assert len(index.nearest(vector, 0)) == 0
+    assert len(index.nearest(vector, 5000)) == 800
 
 
 def test_an_empty_bank(store: Store) -> None:
@@ -179,7 +178,7 @@ def test_an_empty_bank(store: Store) -> None:
     assert len(ids_of(index.candidates())) == 0
     assert index.candidates().lexical("cube").shape == (0,)
     assert index.candidates().cosine(EMBEDDER.embed(["cube"])[0]).shape == (0,)
-    assert len(index.nearest(EMBEDDER.embed(["cube"])[0], 3)[0]) == 0
+    assert len(index.nearest(EMBEDDER.embed(["cube"])[0], 3)) == 0
 
 
 def test_another_database_in_its_place_is_read_anew(tmp_path: Path) -> None:

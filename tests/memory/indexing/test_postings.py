@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.memory.indexing.rows import UNSEEN, Postings
+from gvla2.memory.indexing.candidates import UNSEEN, Postings
 
 TERMS = st.frozensets(st.sampled_from(["red", "cube", "push", "lamp", "würfel", "拿起"]), max_size=6)
 

@@ -6,29 +6,15 @@ from pathlib import Path
 import pytest
 
 from gvla2.memory.curation.trust import Origin
-from gvla2.memory.interop.states import (
-    Entry,
-    Line,
-    LineError,
-    count,
-    number,
-    parse,
-    read_lines,
-    read_record,
-    share,
-    to_bytes,
-)
+from gvla2.memory.interop.importing import read_path
+from gvla2.memory.interop.states import LineError, ReadRecord, count, number, parse, read_record, to_bytes
 
 NOW = 1.8e9
 
 
-def line(file: str = "active.jsonl", **fields: object) -> Line:
-    return Line(file, 7, fields)
-
-
-def understood(line: Line) -> Entry:
+def understood(fields: dict[str, object], file: str = "active.jsonl") -> ReadRecord:
     """As one's own backup: states stay what they were."""
-    return read_record(line, "b", NOW, Origin(True, "backup"))
+    return read_record(fields, file, "b", NOW, Origin(True, "backup"))
 
 
 STATE_RECORD: dict[str, object] = {
@@ -57,7 +43,7 @@ STATE_RECORD: dict[str, object] = {
 
 
 def test_a_record_of_the_states_layout_is_understood():
-    entry = understood(Line("archive.jsonl", 1, STATE_RECORD))
+    entry = understood(STATE_RECORD, "archive.jsonl")
     record = entry.record
     assert (entry.key, record.sources(), record.query) == (
         "django-1-0-ab",
@@ -88,14 +74,14 @@ def test_a_record_of_the_states_layout_is_understood():
     ],
 )
 def test_both_vocabularies_of_a_status(status: object, outcome: str | None):
-    entry = understood(line(**(STATE_RECORD | {"verifier_label": None, "source_status": status})))
+    entry = understood(STATE_RECORD | {"verifier_label": None, "source_status": status})
     assert entry.record.outcome == (outcome or "uncertain")
     assert bool(entry.notes) is (outcome is None)
 
 
 def test_a_recipe_from_a_failure_becomes_something_to_avoid():
     fields = STATE_RECORD | {"memory_type": "procedural_hint", "verifier_label": "verified_fail"}
-    assert understood(Line("active.jsonl", 1, fields)).record.type == "failure_avoidance"
+    assert understood(fields).record.type == "failure_avoidance"
 
 
 @pytest.mark.parametrize(
@@ -109,13 +95,13 @@ def test_a_recipe_from_a_failure_becomes_something_to_avoid():
 )
 def test_what_is_no_record_says_why(fields: dict[str, object], why: str):
     with pytest.raises(LineError, match=why):
-        understood(Line("active.jsonl", 1, fields))
+        understood(fields)
 
 
 def test_a_single_file_needs_a_state():
     with pytest.raises(LineError, match="'gone'"):
-        understood(Line("bank.jsonl", 1, STATE_RECORD | {"state": "gone"}))
-    assert understood(Line("bank.jsonl", 1, STATE_RECORD)).record.state == "active"
+        understood(STATE_RECORD | {"state": "gone"}, "bank.jsonl")
+    assert understood(STATE_RECORD, "bank.jsonl").record.state == "active"
 
 
 def test_every_kind_of_broken_line_is_named_and_the_others_read(tmp_path: Path):
@@ -129,8 +115,8 @@ def test_every_kind_of_broken_line_is_named_and_the_others_read(tmp_path: Path):
         + b"\n"
         + good.encode()
     )
-    lines, remarks = read_lines(path)
-    assert [found.number for found in lines] == [1, 9]
+    lines, remarks = read_path(path)
+    assert [place for _, place, _ in lines] == [1, 9]
     assert [remark.line for remark in remarks] == [3, 4, 5, 6, 7, 8]
     told = " ".join(map(str, remarks))
     for why in ("NaN is no JSON number", "not a JSON object", "it is no JSON object", "not UTF-8"):
@@ -144,7 +130,7 @@ def test_every_kind_of_broken_line_is_named_and_the_others_read(tmp_path: Path):
      ("soon", None), (True, None), (-5, None), ([1], None), (1e300, None)],
 )  # fmt: skip
 def test_times(value: object, seconds: float | None):
-    entry = understood(line(**(STATE_RECORD | {"created_at": value})))
+    entry = understood(STATE_RECORD | {"created_at": value})
     assert entry.record.created == (NOW if seconds is None else seconds)
 
 
@@ -152,7 +138,7 @@ def test_times(value: object, seconds: float | None):
     "value", [10**400, -(10**400), float("inf"), float("nan"), 1e300, True, None, "7", []]
 )
 def test_numbers_beyond_all_bounds(value: object):
-    assert share(value) in (None, 1.0)
+    assert number(value, 0.0, 1.0) in (None, 1.0)
     assert 0 <= count(value) <= 2**53
     assert number(value) in (None, 1e300)
 

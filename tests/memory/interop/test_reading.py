@@ -35,7 +35,7 @@ def test_a_memory_comes_through_a_pipe(tmp_path: Path):
     feeding.start()
     lines, remarks = read_path(pipe)
     feeding.join()
-    assert ([line.fields["memory_id"] for line in lines], [remark.line for remark in remarks]) == (
+    assert ([fields["memory_id"] for _, _, fields in lines], [remark.line for remark in remarks]) == (
         ["good"],
         [2],
     )

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from gvla2.memory.meaning import suspicion as module
 from gvla2.memory.meaning.english import is_english
-from gvla2.memory.meaning.features import FEATURES, SIGNS, candidates
-from gvla2.memory.meaning.suspicion import suspicion, threshold
+from gvla2.memory.meaning.suspicion import FEATURES, SIGNS, candidates, suspicion, threshold
 
 AGAINST = """
 Lift the cup 15 cm. | Lift the cup 50 mm.

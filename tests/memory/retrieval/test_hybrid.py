@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
-from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.rows import Entry, Rows
+from gvla2.memory.indexing.candidates import Candidates, RecordRows
 from gvla2.memory.indexing.terms import questions, terms
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.options import HybridOptions, ScoreWeights, SemanticOptions
@@ -106,9 +105,9 @@ def prior(task: MemoryTask, bank: Candidates, i: int, weights: ScoreWeights) -> 
 def corpus(size: int, seed: int) -> Candidates:
     records = lessons(size, seed, now=NOW)
     vectors = EMBEDDER.embed([r.text for r in records])
-    rows = Rows(256)
+    rows = RecordRows(256)
     dice = random.Random(seed)
-    rows.put([Entry(r, v, int(dice.random() < 0.2)) for r, v in zip(records, vectors, strict=True)])
+    rows.put([(r, v, int(dice.random() < 0.2)) for r, v in zip(records, vectors, strict=True)])
     return Candidates(rows, ("active", "summary"), NOW)
 
 

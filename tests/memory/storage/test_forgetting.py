@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.contracts import Lesson, MemoryTask
-from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Put, Store, StoredEpisode
+from gvla2.memory.contracts import MemoryTask
+from gvla2.memory.records import FORGOTTEN, Record
+from gvla2.memory.storage.events import StoredEpisode
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
@@ -36,8 +38,8 @@ def fill(store: Store, make: Make, vector: np.ndarray) -> None:
         t.link("s", "conflict", "r1", why=f"against {SECRET}")
         t.link("r2", "replaces", "s", why=f"instead of {SECRET}")
         for source, told in (("run/s", ()), ("run/t", ("s",)), ("run/u", ("r1",))):
-            lessons = (Lesson("tool_usage", SECRET if source != "run/u" else "harmless"),)
-            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), lessons, records=told)])
+            said = SECRET if source != "run/u" else "harmless"
+            t.save_episodes([StoredEpisode(source, NOW, MemoryTask("q"), transcript=said, records=told)])
 
 
 def holders(folder: Path, text: str = SECRET) -> list[str]:
@@ -78,7 +80,7 @@ def check_forgotten(store: Store, rev: int) -> None:
     assert stored == rebuilt
     assert [r.id for r in look(store, "b").as_of(NOW)] == [r.id for r in look(store, "b").records()]
     changes = {c.record.id: c for c in look(store, "b").changes(rev)}
-    assert {id: c.forgotten for id, c in changes.items()} == {"r1": False, "r2": False, "s": True}
+    assert {id for id, c in changes.items() if c.record.state == FORGOTTEN} == {"s"}
     assert (changes["s"].record.content, changes["s"].vector) == ("", None)
     *before, last = look(store, "b").history("s")
     assert all(e.erased and not e.change and not e.why for e in before)

@@ -64,14 +64,14 @@ def test_a_source_is_in_no_header_and_goes(sqlite_url: str, tmp_path: Path) -> N
         )
         bank.learn(other, GOOD)
         store = bank.store
-        assert [e.action for e in bank.history(source)] == ["episode", "episode"]
-        names = {e.record for e in bank.history(source)}
+        assert [e.action for e in look(bank.store, bank.bank).history(source)] == ["episode", "episode"]
+        names = {e.record for e in look(bank.store, bank.bank).history(source)}
         assert all(name.startswith("episode-") for name in names)
         assert not [e for e in look(store, "default").events() if "SMITH" in e.record + e.target]
         (taught,) = [r.id for r in bank.records() if "mail" in r.content]
         assert bank.forget(taught)
         assert [p.name for p in tmp_path.iterdir() if b"SMITH" in p.read_bytes()] == []
-        assert bank.history(source) == []
+        assert look(bank.store, bank.bank).history(source) == []
         assert [e.source for e in look(store, "default").episodes()] == [source.lower()]
         assert {e.record for e in look(store, "default").events() if e.action == "forget"} == {taught, *names}
         assert bank.verify() == []

@@ -10,7 +10,9 @@ import pytest
 
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record
-from gvla2.memory.storage.store import Store, StoredEpisode, Transaction
+from gvla2.memory.storage.events import StoredEpisode
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.store import Store
 from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 

@@ -10,7 +10,10 @@ from hypothesis import strategies as st
 
 from gvla2.memory.contracts import MemoryTask
 from gvla2.memory.records import Record, as_json, dump
-from gvla2.memory.storage.store import Put, Store, StoredEpisode, Transaction
+from gvla2.memory.storage.events import StoredEpisode
+from gvla2.memory.storage.forgetting import Transaction
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 

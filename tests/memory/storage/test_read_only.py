@@ -33,7 +33,7 @@ def test_a_read_only_bank_is_read(filled: Path, sqlite_url: str, tmp_path: Path)
         assert bank.recall("lift the red cup").items
         assert [hit.record.id for hit in bank.search("cup")] == [record.id]
         assert bank.verify() == []
-        assert bank.history(record.id)
+        assert look(bank.store, bank.bank).history(record.id)
         for change in (
             lambda: bank.admit(
                 Lesson("procedural_hint", "Close the lid."), GOOD, task="close the lid", trusted=True

@@ -11,7 +11,8 @@ from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
 from gvla2.memory.records import COLUMNS, Record
 from gvla2.memory.storage.audit import repair
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import look
 
 GOOD = Verdict.from_criteria({"done": 1.0})
@@ -70,7 +71,7 @@ def test_what_was_changed_is_as_it_was(tampered, statement: str, tmp_path: Path)
         for old, new in zip(before, bank.records(), strict=True):
             assert {n for n in COLUMNS if getattr(old, n) != getattr(new, n)} <= {"version", "rev"}
         assert {hit.record.content for hit in bank.search("lift the cup or turn the lid")} <= set(SAID)
-        assert bank.history(done[0][0])[-1].action == "repair"
+        assert look(bank.store, bank.bank).history(done[0][0])[-1].action == "repair"
         assert bank.verify() == []
     with KnowledgeBank(f"sqlite:///{tmp_path / 'm.db'}") as again:
         assert {item.content for item in again.recall("lift the cup").items} <= set(SAID)

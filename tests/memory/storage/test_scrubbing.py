@@ -10,8 +10,9 @@ from sqlalchemy import update
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.records import Record
 from gvla2.memory.storage.forgetting import PENDING
-from gvla2.memory.storage.store import Put, Store
+from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.tables import META
+from gvla2.memory.storage.writing import Put
 from tests.memory.looking import look
 
 resource = pytest.importorskip("resource", reason="this system limits no files")

@@ -9,11 +9,12 @@ import pytest
 from sqlalchemy.exc import SQLAlchemyError
 
 from gvla2.errors import ConfigurationError, MemoryStoreError
-from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
+from gvla2.memory.contracts import MemoryTask, Verdict
 from gvla2.memory.records import COLUMNS, Record
-from gvla2.memory.storage.events import EVENT_COLUMNS
-from gvla2.memory.storage.store import Put, StaleRecordError, Store, StoredEpisode
+from gvla2.memory.storage.events import EVENT_COLUMNS, StoredEpisode
+from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.tables import EVENT, RECORD
+from gvla2.memory.storage.writing import Put, StaleRecordError
 from tests.memory.looking import look
 from tests.memory.storage.rows_as_json import stored_and_rebuilt
 
@@ -42,7 +43,7 @@ def test_a_record_comes_back_as_it_was_stored(
     assert look(store, "b").records() == [stored]
     assert type(stored.quality) is float
     (change,) = look(store, "b").changes(0)
-    assert (change.record, change.model, change.forgotten) == (stored, "m", False)
+    assert (change.record, change.model, change.record.state) == (stored, "m", "active")
     np.testing.assert_array_equal(change.vector, vector)
     assert look(store, "b").changes(stored.rev) == []
     assert store.rev("b") == 1
@@ -263,12 +264,10 @@ EPISODE = StoredEpisode(
     source="run/1",
     at=NOW,
     task=MemoryTask("Pick up the red cube", {"height": 0.1}, "pick"),
-    lessons=(Lesson("tool_usage", "grip low", {"kind": "prior", "value": 0.1}),),
     transcript="it moved\nand \x00 it lifted",
     facts={"exit_status": 0},
     verdicts=(Verdict.from_criteria({"task_completion": 1.0}, ["done"], "test"),),
     records=("hint-1",),
-    provenance={"planner": "skill"},
 )
 
 
@@ -328,16 +327,6 @@ def test_reading_is_one_instant(store: Store, url: str, record: Make, put: Make)
         assert other.rev("b") == 2
         assert (view.rev, view.records()) == (1, before)
     assert store.rev("b") == 2
-
-
-def test_compaction_forgets_what_was_archived_long_ago(store: Store, record: Make, put: Make) -> None:
-    put(record("old", state="archive", updated=NOW - 100))
-    put(record("young", state="archive"))
-    put(record("living", updated=NOW - 100))
-    assert store.compact("b", archived_before=NOW - 50, now=NOW) == 1
-    assert store.compact() == 0
-    assert [r.id for r in look(store, "b").records()] == ["living", "young"]
-    assert look(store, "b").verify() == []
 
 
 def test_a_closed_store_says_so(store: Store) -> None:
