@@ -1,12 +1,13 @@
 """Slow: how many scanned objects are lifted, one at a time on the table or among others, with true perception or any.
 
     python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses upright,fallen] [--seeds 0,1] [--count 1]
-        [--perceiver oracle] [--replan 0] [--out FILE]
+        [--perceiver oracle] [--gallery FOLDER] [--sentence "lift the object"] [--replan 0] [--out FILE]
 
 Prints one line an episode: the narrowest side, how many holds the planner found and how many of those fit (nothing but
 the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares, of all and
 of the objects whose narrowest side is below 75 mm, by the name of the object for those that failed. With ``--count`` 5,
-five of the objects lie there, a seed a scene, and the sentence asks for one. Episodes that FILE has are not run again.
+five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not know the objects'
+names wants a gallery of them, or a sentence without names. Episodes that FILE has are not run again.
 """
 
 from __future__ import annotations
@@ -43,12 +44,15 @@ class Case:
     seed: int
     count: int
     perceiver: str
+    gallery: str
+    sentence: str
     replan: int
 
     def key(self) -> str:
         """By which its row is known again."""
         who = self.names[0] if self.count == 1 else f"{self.count} of {len(self.names)}"
-        return f"{who} {self.pose} {self.seed} {self.perceiver} {self.replan}"
+        how = f"{' gallery' * bool(self.gallery)}{' unnamed' * bool(self.sentence)}"
+        return f"{who} {self.pose} {self.seed} {self.perceiver}{how} {self.replan}"
 
 
 class _Silent:
@@ -66,6 +70,8 @@ def main() -> None:
     parser.add_argument("--seeds", default="0,1")
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--perceiver", default="oracle")
+    parser.add_argument("--gallery", default="")
+    parser.add_argument("--sentence", default="")
     parser.add_argument("--replan", type=int, default=0)
     parser.add_argument("--out", default="")
     options = parser.parse_args()
@@ -76,7 +82,16 @@ def main() -> None:
     narrow = {name: min(read_scan(path).size) for name, path in library.items()}
     groups = [tuple(library)] if options.count > 1 else [(name,) for name in library]
     cases = [
-        Case(group, pose, int(seed), options.count, options.perceiver, options.replan)
+        Case(
+            group,
+            pose,
+            int(seed),
+            options.count,
+            options.perceiver,
+            options.gallery,
+            options.sentence,
+            options.replan,
+        )
         for group in groups
         for pose in options.poses.split(",")
         for seed in options.seeds.split(",")
@@ -115,11 +130,13 @@ def _episode(registry: Registry, case: Case, folder: str) -> dict:
         asked = [f"task.objects.root={folder}", f"task.objects.names=[{','.join(case.names)}]"]
         asked += [f"task.objects.pose={case.pose}", f"task.objects.count={case.count}"]
         choices = ["memory=none", "task=tabletop_objects", f"perceiver={case.perceiver}", *asked]
+        choices += [f"perceiver.gallery={case.gallery}"] if case.gallery else []
         config = OmegaConf.to_object(compose("run", overrides=choices))
     parts = build_parts(config, registry)
     started = time.perf_counter()
     try:
-        record = run_episode(parts, EpisodeRequest(seed=case.seed, replan=case.replan), _Silent())
+        request = EpisodeRequest(case.seed, case.sentence or None, replan=case.replan)
+        record = run_episode(parts, request, _Silent())
         seconds = time.perf_counter() - started
         return {**_row(record, case), "seconds": round(seconds, 1)}
     finally:
