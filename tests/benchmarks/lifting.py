@@ -6,8 +6,8 @@
 Prints one line an episode: the narrowest side, how many holds the planner found and how many of those fit (nothing but
 the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares, of all and
 of the objects whose narrowest side is below 75 mm, by the name of the object for those that failed. With ``--count`` 5,
-five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not know the objects'
-names wants a gallery of them, or a sentence without names. Episodes that FILE has are not run again.
+five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not know names
+wants a gallery of the objects, or a sentence without names. Episodes that FILE has are not run again.
 """
 
 from __future__ import annotations
