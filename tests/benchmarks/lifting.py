@@ -4,10 +4,10 @@
         [--perceiver oracle] [--gallery FOLDER] [--sentence "lift the object"] [--replan 0] [--out FILE]
 
 Prints one line an episode: the narrowest side, how many holds the planner found and how many of those fit (nothing but
-the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares, of all and
-of the objects whose narrowest side is below 75 mm, by the name of the object for those that failed. With ``--count`` 5,
-five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not know names
-wants a gallery of the objects, or a sentence without names. Episodes that FILE has are not run again.
+the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares: of all, of
+the objects whose narrowest side is below 75 mm, and of those of them where a hold fits; and those that failed. With
+``--count`` 5, five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not
+know names wants a gallery of the objects, or a sentence without names. Episodes that FILE has are not run again.
 """
 
 from __future__ import annotations
@@ -114,7 +114,12 @@ def main() -> None:
 
 
 def _tell(rows: list[dict]) -> None:
-    for what, of in (("all", rows), ("narrow", [r for r in rows if r["narrow"] < NARROW])):
+    narrow = [row for row in rows if row["narrow"] < NARROW]
+    for what, of in (
+        ("all", rows),
+        ("narrow", narrow),
+        ("narrow, a hold fits", [r for r in narrow if r["fit"]]),
+    ):
         for profile in ("eased", "strict"):
             lifted = sum(r[profile] for r in of)
             print(f"{what} {profile}: {lifted} of {len(of)}, {100 * lifted / max(1, len(of)):.0f} %")
