@@ -23,8 +23,11 @@ from gvla2.planning.scene import SceneObject
 from gvla2.planning.trajectory import grasp_rotation
 from gvla2.skills.parameters import PALM_GAP, TABLE_GAP
 
-FEWEST, MOST = 60, 1500
+FEWEST, MOST = 60, 4000
 """Surface points of which a shape is believed, and that are looked at."""
+
+SPACING = 0.005
+"""Metres between the points on a scan: a finger's end would miss the edge of what lies between coarser ones."""
 
 NEIGHBOURS = 12
 """Points of which a normal is told."""
@@ -56,6 +59,10 @@ FAMILIES = {"top": 0.0, "leaning": 0.08, "side": 0.2}
 
 COMMON = 0.008
 """Height over which the pads meet the thing on both sides, metres: what is met at two heights tips out."""
+
+ASIDE = 0.004
+"""How far beside the pads' middle they may meet the thing, metres: what is met at the pads' edges, as the corner of a
+box or the rim of a can too wide for the hand, is squeezed out."""
 
 KEPT = {"top": 8, "leaning": 4, "side": 4}
 """How many of each family are worth asking the arm about."""
@@ -111,7 +118,8 @@ def _skin_of_scan(path: str, scale: float) -> Skin:
     from gvla2.geometry.mesh_files import read_mesh  # most things are not known, and trimesh takes its time
 
     mesh = read_mesh(path)
-    points, faces = mesh.sample(MOST, np.random.default_rng(0))
+    count = int(np.clip(mesh.areas.sum() * scale**2 / SPACING**2, 1500, MOST))
+    points, faces = mesh.sample(count, np.random.default_rng(0))
     return Skin(scale * points, mesh.normals[faces])
 
 
@@ -184,7 +192,7 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
         deepest = under_palm + hand.finger_length - PALM_GAP
         for reach in DEPTHS:
             tips = min(nearest + reach, deepest)
-            for stretch in _stretches(inside, faced, tips, hand):
+            for stretch in _stretches(inside - [x, 0.0, 0.0], faced, tips, hand):
                 y, width, opening, face, common = stretch
                 lowest = _tips_by_table(rotation, middle, x, y, opening, hand, table)
                 end = min(tips, lowest)
@@ -218,9 +226,10 @@ def _stretches(
     """Middle, width, opening, how well both sides face the fingers, and the height that they have in common, of each
     stretch that can be taken with the fingertips at ``tips`` along the approach.
 
-    ``slab`` (N, 3) are points in the hand's frame, ``facing`` (N,) how well they face the closing direction.
+    ``slab`` (N, 3) are points in the hand's frame, the pads' middle at x = 0, ``facing`` (N,) how well they face the
+    closing direction.
     """
-    along, height = slab[:, 1], slab[:, 2]
+    across, along, height = slab.T
     taken, at_pads = height < tips, height > tips - PAD
     order = np.flatnonzero(taken)[np.argsort(along[taken])]
     if len(order) < 6:
@@ -247,10 +256,15 @@ def _stretches(
         left, right = there < there.min() + edge, there > there.max() - edge
         sides = (members[left], members[right])
         face = min(float(facing[side].mean()) for side in sides)
-        spans = [np.quantile(height[side], (0.1, 0.9)) for side in sides]
-        common = max(0.0, float(min(s[1] for s in spans) - max(s[0] for s in spans)))
-        if face >= FACING:
-            yield 0.5 * (low + high), width, width + 2 * spare, face, common
+        (low_at, high_at), (left_at, right_at) = _shared(height, sides), _shared(across, sides)
+        if face >= FACING and left_at < ASIDE and right_at > -ASIDE:
+            yield 0.5 * (low + high), width, width + 2 * spare, face, max(0.0, high_at - low_at)
+
+
+def _shared(values: FloatArray, sides: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
+    """From where to where both sides have values."""
+    spans = [np.quantile(values[side], (0.1, 0.9)) for side in sides]
+    return float(max(s[0] for s in spans)), float(min(s[1] for s in spans))
 
 
 def _tips_by_table(

@@ -18,7 +18,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.robot.scan import Scan, clustered
 from gvla2.writing import cache_folder, write_whole
 
-VERSION = 1
+VERSION = 2
 """Of the pieces' making: changes whenever they would."""
 
 THRESHOLD, MOST_PIECES, MOST_CORNERS = 0.05, 24, 48
@@ -28,8 +28,8 @@ FACES = 20_000
 """What is decomposed is thinned to so many faces: finer ones change no piece and cost minutes."""
 
 HOLLOW, HOLLOW_SHARE = 0.04, 0.02
-"""A thing is its own hull when less than this share of its surface lies deeper below the hull than this share of its
-longest side."""
+"""A thing is its own hull when, going straight out of its surface, one is still inside the hull after this share of its
+longest side at less than this share of the surface."""
 
 THINNEST = 1e-3
 """Metres to which a flat piece is thickened: a hull needs a volume."""
@@ -105,14 +105,19 @@ def decompose(mesh: Mesh) -> list[FloatArray]:
 
 
 def _is_convex(mesh: Mesh, hull: FloatArray) -> bool:
-    """Whether hardly anything of the surface lies deep below its hull."""
+    """Whether hardly anything of the surface looks into a hollow.
+
+    How far a point lies below the hull would not tell: the inside of a thin wall is near the hull's outside.
+    """
     try:
         planes = ConvexHull(hull).equations
     except QhullError:
         return True
-    points, _ = mesh.sample(2000, np.random.default_rng(0))
-    depth = -(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-    return float((depth > HOLLOW * np.ptp(mesh.vertices, axis=0).max()).mean()) < HOLLOW_SHARE
+    points, faces = mesh.sample(2000, np.random.default_rng(0))
+    below = -(points @ planes[:, :3].T + planes[:, 3]).clip(max=0.0)  # (N, planes)
+    outwards = mesh.normals[faces] @ planes[:, :3].T
+    way = np.divide(below, outwards, out=np.full_like(below, np.inf), where=outwards > 1e-9).min(axis=1)
+    return float((way > HOLLOW * np.ptp(mesh.vertices, axis=0).max()).mean()) < HOLLOW_SHARE
 
 
 def _hull_of(points: FloatArray) -> FloatArray:

@@ -1,9 +1,13 @@
-"""Slow: how many scanned objects are lifted, one at a time on the table, with true perception or any other.
+"""Slow: how many scanned objects are lifted, one at a time on the table or among others, with true perception or any.
 
-    python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses 3] [--perceiver oracle] [--out FILE]
+    python tests/benchmarks/lifting.py FOLDER [--names a,b] [--poses upright,fallen] [--seeds 0,1] [--count 1]
+        [--perceiver oracle] [--gallery FOLDER] [--sentence "lift the object"] [--replan 0] [--out FILE]
 
-Pose 0 is upright, the others as things fall. Prints one line an episode, then the shares: of all, and of the objects
-whose narrowest side is below 75 mm.
+Prints one line an episode: the narrowest side, how many holds the planner found and how many of those fit (nothing but
+the check's limit of tries speaks against them), whether the thing was lifted, and why not. Then the shares: of all, of
+the objects whose narrowest side is below 75 mm, and of those of them where a hold fits; and those that failed. With
+``--count`` 5, five of the objects lie there, a seed a scene, and the sentence asks for one. A perceiver that does not
+know names wants a gallery of the objects, or a sentence without names. Episodes that FILE has are not run again.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ import argparse
 import json
 import logging
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +28,31 @@ from gvla2.commands.run import build_parts
 from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.hydra_bridge import register
 from gvla2.plugins import Registry, load_plugins
-from gvla2.robot.mesh_library import chosen, mesh_library
+from gvla2.record.contents import EpisodeRecord
+from gvla2.robot.mesh_library import chosen, mesh_library, spoken
 from gvla2.robot.scan import read_scan
 
 NARROW = 0.075
+
+
+@dataclass(frozen=True)
+class Case:
+    """One episode: what may lie there, how, and who looks."""
+
+    names: tuple[str, ...]
+    pose: str
+    seed: int
+    count: int
+    perceiver: str
+    gallery: str
+    sentence: str
+    replan: int
+
+    def key(self) -> str:
+        """By which its row is known again."""
+        who = self.names[0] if self.count == 1 else f"{self.count} of {len(self.names)}"
+        how = f"{' gallery' * bool(self.gallery)}{' unnamed' * bool(self.sentence)}"
+        return f"{who} {self.pose} {self.seed} {self.perceiver}{how} {self.replan}"
 
 
 class _Silent:
@@ -40,63 +66,115 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder")
     parser.add_argument("--names", default="")
-    parser.add_argument("--poses", type=int, default=3)
+    parser.add_argument("--poses", default="upright,fallen")
+    parser.add_argument("--seeds", default="0,1")
+    parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--perceiver", default="oracle")
-    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--gallery", default="")
+    parser.add_argument("--sentence", default="")
+    parser.add_argument("--replan", type=int, default=0)
     parser.add_argument("--out", default="")
     options = parser.parse_args()
     logging.disable(logging.WARNING)
     registry = load_plugins()
     library = chosen(mesh_library(options.folder), options.names.split(",") if options.names else [])
     register(registry, PRIMARY)
+    narrow = {name: min(read_scan(path).size) for name, path in library.items()}
+    groups = [tuple(library)] if options.count > 1 else [(name,) for name in library]
+    cases = [
+        Case(
+            group,
+            pose,
+            int(seed),
+            options.count,
+            options.perceiver,
+            options.gallery,
+            options.sentence,
+            options.replan,
+        )
+        for group in groups
+        for pose in options.poses.split(",")
+        for seed in options.seeds.split(",")
+    ]
+    kept = Path(options.out) if options.out else None
+    lines = kept.read_text().splitlines() if kept is not None and kept.is_file() else []
+    known = {row["key"]: row for row in map(json.loads, lines)}
     rows = []
-    for name, path in library.items():
-        narrow = min(read_scan(path).size)
-        for pose in range(options.poses):
-            objects = {"root": options.folder, "names": f"[{name}]", "pose": "fallen" if pose else "upright"}
-            rows.append(_episode(registry, options.perceiver, objects, options.first_seed + pose))
-            row = {"name": name, "narrow": round(narrow, 4), "pose": pose, **rows[-1]}
-            rows[-1] = row
+    for case in cases:
+        row = known.get(case.key())
+        if row is None:
+            row = {"key": case.key(), **_episode(registry, case, options.folder)}
+            row["narrow"] = round(narrow[row["name"]], 4)
             print(json.dumps(row), flush=True)
-            if options.out:
-                Path(options.out).write_text("\n".join(map(json.dumps, rows)) + "\n")
-    for what, of in (("all", rows), ("narrow", [r for r in rows if r["narrow"] < NARROW])):
+            if kept is not None:
+                with kept.open("a") as file:
+                    file.write(json.dumps(row) + "\n")
+        rows.append(row)
+    _tell(rows)
+
+
+def _tell(rows: list[dict]) -> None:
+    narrow = [row for row in rows if row["narrow"] < NARROW]
+    for what, of in (
+        ("all", rows),
+        ("narrow", narrow),
+        ("narrow, a hold fits", [r for r in narrow if r["fit"]]),
+    ):
         for profile in ("eased", "strict"):
-            print(f"{what} {profile}: {sum(r[profile] for r in of)} of {len(of)}")
+            lifted = sum(r[profile] for r in of)
+            print(f"{what} {profile}: {lifted} of {len(of)}, {100 * lifted / max(1, len(of)):.0f} %")
+    print("no hold fits:", sum(not r["fit"] for r in rows))
+    for row in rows:
+        if not row["strict"]:
+            print(f"{row['key']}: {'wide, ' * (row['narrow'] >= NARROW)}{row['why']} | {row['how']}")
     print(f"median planning {np.median([r['planning_s'] for r in rows]):.2f} s")
 
 
-def _episode(registry: Registry, perceiver: str, objects: dict, seed: int) -> dict:
-    asked = [f"task.objects.{key}={value}" for key, value in objects.items()]
+def _episode(registry: Registry, case: Case, folder: str) -> dict:
     with initialize_config_module("gvla2.conf", version_base="1.3"):
-        chosen_ones = ["memory=none", "task=tabletop_objects", f"perceiver={perceiver}", *asked]
-        config = OmegaConf.to_object(compose("run", overrides=chosen_ones))
+        asked = [f"task.objects.root={folder}", f"task.objects.names=[{','.join(case.names)}]"]
+        asked += [f"task.objects.pose={case.pose}", f"task.objects.count={case.count}"]
+        choices = ["memory=none", "task=tabletop_objects", f"perceiver={case.perceiver}", *asked]
+        choices += [f"perceiver.gallery={case.gallery}"] if case.gallery else []
+        config = OmegaConf.to_object(compose("run", overrides=choices))
     parts = build_parts(config, registry)
     started = time.perf_counter()
     try:
-        record = run_episode(parts, EpisodeRequest(seed=seed), _Silent())
-        judged = record.judgement
-        why = "" if record.failure is None else f"{record.failure.stage}: {record.failure.message}"
-        report = record.report
-        if report is not None and report.abort is not None:
-            why = f"{report.abort.abort}: {report.abort.message}"
-        tried = () if record.plan is None else record.plan.candidates
-        best = [c for c in tried if not c.rejected]
-        how = best[0].description if best else f"none of {len(tried)}: {tried[0].rejected if tried else ''}"
-        if record.plan is not None and record.plan.abstention is not None:
-            why = record.plan.abstention.message
-        return {
-            "seed": seed,
-            "eased": bool(judged and judged.eased),
-            "strict": bool(judged and judged.strict),
-            "planning_s": round(record.timings.get("plan", 0.0), 2),
-            "seconds": round(time.perf_counter() - started, 1),
-            "why": why[:240],
-            "how": how[:160],
-        }
+        request = EpisodeRequest(case.seed, case.sentence or None, replan=case.replan)
+        record = run_episode(parts, request, _Silent())
+        seconds = time.perf_counter() - started
+        return {**_row(record, case), "seconds": round(seconds, 1)}
     finally:
         parts.robot.close()
         parts.memory.close()
+
+
+def _row(record: EpisodeRecord, case: Case) -> dict:
+    """What is told of one episode; several attempts are told by the last."""
+    judged, plan, report = record.judgement, record.plan, record.report
+    tried = () if plan is None else plan.candidates
+    fit = [c for c in tried if not c.rejected or c.rejected.startswith("not checked")]
+    if report is not None and report.abort is not None:
+        why = f"{report.abort.abort}: {report.abort.message}"
+    elif plan is not None and plan.abstention is not None:
+        why = plan.abstention.message
+    elif record.failure is not None:
+        why = f"{record.failure.stage}: {record.failure.message}"
+    else:
+        why = "" if judged and judged.strict else "not high enough, or not in the hand"
+    best = [c.description for c in tried if not c.rejected]
+    said = [n for n in case.names if spoken(n) in record.instruction]
+    return {
+        "name": max(said, key=len, default=case.names[0]),
+        "eased": bool(judged and judged.eased),
+        "strict": bool(judged and judged.strict),
+        "holds": len(tried),
+        "fit": len(fit),
+        "attempts": len(record.attempts) + 1,
+        "planning_s": round(record.timings.get("plan", 0.0), 2),
+        "why": why[:240],
+        "how": best[0][:160] if best else f"none of {len(tried)}",
+    }
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from gvla2.robot.scan import read_scan
 from gvla2.robot.task import Body, Layout, Primitive, TaskSite
 from gvla2_plugins.sapien import SapienPandaConfig
 from gvla2_plugins.sapien.arm import make_cell
-from gvla2_plugins.sapien.convex import decompose, piece_file, pieces
+from gvla2_plugins.sapien.convex import Piece, decompose, piece_file, pieces
 from gvla2_plugins.sapien.truth import true_scene
 from gvla2_plugins.sapien.world import World
 from tests.scanning import bowl, box, painted, write
@@ -44,6 +44,17 @@ def test_a_convex_thing_is_one_piece_and_an_open_one_stays_open(tmp_path, bowl_f
     free = np.array([[0.0, 0.0, 0.01], [0.03, 0.03, 0.02], [-0.04, 0.0, 0.015]])
     assert not any(piece.holds(free).any() for piece in vessel)
     assert any(piece.holds(np.array([[0.0, 0.0, -0.0225]])).any() for piece in vessel)
+
+
+def test_what_is_thin_everywhere_keeps_its_hollow(tmp_path):
+    sides = [((0.12, 0.01, 0.004), (0, -0.03, 0)), ((0.12, 0.01, 0.004), (0, 0.03, 0))]
+    sides.append(((0.01, 0.05, 0.004), (-0.055, 0, 0)))
+    fork = trimesh.util.concatenate(
+        [trimesh.creation.box(extents=e, transform=rigid(translation=t)) for e, t in sides]
+    )
+    corners = decompose(read_scan(write(tmp_path, "fork", fork)).textured.mesh)
+    assert len(corners) > 1
+    assert not any(Piece(c).holds(np.array([[0.02, 0.0, 0.0]])).any() for c in corners)
 
 
 def test_pieces_are_made_once_and_kept(bowl_file, monkeypatch):

@@ -54,6 +54,18 @@ def test_what_is_too_wide_everywhere_is_not_held(thing):
     assert antipodal(thing(trimesh.creation.icosphere(3, 0.06)), HAND, 0.0, OUT) == []
 
 
+@pytest.mark.parametrize(
+    "mesh", [trimesh.creation.box(extents=(0.21, 0.16, 0.07)), cylinder(0.051, 0.14)], ids=["box", "can"]
+)
+def test_what_would_be_squeezed_out_by_a_corner_or_a_rim_is_not_held(thing, mesh):
+    assert antipodal(thing(mesh), HAND, 0.0, OUT) == []
+
+
+@pytest.mark.parametrize(("side", "count"), [(0.04, 1500), (0.1, 2400), (0.3, 4000)])
+def test_a_large_scan_is_looked_at_as_closely_as_a_small_one(thing, side, count):
+    assert len(skin_of(thing(trimesh.creation.box(extents=3 * [side]))).points) == pytest.approx(count, abs=1)
+
+
 def test_a_bowl_is_held_by_its_rim_with_one_finger_inside(thing):
     found = antipodal(thing(bowl(0.08, 0.06, 0.006)), HAND, 0.0, OUT)
     assert found

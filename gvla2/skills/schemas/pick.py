@@ -122,8 +122,8 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
             grips.append((snug, ", hand opened just enough"))
         for family in FAMILIES[hold.part]:
             found += [_grasp(job, hold, family, opening, grip) for opening, grip in grips]
-    if irregular(job):
-        found = [*felt(job, found), *by_surface(job)]
+    if not any(inside(job.theme, holder) for holder in holders(job.theme, job.scene)):
+        found = by_what_is_there(job, found)
     if found:
         return found
     width = min(h.width for h in whole(job.theme, job.hand))
@@ -134,11 +134,14 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
     )
 
 
-def irregular(job: Job) -> bool:
-    """Whether the box of the thing tells little of where it can be held, and its surface may be asked."""
-    theme = job.theme
-    stuck_in = any(inside(theme, holder) for holder in holders(theme, job.scene))
-    return theme.shape in ("other", "bar") and not stuck_in
+def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
+    """The box's grasps that the thing's surface does not contradict; where the box tells little of where the thing can
+    be held, or its surface leaves none of them, also those by its surface.
+    """
+    found, irregular = felt(job, boxed), job.theme.shape in ("other", "bar")
+    if irregular or not found:
+        found = [*found, *by_surface(job)]
+    return found if irregular else found or boxed
 
 
 def felt(job: Job, found: list[Grasp]) -> list[Grasp]:

@@ -1,0 +1,48 @@
+"""Which holds of a thing are offered: by its box, as far as its surface does not contradict, and by its surface."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from gvla2.planning.calls import SkillCall
+from gvla2.skills.carry_out import carry_out
+from tests.scanning import bowl
+from tests.skills.scenes import TABLE, at, request, sound, thing
+
+AT = np.array([0.35, 0.1])
+
+
+def seen(mesh, shape, *, opening=0.0):
+    """A thing on the table with points of its whole surface, taken for a simple ``shape`` by its box."""
+    size = np.asarray(mesh.extents)
+    points = np.asarray(trimesh.sample.sample_surface(mesh, 2000, seed=0)[0])
+    points = points - mesh.bounds[0] - 0.5 * size * [1, 1, 0] + [*AT, TABLE]
+    return thing("it", shape, (*AT, 0.5 * size[2]), size, points=points, opening=opening)
+
+
+def picked(it):
+    asked = request(it)
+    return carry_out([SkillCall("pick", "it")], asked), asked
+
+
+def test_a_bowl_taken_for_a_disc_is_held_by_its_rim():
+    plan, asked = picked(seen(bowl(0.08, 0.06, 0.006), "disc", opening=0.14))
+    sound(plan, asked)
+    assert 0.05 < np.linalg.norm(at(plan, "close")[:2] - AT) < 0.09
+
+
+def test_a_tool_with_its_head_up_is_not_gripped_where_its_box_is_empty():
+    head = trimesh.creation.box(extents=(0.03, 0.03, 0.10))
+    handle = trimesh.creation.box(extents=(0.25, 0.03, 0.02))
+    handle.apply_translation((0.14, 0, -0.04))
+    plan, asked = picked(seen(trimesh.util.concatenate([head, handle]), "box"))
+    sound(plan, asked)
+    close = at(plan, "close")
+    assert abs(close[0] - (AT[0] - 0.125)) < 0.03 or close[2] < TABLE + 0.04  # by its head, or low enough
+
+
+@pytest.mark.parametrize("shape", ["box", "other"])
+def test_what_is_too_wide_by_box_and_surface_is_refused(shape):
+    plan, _ = picked(seen(trimesh.creation.box(extents=(0.2, 0.16, 0.07)), shape))
+    assert plan.abstention is not None
+    assert plan.abstention.kind == "too_wide"
