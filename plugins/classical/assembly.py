@@ -15,7 +15,6 @@ from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.openings import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
-from gvla2_plugins.classical.shells import with_their_walls
 from gvla2_plugins.classical.things import Thing
 
 FRAGMENT_REACH = 0.15  # metres between the middles of two fragments of one thing
@@ -46,7 +45,6 @@ def assemble(
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
         parts += [replace(opened(frames, p), group=group) for p in taken]
-    parts = with_their_walls(pixels, parts)
     for k in np.unique(bodies[bodies >= 0]):
         members = np.nonzero(bodies == k)[0]
         if len(members) >= min_points:

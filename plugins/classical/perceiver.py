@@ -20,6 +20,7 @@ from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.bodies import bodies_of, textured
+from gvla2_plugins.classical.cases import join_fronts, join_lids
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
@@ -28,12 +29,14 @@ from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
-from gvla2_plugins.classical.wholes import WHOLES
+from gvla2_plugins.classical.upright import join_bottles, join_stems, name_knives
 
 BORDER = (
     0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole
 )
 PAINT = 0.001  # the thickness that a painted patch is given
+WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
+"""What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 MOST_POINTS = 4000  # points kept of one object
 
 
