@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike
@@ -17,7 +18,7 @@ from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
 from gvla2_plugins.classical.things import Thing
 
-FRAGMENT_REACH = 0.15  # metres between the middles of two fragments of one thing
+FRAGMENT_REACH = 0.05  # metres between two fragments of one thing
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
 IN_HAND = 0.05  # metres from the fingertips to what they may hold
 TOUCH = 0.008  # metres between a thing and what carries it
@@ -85,11 +86,11 @@ def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing]
     while i < len(things):
         for j in range(i + 1, len(things)):
             a, b = things[i], things[j]
-            one, other = (np.median(t.points, axis=0) for t in (a, b))
             looks = [np.median(pixels.look[t.members], axis=0) for t in (a, b)]
-            if np.linalg.norm(one - other) > FRAGMENT_REACH or not alike(*looks):
+            if not alike(*looks) or cKDTree(a.points).query(b.points)[0].min() > FRAGMENT_REACH:
                 continue
             joined = shape_thing(frames, pixels, np.sort(np.concatenate([a.members, b.members])), gap)
+            one, other = (np.median(t.points, axis=0) for t in (a, b))
             line = one + np.linspace(0.0, 1.0, 16)[:, None] * (other - one)
             if not joined.hollow and seen_through(frames, line, margin=0.015).mean() > BETWEEN:
                 continue

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ FLUSH = 0.012  # metres between a panel and the side that it is set into
 COVERED = 0.3  # of a side: a panel is no smaller
 REACH = 0.08  # metres that something sticks out
 BAR = 0.02  # metres: a handle is no thicker
-DEEP = 0.8  # of a handle's length: it stands off by less; what reaches out further is stuck in the case
+DEEP = 0.67  # of a handle's length: it stands off by less; what reaches out further is stuck in the case
 
 
 def join_lids(draft: Draft) -> None:
@@ -78,82 +79,85 @@ def _side_under(side: Thing, top: Thing) -> bool:
 
 
 def join_fronts(draft: Draft) -> None:
-    """A panel of another colour in a side of a large box is its drawer; of what is in the air before that side, a
-    bar along it is a handle, and what reaches out further is a brick that sticks in a tower.
+    """A panel of another colour in a side of a large box is its drawer; of what is in the air before a side, a bar
+    along it is a handle, and what reaches out further is a brick that sticks in a tower.
     """
     for k in draft.left():
         case = draft.things[k]
         plain = case.kind in ("box", "other") and not case.noun and case.turn is None and not case.hollow
         if draft.now(k) != k or not plain or min(case.extents) < LARGE:
             continue
-        for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
-            if _join_front(draft, k, axis, sign):
+        pieces = {j: _before(draft.things[j], case) for j in draft.left() if j != k}
+        for side in {piece.side: None for piece in pieces.values() if piece is not None}:
+            here = {j: piece for j, piece in pieces.items() if piece is not None and piece.side == side}
+            if _join_front(draft, k, here):
                 break
 
 
-def _join_front(draft: Draft, k: int, axis: int, sign: float) -> bool:
-    """Put together what belongs to one side of the case ``k``; whether there was anything."""
-    case, others = draft.things[k], [j for j in draft.left() if j != k]
-    others = [j for j in others if draft.things[j].turn is None and not draft.things[j].noun]
-    panels = [
-        j
-        for j in others
-        if _before(draft.things[j], case, axis, sign, -FLUSH, FLUSH) > 0.8
-        and not draft.things[j].hollow
-        and not alike(draft.looks[j], draft.looks[k])
-    ]
-    out = [
-        j
-        for j in others
-        if draft.things[j].floating and _before(draft.things[j], case, axis, sign, -0.005, REACH) > 0.9
-    ]
-    out = [j for j in out if j not in panels]
-    bars = [j for j in out if _is_bar(draft.things[j], case, axis)]
-    owner = k
-    if panels:
-        owner = max(panels, key=lambda j: len(draft.things[j].members))
-        whole = _about(draft.things[owner], np.concatenate([draft.things[j].points for j in panels]), case)
-        if np.delete(whole.extents, np.argmin(whole.extents)).prod() < COVERED * (
-            case.extents[1 - axis] * case.extents[2]
-        ):
-            owner = k
-        else:
-            draft.take_in(owner, [j for j in panels if j != owner])
-            whole = replace(whole, points=draft.things[owner].points)
-            draft.change(owner, replace(whole, noun="drawer", part_of=k, on=-1))
-            draft.change(k, replace(case, noun="cabinet"))
+@dataclass(frozen=True)
+class _Piece:
+    """A piece before a side of a case: from ``near`` to ``far`` metres off it, its two ``breadths`` along it."""
+
+    side: tuple[int, int]
+    near: float
+    far: float
+    breadths: FloatArray
+
+    @property
+    def slim(self) -> bool:
+        """Whether it is a bar along the side: longer than it stands off."""
+        thick, long = sorted(self.breadths.tolist())
+        return thick < BAR and long > 2.0 * thick and self.far - self.near < DEEP * long
+
+
+def _before(piece: Thing, case: Thing) -> _Piece | None:
+    """Where a piece is that is before one side of a case, and within its outline; None for others."""
+    if piece.turn is not None or piece.noun:
+        return None
+    low, high = np.percentile(case.local(piece.points), [4.0, 96.0], axis=0)
+    half = 0.5 * case.extents
+    gaps = np.stack([low - half, -half - high])[:, :2]
+    end, axis = (int(i) for i in np.unravel_index(np.argmax(gaps), gaps.shape))
+    others = np.delete(np.maximum(high, -low) - half, axis)
+    near = float(gaps[end, axis])
+    if others.max() > 0.005 or near < -FLUSH:
+        return None
+    return _Piece((end, axis), near, near + float((high - low)[axis]), np.delete(high - low, axis))
+
+
+def _join_front(draft: Draft, k: int, pieces: dict[int, _Piece]) -> bool:
+    """Put together what is before one side of the case ``k``; whether there was anything."""
+    case, owner = draft.things[k], k
+    sizes = {j: len(draft.things[j].members) for j in pieces}
+    flush = [j for j, piece in pieces.items() if piece.far < FLUSH and not draft.things[j].hollow]
+    flush = [j for j in flush if not alike(draft.looks[j], draft.looks[k])]
+    out = [j for j, p in pieces.items() if draft.things[j].floating and p.near > -0.005 and p.far < REACH]
+    bars = [j for j in out if j not in flush and pieces[j].slim]
+    if flush and _covered(case, [draft.things[j] for j in flush], pieces[flush[0]].side[1]) > COVERED:
+        owner = max(flush, key=sizes.__getitem__)
+        draft.take_in(owner, [j for j in flush if j != owner])
+        draft.change(owner, replace(_about(draft.things[owner], case), noun="drawer", part_of=k, on=-1))
+        draft.change(k, replace(case, noun="cabinet"))
     if bars and (owner != k or len(bars) == 1):
         # Scraps of it, in other light, would only blur where it is.
-        best = max(bars, key=lambda j: len(draft.things[j].members))
-        handle = _about(draft.things[best], draft.things[best].points, case)
+        best = max(bars, key=sizes.__getitem__)
         draft.take_in(owner, [j for j in bars if j != best])
-        draft.change(best, replace(handle, noun="handle", part_of=owner, on=-1))
+        draft.change(best, replace(_about(draft.things[best], case), noun="handle", part_of=owner, on=-1))
         if owner == k:
             draft.change(k, replace(case, noun="drawer cabinet"))
-        return True
-    if out and not bars and owner == k:
+    elif out and not bars and owner == k:
         draft.change(out[0], replace(draft.things[out[0]], noun="brick", on=-1))
         draft.change(k, replace(case, noun="tower"))
-        return True
-    return owner != k
+    return bool(draft.things[k].noun)
 
 
-def _before(piece: Thing, case: Thing, axis: int, sign: float, low: float, high: float) -> float:
-    """The share of a piece's points that are before a side of a case, from ``low`` to ``high`` metres off it."""
-    local = case.local(piece.points)
-    off = sign * local[:, axis] - 0.5 * case.extents[axis]
-    within = np.abs(local[:, [1 - axis, 2]]) < 0.5 * case.extents[[1 - axis, 2]] + 0.005
-    return float((within.all(axis=1) & (off > low) & (off < high)).mean())
+def _covered(case: Thing, panels: Sequence[Thing], axis: int) -> float:
+    """The share of a side of the case, across its ``axis``, that panels span."""
+    local = case.local(np.concatenate([panel.points for panel in panels]))
+    spans = np.ptp(np.percentile(local, [1.0, 99.0], axis=0), axis=0) / case.extents
+    return float(np.delete(spans, axis).prod())
 
 
-def _is_bar(piece: Thing, case: Thing, axis: int) -> bool:
-    """Whether a piece is slim, and longer than it stands off."""
-    low, high = np.percentile(case.local(piece.points), [1.0, 99.0], axis=0)
-    breadth, off = np.delete(high - low, axis), (high - low)[axis]
-    return bool(breadth.min() < BAR and breadth.max() > 2.0 * breadth.min() and off < DEEP * breadth.max())
-
-
-def _about(thing: Thing, points: FloatArray, case: Thing) -> Thing:
-    """The thing as a box in the case's own axes about points (N, 3)."""
-    low, high = np.percentile(case.local(points), [0.5, 99.5], axis=0)
-    return boxed(thing, case, low, high)
+def _about(thing: Thing, case: Thing) -> Thing:
+    """The thing as a box in the case's own axes about its points."""
+    return boxed(thing, case, *np.percentile(case.local(thing.points), [0.5, 99.5], axis=0))

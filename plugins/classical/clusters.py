@@ -17,8 +17,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
-from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
+from gvla2_plugins.classical.pixels import IntArray, Pixels
 
 LIKE = 14.0  # hues of pieces of one thing differ by less
 SHADED = 0.62  # L* + 16 of a thing's darkest face, over that of its lightest, is more
@@ -137,45 +136,22 @@ def alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
 
 
 def grow_down(
-    frames: Sequence[Frame],
     masks: Sequence[NDArray[np.bool_]],
     low: Sequence[NDArray[np.bool_]],
     different: Sequence[NDArray[np.bool_]],
-    colour_step: float,
     steps: int = 3,
 ) -> list[NDArray[np.bool_]]:
     """The masks (H, W) with the lowest pixels of each thing, which lie too near to the table to be told by height.
 
-    A pixel of ``low`` that looks ``different`` from the table joins when it touches the mask and looks like a
-    neighbour there; at most ``steps`` pixels deep, so that paint beside a thing is left alone.
+    A pixel of ``low`` that looks ``different`` from the table joins the mask that it touches; at most ``steps``
+    pixels deep, so that paint beside a thing is left alone.
     """
     grown = []
-    for frame, mask, near, other in zip(frames, masks, low, different, strict=True):
+    for mask, near, other in zip(masks, low, different, strict=True):
         # What looks unlike the table inside a raised rim is the floor of a plate or a bowl.
-        current = mask | (binary_fill_holes(binary_closing(mask, iterations=1)) & near & other)
-        candidates = near & other & ~current
-        band = binary_dilation(mask, np.ones((3, 3), bool), iterations=steps + 1)
-        look = np.full((*mask.shape, 3), np.nan)
-        look[band] = appearance_of(frame.image[band] / 255.0)
-        across = _close(look[:, :-1], look[:, 1:], 0.5 * colour_step)
-        down = _close(look[:-1], look[1:], 0.5 * colour_step)
-        for _ in range(steps):
-            beside = np.zeros_like(current)
-            beside[:, 1:] |= current[:, :-1] & across
-            beside[:, :-1] |= current[:, 1:] & across
-            beside[1:] |= current[:-1] & down
-            beside[:-1] |= current[1:] & down
-            fresh = beside & candidates & ~current
-            if not fresh.any():
-                break
-            current |= fresh
-        grown.append(current)
+        current = mask | (binary_fill_holes(binary_closing(mask)) & near & other)
+        grown.append(binary_dilation(current, iterations=steps, mask=current | (near & other)))
     return grown
-
-
-def _close(one: FloatArray, other: FloatArray, step: float) -> NDArray[np.bool_]:
-    difference = one - other
-    return np.asarray(np.einsum("ijk,ijk->ij", difference, difference) < step**2)
 
 
 def components(count: int, pairs: IntArray) -> IntArray:

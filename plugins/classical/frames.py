@@ -14,10 +14,12 @@ from gvla2.errors import PerceptionError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import View
+from gvla2.perception.frames import why_not
+
+IntArray = NDArray[np.int64]
 
 ONE_SURFACE = 0.015  # metres of depth between neighbouring pixels of one surface
 COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are averaged
-DARK = 4  # an image without a brighter pixel (of 255) shows nothing: the lens is covered
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,14 @@ class Frame:
             frame_from_world=to_from_here @ self.frame_from_world,
         )
 
+    def project(self, points: FloatArray) -> tuple[NDArray[np.bool_], IntArray, IntArray, FloatArray]:
+        """Which of points (N, 3) in its frame the picture holds, (N,), and of those the rows, columns and depths."""
+        world = transform_points(invert_rigid(self.frame_from_world), points)
+        uv, depth = self.camera.project(world)
+        inside = self.camera.inside(uv)
+        columns, rows = uv[inside].astype(np.int64).T
+        return inside, rows, columns, depth[inside]
+
 
 def usable_frames(
     views: Iterable[View], robot_margin: int, *, wary: bool = False
@@ -71,7 +81,7 @@ def usable_frames(
                 robot = binary_dilation(robot, np.ones((3, 3), bool), iterations=robot_margin)
             depth[robot] = np.nan
         depth[_flying(depth, 3 if wary else 2)] = np.nan
-        reason = _why_not(view, depth)
+        reason = why_not(view, depth)
         if reason:
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
             continue
@@ -102,16 +112,6 @@ def _flying(depth: FloatArray, least: int) -> NDArray[np.bool_]:
     return support < least
 
 
-def _why_not(view: View, depth: FloatArray) -> str:
-    if view.depth is None:
-        return "it has no depth"
-    if not np.isfinite(depth).any():
-        return "no pixel has a depth, or all of them show the robot"
-    if view.image.max() <= DARK:
-        return "its image is black"
-    return ""
-
-
 def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:
     """(N,) bool: points (N, 3), in the frames' own frame, that some camera looked through to something behind.
 
@@ -119,10 +119,6 @@ def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.
     """
     free = np.zeros(len(points), dtype=bool)
     for frame in frames:
-        world = transform_points(invert_rigid(frame.frame_from_world), points)
-        uv, depth = frame.camera.project(world)
-        inside = frame.camera.inside(uv)
-        columns, rows = (uv[inside].astype(np.int64)).T
-        measured = frame.depth[rows, columns]
-        free[inside] |= measured > depth[inside] + margin  # NaN compares false: unknown is not free
+        inside, rows, columns, depth = frame.project(points)
+        free[inside] |= frame.depth[rows, columns] > depth + margin  # NaN compares false: unknown is not free
     return free

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.things import Thing
 
@@ -48,14 +48,11 @@ def _between_walls(thing: Thing) -> float:
 
 def _hole(frames: Sequence[Frame], thing: Thing) -> float:
     """Width of the hole in the middle of a flat thing, metres: rays there go on to the table. 0 without one."""
-    pose, half_height = thing.pose, 0.5 * thing.extents[2]
-    steps = np.linspace(-0.12, 0.12, 3) * min(thing.extents[:2])
-    x, y = np.meshgrid(steps, steps)
-    middle = np.stack([x.ravel(), y.ravel(), np.full(x.size, half_height)], axis=1)
-    if seen_through(frames, transform_points(pose, middle), margin=0.5 * thing.extents[2]).mean() < 0.6:
+    half, steps = 0.5 * thing.extents[2], np.linspace(-0.12, 0.12, 3)
+    if seen_through(frames, thing.grid(steps, steps, np.array([0.5])), margin=half).mean() < 0.6:
         return 0.0
     rim: FloatArray = thing.local(thing.points)
-    upper = rim[rim[:, 2] > half_height - 0.003]
+    upper = rim[rim[:, 2] > half - 0.003]
     if len(upper) < FEWEST:
         return 0.0
     off = np.hypot(upper[:, 0], upper[:, 1]) if thing.kind == "cylinder" else np.abs(upper[:, :2]).max(axis=1)

@@ -74,43 +74,26 @@ def completed(frames: Sequence[Frame], pixels: Pixels, thing: Thing) -> Thing:
     """
     narrow = int(np.argmin(thing.extents[:2]))
     wide, shallow = float(thing.extents[1 - narrow]), float(thing.extents[narrow])
-    if (
-        not thing.floating
-        or thing.kind not in ("box", "other")
-        or shallow > 0.85 * wide
-        or wide > WIDEST_HELD
-    ):
+    boxed = thing.floating and thing.kind in ("box", "other")
+    if not boxed or shallow > 0.85 * wide or wide > WIDEST_HELD:
         return thing
-    normal = thing.pose[:3, narrow]
     views = np.unique(pixels.view[thing.members])
-    away = thing.centre - np.mean([frames[v].origin for v in views], axis=0)
-    normal = normal if normal @ away > 0 else -normal
-    face = _face_grid(thing, narrow) + 0.5 * shallow * normal  # the far face
-    depths = np.linspace(0.2, 0.9, 4) * (wide - shallow)
-    behind = face[:, None] + depths[:, None] * normal  # (25, 4, 3)
-    if seen_through(frames, behind.reshape(-1, 3)).mean() > 0.1:
+    cameras = thing.local(np.mean([frames[v].origin for v in views], axis=0))
+    away = -1.0 if cameras[narrow] > 0 else 1.0
+    shares = [np.linspace(-0.4, 0.4, 5)] * 3
+    shares[narrow] = away * (0.5 + np.linspace(0.2, 0.9, 4) * (wide / shallow - 1.0))
+    if seen_through(frames, thing.grid(*shares)).mean() > 0.1:
         return thing
     yaw, width, depth = upright_rectangle(thing.yaw, wide, wide)
     extents = np.array([width, depth, thing.extents[2]])
-    centre = thing.centre + 0.5 * (wide - shallow) * normal
+    centre = thing.centre + 0.5 * away * (wide - shallow) * thing.pose[:3, narrow]
     return replace(thing, kind="box", centre=centre, extents=extents, yaw=yaw, guessed=True)
-
-
-def _face_grid(thing: Thing, axis: int) -> FloatArray:
-    """(25, 3) points on the upright middle plane of a box across its ``axis``."""
-    along, up = np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-0.4, 0.4, 5))
-    pose = thing.pose
-    sideways = pose[:3, 1 - axis] * thing.extents[1 - axis]
-    return np.asarray(
-        thing.centre + along.reshape(-1, 1) * sideways + up.reshape(-1, 1) * pose[:3, 2] * thing.extents[2]
-    )
 
 
 def sees_into(frames: Sequence[Frame], thing: Thing, share: float = 0.4) -> bool:
     """Whether cameras look through a ``share`` of the solid's upper half, inside its walls: a cup, a box, a tray."""
     if thing.kind == "sphere" or thing.extents[2] < 0.025 or min(thing.extents[:2]) < 0.04:
         return False
-    x, y, z = np.meshgrid(np.linspace(-0.28, 0.28, 5), np.linspace(-0.28, 0.28, 5), np.linspace(0.05, 0.3, 3))
-    inside = np.stack([x, y, z], axis=-1).reshape(-1, 3) * thing.extents
-    pose = thing.pose
-    return bool(seen_through(frames, inside @ pose[:3, :3].T + pose[:3, 3]).mean() > share)
+    across = np.linspace(-0.28, 0.28, 5)
+    inside = thing.grid(across, across, np.linspace(0.05, 0.3, 3))
+    return bool(seen_through(frames, inside).mean() > share)

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import appearance
-from gvla2_plugins.classical.frames import Frame
-
-IntArray = NDArray[np.int64]
+from gvla2_plugins.classical.frames import Frame, IntArray
 
 
 @dataclass(frozen=True)

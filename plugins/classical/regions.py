@@ -3,36 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray
 from gvla2.perception.clusters import without_specks
 from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views
 from gvla2_plugins.classical.frames import Frame
 from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
-from gvla2_plugins.classical.solids import circle_distance, evenly, fit_solid, narrow_yaw, rectangle_distance
-from gvla2_plugins.classical.things import upright_rectangle
+from gvla2_plugins.classical.solids import box_distance, cylinder_distance, evenly, fit_solid, narrow_yaw
+from gvla2_plugins.classical.things import Thing, upright_rectangle
 
 OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
 NARROW = 0.012  # metres: a thinner patch is a seam
 REACH = 0.006
-
-
-@dataclass(frozen=True)
-class Patch:
-    """A painted patch in the table's frame: ``centre`` (2,), ``yaw``, ``lengths`` (2,), metres; ``round`` for discs."""
-
-    members: IntArray = field(repr=False)
-    points: FloatArray = field(repr=False)
-    centre: FloatArray
-    yaw: float
-    lengths: FloatArray
-    round: bool
-    agreement: float
+ROOM = np.array(
+    [0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0]
+)  # that a fit has about the rectangle of the points
+PAINT = 0.001  # metres: the thickness that a painted patch is given
 
 
 def unlike_table(frame: Frame, plane: NDArray[np.bool_], area: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -58,7 +48,7 @@ def find_patches(
     min_region: float,
     min_points: int,
     colour_step: float,
-) -> tuple[Pixels, list[Patch]]:
+) -> tuple[Pixels, list[Thing]]:
     """Patches among the ``painted`` table pixels; ``bare`` ones show the table itself; one (H, W) a frame each."""
     pixels = choose(frames, [without_specks(mask) for mask in painted], on_plane=True)
     if len(pixels) == 0:
@@ -69,7 +59,7 @@ def find_patches(
     groups = [g for g in groups if len(g) >= min_points]
     groups = _join_hidden(frames, pixels, groups, bare)
     patches = [_fit(frames, pixels, members, bare) for members in groups]
-    kept = [p for p in patches if p.lengths.prod() >= min_region and p.lengths.min() >= NARROW]
+    kept = [p for p in patches if p.extents[:2].prod() >= min_region and p.extents[:2].min() >= NARROW]
     return pixels, kept
 
 
@@ -101,17 +91,14 @@ def _table_seen(
 ) -> NDArray[np.bool_]:
     seen = np.zeros(len(points), dtype=bool)
     for frame, mask in zip(frames, bare, strict=True):
-        world_from_frame = np.linalg.inv(frame.frame_from_world)
-        uv, _ = frame.camera.project(transform_points(world_from_frame, points))
-        inside = frame.camera.inside(uv)
-        columns, rows = uv[inside].astype(np.int64).T
+        inside, rows, columns, _ = frame.project(points)
         seen[inside] |= mask[rows, columns]
     return seen
 
 
 def _fit(
     frames: Sequence[Frame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
-) -> Patch:
+) -> Thing:
     points = pixels.points[members]
     outside = [np.zeros((0, 3))]
     for number, (frame, mask) in enumerate(zip(frames, bare, strict=True)):
@@ -124,19 +111,33 @@ def _fit(
     yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
     # Only the rim says where a patch ends; points well inside would only dilute it.
     rim = _outer(points, middle, yaw, lengths)
-    square = fit_solid(
-        rectangle_distance, [*middle, yaw, *lengths], rim, beside, filled=True, tolerance=0.004, steps=20
-    )
-    disc = fit_solid(
-        circle_distance, [*middle, float(lengths.mean())], rim, beside, filled=True, tolerance=0.004, steps=20
+    # Of no height that counts: a slab and a drum from far below to far above.
+    slab = np.array([*middle, yaw, *lengths, 1.0, -1.0])
+    drum = np.array([*middle, lengths.mean(), 1.0, -1.0])
+    square, disc = (
+        fit_solid(
+            distance,
+            start,
+            rim,
+            beside,
+            hold=(len(start) - 2, len(start) - 1),
+            limits=(start - ROOM[: len(start)], start + ROOM[: len(start)]),
+            filled=True,
+            tolerance=0.004,
+        )
+        for distance, start in ((box_distance, slab), (cylinder_distance, drum))
     )
     is_round = disc.cost < 0.5 * square.cost and lengths.max() < 1.2 * lengths.min()
     if is_round:
-        cx, cy, diameter = disc.parameters
-        return Patch(members, points, np.array([cx, cy]), 0.0, np.full(2, diameter), True, disc.agreement)
-    cx, cy, yaw, width, depth = square.parameters
-    yaw, width, depth = upright_rectangle(yaw, width, depth)
-    return Patch(members, points, np.array([cx, cy]), yaw, np.array([width, depth]), False, square.agreement)
+        cx, cy, width = disc.parameters[:3]
+        yaw, depth, noun = 0.0, width, "circle"
+    else:
+        cx, cy, yaw, width, depth = square.parameters[:5]
+        yaw, width, depth = upright_rectangle(yaw, width, depth)
+        noun = "square" if depth > 0.85 * width else "patch"
+    centre, extents = np.array([cx, cy, 0.5 * PAINT]), np.array([width, depth, PAINT])
+    agreement = (disc if is_round else square).agreement
+    return Thing("region", members, points, centre, yaw, extents, agreement, noun=noun)
 
 
 def _outer(points: FloatArray, middle: FloatArray, yaw: float, lengths: FloatArray) -> FloatArray:

@@ -16,7 +16,6 @@ TALL = 1.15  # a vessel is taller, in its widths
 HOVER = 0.05  # metres between a vessel and a head on a neck that is not seen
 SLIM = 0.045  # metres: what is no wider can be a stick, a grip, a neck
 WITHIN = 0.006  # metres inside a wall where a seen point tells that the thing is hollow
-FEWEST = 10
 LONG = 1.6  # what is longer, in its breadths, closes nothing round
 SEAM = 0.003  # metres: a gap that is no greater is none
 
@@ -25,16 +24,12 @@ def join_stems(draft: Draft) -> None:
     """Slim round things in line within and above a stand become one; the broader end of it is its handle."""
     for k in draft.left():
         stand = draft.things[k]
-        if stand.noun or not _could_hold(stand):
+        solid = stand.kind in ("box", "cylinder") and stand.turn is None and not stand.floating
+        if stand.noun or not solid or stand.on >= 0 or stand.extents[2] < 0.05 or _slim(stand):
             continue
         inner = [j for j in draft.left() if j != k and _goes_into(draft.things[j], stand)]
-        stems = [
-            j
-            for j in draft.left()
-            if j != k
-            and _in_line(draft.things[j], stand, 0.35)
-            and (j in inner or (_slim(draft.things[j]) and _over(draft, j, {k, *inner})))
-        ]
+        over = [j for j in draft.left() if j != k and draft.things[j].on >= 0 and _slim(draft.things[j])]
+        stems = [j for j in {*inner, *over} if _in_line(draft.things[j], stand, 0.35)]
         if not inner or not stems:
             continue
         opening = stand.opening or max(0.0, float(min(stand.extents[:2])) - 2 * WITHIN)
@@ -83,21 +78,13 @@ def name_knives(draft: Draft) -> None:
     """A slim flat grip of another colour that stands on a block which is much higher than it is deep."""
     for k in draft.left():
         block = draft.things[k]
-        above = [j for j in draft.left() if j != k and draft.carrier(j) == k]
-        grips = [j for j in above if _grip(draft.things[j])]
-        if block.noun or block.kind != "box" or block.hollow or len(grips) != 1:
-            continue
-        (grip,) = grips
-        if block.extents[2] < 1.5 * min(block.extents[:2]) or alike(draft.looks[grip], draft.looks[k]):
-            continue
-        axis = lean_of(block)
-        draft.change(grip, replace(leant(draft.things[grip], axis), noun="knife"))
-        draft.change(k, replace(leant(block, axis), noun="knife block"))
-
-
-def _could_hold(thing: Thing) -> bool:
-    solid = thing.kind in ("box", "cylinder") and thing.turn is None and not thing.floating
-    return solid and thing.on < 0 and thing.extents[2] > 0.05 and min(thing.extents[:2]) > SLIM
+        plain = block.kind == "box" and not block.hollow and not block.noun
+        grips = [j for j in draft.left() if draft.carrier(j) == k and _is_grip(draft.things[j])]
+        if len(grips) == 1 and plain and block.extents[2] > 1.5 * min(block.extents[:2]):
+            axis, grip = lean_of(block), grips[0]
+            if not alike(draft.looks[grip], draft.looks[k]):
+                draft.change(grip, replace(leant(draft.things[grip], axis), noun="knife"))
+                draft.change(k, replace(leant(block, axis), noun="knife block"))
 
 
 def _as_seen(thing: Thing) -> Thing:
@@ -106,7 +93,7 @@ def _as_seen(thing: Thing) -> Thing:
 
 
 def _goes_into(thing: Thing, stand: Thing) -> bool:
-    """Whether points of the thing were seen inside the walls of the stand, below its top, and most of it is slim."""
+    """Whether a slim thing was seen within the walls of the stand, and could not stand there on anything else."""
     if thing.turn is not None or thing.spans[:2].max() > 0.85 * min(stand.extents[:2]):
         return False
     if thing.extents[2] < 2.0 * thing.spans[:2].max() or thing.top < 0.5 * stand.top:
@@ -114,10 +101,8 @@ def _goes_into(thing: Thing, stand: Thing) -> bool:
     local = np.abs(stand.local(thing.points))
     deep = (local[:, :2] < 0.5 * stand.extents[:2] - WITHIN).all(axis=1)
     deep_stand = stand.hollow and stand.extents[2] > min(stand.extents[:2])
-    if deep.mean() > 0.9 and (deep_stand or thing.top < stand.top - SEAM):
-        return True  # there is nothing to stand on over a deep mouth, nor where it ends below the rim
-    deep &= thing.points[:, 2] < stand.top - WITHIN
-    return bool(deep.sum() >= FEWEST and deep.mean() > 0.3)
+    # Over a deep mouth there is nothing to stand on, nor where it ends below the rim.
+    return bool(deep.mean() > 0.9 and (deep_stand or thing.top < stand.top - SEAM))
 
 
 def _grown(thing: Thing, others: list[Thing], top: float) -> Thing:
@@ -133,11 +118,11 @@ def _slim(thing: Thing) -> bool:
     return thing.turn is None and bool(thing.spans[:2].max() < SLIM)
 
 
-def _over(draft: Draft, j: int, below: set[int]) -> bool:
-    """Whether a thing stands, through others or not, on one of ``below``."""
+def _over(draft: Draft, j: int, k: int) -> bool:
+    """Whether the thing ``j`` stands, through others or not, on ``k``."""
     for _ in draft.things:
         j = draft.carrier(j)
-        if j in below:
+        if j == k:
             return True
     return False
 
@@ -149,8 +134,7 @@ def _in_line(thing: Thing, other: Thing, share: float) -> bool:
 
 def _is_end(piece: Thing, below: list[Thing]) -> bool:
     """Whether the uppermost piece is one of its own: broader than the one under it, or away from all others."""
-    lower = [t for t in below if t.lowest < piece.bottom] or below  # others are beside it
-    under = max(lower, key=lambda t: t.top)
+    under = max(below, key=lambda t: t.top)
     return bool(piece.spans[:2].max() > 1.25 * under.spans[:2].max() or piece.lowest > under.top + 0.01)
 
 
@@ -166,7 +150,7 @@ def _line(draft: Draft, k: int) -> list[int]:
     a head on a neck or over one that is not seen, and a cover.
     """
     vessel, line, under = draft.things[k], [], k
-    above = [j for j in draft.left() if j != k and _over(draft, j, {k}) and not draft.things[j].noun]
+    above = [j for j in draft.left() if j != k and _over(draft, j, k) and not draft.things[j].noun]
     for j in sorted(above, key=lambda j: draft.things[j].top):
         piece = draft.things[j]
         own = piece.group == vessel.group and piece.group >= 0
@@ -199,7 +183,5 @@ def _covers(draft: Draft, j: int, at: int) -> bool:
     return bool(flat and lies and least < share < 1.8 and other)
 
 
-def _grip(thing: Thing) -> bool:
-    slim = float(max(thing.extents[:2]))
-    upright = thing.turn is None and thing.kind == "box" and not thing.noun
-    return upright and slim < SLIM and bool(thing.extents[2] > 2.2 * slim)
+def _is_grip(thing: Thing) -> bool:
+    return thing.kind == "box" and _slim(thing) and bool(thing.extents[2] > 2.2 * max(thing.extents[:2]))
