@@ -16,7 +16,7 @@ from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.openings import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
-from gvla2_plugins.classical.things import Thing
+from gvla2_plugins.classical.things import THIN, Thing
 
 FRAGMENT_REACH = 0.05  # metres between two fragments of one thing
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
@@ -129,36 +129,25 @@ def rest_on_each_other(things: Sequence[Thing], hand: FloatArray) -> list[Thing]
     order = sorted(range(len(placed)), key=lambda k: placed[k].top)
     for k in order:
         thing = placed[k]
-        below = [j for j in order if j != k and _carries(placed[j], thing)]
-        if not below and thing.floating and not _near(thing, hand):
-            below = [j for j in order if j != k and _under(placed[j], thing)]
+        others = [j for j in order if j != k and _over_one_another(placed[j], thing)]
+        below = [j for j in others if _carries(placed[j], thing)]
+        held = abs(hand[2] - thing.centre[2]) < 0.5 * thing.spans[2] + IN_HAND
+        held = held and thing.covers(hand[None, :2], IN_HAND)[0]
+        if not below and thing.floating and not held:
+            below = [j for j in others if placed[j].top < min(thing.bottom + TOUCH, thing.top - THIN)]
         if below:
             carrier = max(below, key=lambda j: placed[j].top)
-            placed[k] = replace(
-                thing if thing.floating else thing.resting_at(placed[carrier].top), on=carrier
-            )
+            thing = thing if thing.floating else thing.resting_at(placed[carrier].top)
+            placed[k] = replace(thing, on=carrier)
     return placed
 
 
 def _carries(lower: Thing, upper: Thing) -> bool:
-    """Whether ``upper`` stands on ``lower``: over it, and nothing of it seen below that one's top."""
-    if lower.top > upper.top - 0.002 or lower.top > upper.lowest + TOUCH:
-        return False
-    if upper.floating and upper.bottom > lower.top + TOUCH:
-        return False
-    return _over_one_another(lower, upper)
-
-
-def _under(lower: Thing, upper: Thing) -> bool:
-    return lower.top < min(upper.bottom + TOUCH, upper.top - 0.002) and _over_one_another(lower, upper)
+    """Whether nothing of ``upper`` is seen below the top of ``lower``, nor free space between them."""
+    gap = upper.floating and upper.bottom > lower.top + TOUCH
+    return not gap and lower.top <= min(upper.top - THIN, upper.lowest + TOUCH)
 
 
 def _over_one_another(lower: Thing, upper: Thing) -> bool:
     over = lower.covers(upper.centre[None, :2])[0]
     return bool(over or (upper.floating and upper.covers(lower.centre[None, :2])[0]))
-
-
-def _near(thing: Thing, hand: FloatArray) -> bool:
-    """Whether the hand may hold the thing."""
-    high = thing.bottom - IN_HAND < hand[2] < thing.top + IN_HAND
-    return bool(high and thing.covers(hand[None, :2], IN_HAND)[0])

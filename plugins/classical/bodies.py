@@ -17,15 +17,12 @@ from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
-NEAR, HIDDEN = (
-    0.02,
-    0.05,
-)  # metres between a body and its fragment; where that is hidden, or nothing carries it
+NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; the latter where nothing else carries it
 APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
 TEXTURED = (
-    0.13  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .09
+    0.13  # share of neighbours that differ by more, from which paint tells no parts; drawn things: < .09
 )
 FEWEST = 100  # pairs of neighbours that tell how a body is painted
 

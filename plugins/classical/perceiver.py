@@ -17,7 +17,7 @@ from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed
 from gvla2.perception.things import new_ids, numbered, over_workspace
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.planning.scene import Box, Scene
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.bodies import bodies_of, textured
@@ -73,37 +73,39 @@ class ClassicalPerceiver:
         table_from_world = table.frame(workspace)
         frames = [frame.moved(table_from_world) for frame in frames]
         hand = transform_points(table_from_world, observation.world_from_tcp[:3, 3])
-        pixels, things, painted, patches = self._find(frames, table.noise, workspace, hand)
+        middle = 0.5 * (low + high)
+        height = table.height_at(float(middle[0]), float(middle[1]))
+        # The table's frame has its origin under the middle of the workspace.
+        room = np.array([*(high - middle)[:2] + BORDER, high[2] - height])
+        pixels, things, painted, patches = self._find(frames, table.noise, room, hand)
         objects = described(pixels, things, "thing") + described(painted, patches, "patch")
-        world = [_into_world(o, invert_rigid(table_from_world)) for o in objects]
+        back = invert_rigid(table_from_world)
+        world = [
+            replace(o, world_from_object=back @ o.world_from_object, points=transform_points(back, o.points))
+            for o in objects
+        ]
         inside = over_workspace(world, workspace)
         if lost := len(world) - len(inside):
             notes.append(f"{lost} thing(s) beside the workspace were left out.")
         notes += _carried_notes(things, new_ids(inside))
-        middle = 0.5 * (low + high)
-        height = table.height_at(float(middle[0]), float(middle[1]))
         scene = Scene(numbered(inside), height, workspace, "classical", tuple(notes))
         return labelled(scene, observation, self._labellers)
 
     def _find(
-        self, frames: Sequence[Frame], noise: float, workspace: Box, hand: FloatArray
+        self, frames: Sequence[Frame], noise: float, room: FloatArray, hand: FloatArray
     ) -> tuple[Pixels, list[Thing], Pixels, list[Thing]]:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
-        raised, flat = [], []
-        for frame in frames:
-            world_from_table = invert_rigid(frame.frame_from_world)
-            world = transform_points(world_from_table, frame.points)
-            with np.errstate(invalid="ignore"):
-                beside = (world[..., :2] > workspace.low[:2] - BORDER) & (
-                    world[..., :2] < workspace.high[:2] + BORDER
-                )
-                inside = beside.all(axis=-1) & (world[..., 2] < workspace.high[2])
-                height = frame.points[..., 2]
-                raised.append(without_specks(inside & (height > rise)))
-                flat.append(inside & (np.abs(height) <= rise))
+        with np.errstate(invalid="ignore"):
+            inside = [(np.abs(frame.points) < room).all(axis=-1) for frame in frames]
+            above = [frame.points[..., 2] > rise for frame in frames]
+        raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
+        flat = [
+            near & ~high & (frame.points[..., 2] >= -rise)
+            for frame, near, high in zip(frames, inside, above, strict=True)
+        ]
         different = [unlike_table(f, mask, mask) for f, mask in zip(frames, flat, strict=True)]
-        raised = grow_down(raised, flat, different)
+        raised = grow_down(frames, raised, flat, different, config.colour_step)
         pixels = choose(frames, raised)
         things: list[Thing] = []
         if len(pixels):
@@ -137,14 +139,6 @@ def _grain(frame: Frame, flat: NDArray[np.bool_]) -> float:
         return 0.0
     step = frame.image[:, :-1][both].astype(np.float64) - frame.image[:, 1:][both]
     return float(np.percentile(np.linalg.norm(step, axis=1), 75.0)) / 255.0
-
-
-def _into_world(thing: SceneObject, world_from_table: FloatArray) -> SceneObject:
-    return replace(
-        thing,
-        world_from_object=world_from_table @ thing.world_from_object,
-        points=transform_points(world_from_table, thing.points),
-    )
 
 
 def _carried_notes(things: Sequence[Thing], ids: dict[str, str]) -> list[str]:

@@ -17,6 +17,7 @@ from gvla2_plugins.classical.solids import box_distance, cylinder_distance, even
 from gvla2_plugins.classical.things import Thing, upright_rectangle
 
 OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
+ONE_PAINT = 12.0  # patches of one paint differ by less, in look
 NARROW = 0.012  # metres: a thinner patch is a seam
 REACH = 0.006
 ROOM = np.array(
@@ -57,43 +58,18 @@ def find_patches(
     labels = join_across_views(pixels, pieces, REACH)
     groups = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
     groups = [g for g in groups if len(g) >= min_points]
-    groups = _join_hidden(frames, pixels, groups, bare)
-    patches = [_fit(frames, pixels, members, bare) for members in groups]
-    kept = [p for p in patches if p.extents[:2].prod() >= min_region and p.extents[:2].min() >= NARROW]
-    return pixels, kept
-
-
-def _join_hidden(
-    frames: Sequence[Frame], pixels: Pixels, groups: list[IntArray], bare: Sequence[NDArray[np.bool_]]
-) -> list[IntArray]:
-    """Groups of one look between which no bare table is seen, as where a thing stands across a patch, made one."""
-    groups = list(groups)
-    i = 0
-    while i < len(groups):
-        for j in range(i + 1, len(groups)):
-            a, b = groups[i], groups[j]
-            looks = [np.median(pixels.look[g], axis=0) for g in (a, b)]
-            one, other = (np.median(pixels.points[g], axis=0) for g in (a, b))
-            if np.linalg.norm(looks[0] - looks[1]) > 12.0 or np.linalg.norm(one - other) > 0.25:
-                continue
-            line = one + np.linspace(0, 1, 30)[:, None] * (other - one)
-            if not _table_seen(frames, bare, line).any():
-                groups[i] = np.concatenate([a, b])
-                del groups[j]
-                break
-        else:
-            i += 1
-    return groups
-
-
-def _table_seen(
-    frames: Sequence[Frame], bare: Sequence[NDArray[np.bool_]], points: FloatArray
-) -> NDArray[np.bool_]:
-    seen = np.zeros(len(points), dtype=bool)
-    for frame, mask in zip(frames, bare, strict=True):
-        inside, rows, columns, _ = frame.project(points)
-        seen[inside] |= mask[rows, columns]
-    return seen
+    patches: list[Thing] = []
+    for patch in sorted((_fit(frames, pixels, g, bare) for g in groups), key=lambda p: -p.extents.prod()):
+        sides, look = patch.extents[:2], np.median(pixels.look[patch.members], axis=0)
+        # A piece of one that is already found, cut off by what stands on it.
+        piece = any(
+            whole.covers(patch.centre[None, :2])[0]
+            and np.linalg.norm(look - np.median(pixels.look[whole.members], axis=0)) < ONE_PAINT
+            for whole in patches
+        )
+        if sides.prod() >= min_region and sides.min() >= NARROW and not piece:
+            patches.append(patch)
+    return pixels, patches
 
 
 def _fit(
