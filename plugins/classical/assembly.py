@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.clusters import alike
+from gvla2_plugins.classical.clusters import alike, groups
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.leaning import leaning_plate
 from gvla2_plugins.classical.levels import split_by_height
-from gvla2_plugins.classical.openings import opened
+from gvla2_plugins.classical.outline import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
 from gvla2_plugins.classical.things import THIN, Thing
@@ -38,19 +38,15 @@ def assemble(
     ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point
     between the fingertips: what is there may hang in the air.
     """
-    clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
-    clusters = [c for c in clusters if len(c) >= min_points]
-    things = [shape_thing(frames, pixels, members, gap) for members in clusters]
+    things = [shape_thing(frames, pixels, members, gap) for members in groups(labels, min_points)]
     things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
         parts += [replace(opened(frames, p), group=group) for p in taken]
-    for k in np.unique(bodies[bodies >= 0]):
-        members = np.nonzero(bodies == k)[0]
-        if len(members) >= min_points:
-            whole = opened(frames, shape_thing(frames, pixels, members, gap))
-            parts.append(replace(whole, group=len(things) + int(k), textured=True))
+    for group, members in enumerate(groups(bodies, min_points), len(things)):
+        whole = opened(frames, shape_thing(frames, pixels, members, gap))
+        parts.append(replace(whole, group=group, textured=True))
     return rest_on_each_other(parts, hand)
 
 

@@ -35,8 +35,8 @@ def join_lids(draft: Draft) -> None:
             foot = lid.centre - 0.5 * lid.extents[1] * lid.turn[:, 1]
             boxes = [j for j in draft.left() if j != k and _hinged(draft.things[j], foot)]
             if boxes:
-                draft.change(k, replace(lid, noun="lid", part_of=boxes[0], on=boxes[0]))
-                draft.change(boxes[0], replace(draft.things[boxes[0]], noun="open box"))
+                draft.things[k] = replace(lid, noun="lid", part_of=boxes[0], on=boxes[0])
+                draft.things[boxes[0]] = replace(draft.things[boxes[0]], noun="open box")
         elif not lid.floating and 0.05 < lid.top < lid.lowest + VENEER and min(lid.extents[:2]) > LARGE:
             _close(draft, k)
 
@@ -67,8 +67,8 @@ def _close(draft: Draft, k: int) -> None:
     high[:2] = np.where(high > half - BESIDE, high, half)[:2]
     low[2], high[2] = -top.centre[2], min(high[2], half[2] - THIN)
     body = boxed(body, top, low, high)
-    draft.change(main, replace(body, noun="box", on=-1))
-    draft.change(k, replace(top.resting_at(body.top), noun="lid", on=main, part_of=main))
+    draft.things[main] = replace(body, noun="box", on=-1)
+    draft.things[k] = replace(top.resting_at(body.top), noun="lid", on=main, part_of=main)
 
 
 def _side_under(side: Thing, top: Thing) -> bool:
@@ -136,18 +136,18 @@ def _join_front(draft: Draft, k: int, pieces: dict[int, _Piece]) -> bool:
     if flush and _covered(case, [draft.things[j] for j in flush], pieces[flush[0]].side[1]) > COVERED:
         owner = max(flush, key=sizes.__getitem__)
         draft.take_in(owner, [j for j in flush if j != owner])
-        draft.change(owner, replace(_about(draft.things[owner], case), noun="drawer", part_of=k, on=-1))
-        draft.change(k, replace(case, noun="cabinet"))
+        draft.things[owner] = replace(_about(draft.things[owner], case), noun="drawer", part_of=k, on=-1)
+        draft.things[k] = replace(case, noun="cabinet")
     if bars and (owner != k or len(bars) == 1):
         # Scraps of it, in other light, would only blur where it is.
         best = max(bars, key=sizes.__getitem__)
         draft.take_in(owner, [j for j in bars if j != best])
-        draft.change(best, replace(_about(draft.things[best], case), noun="handle", part_of=owner, on=-1))
+        draft.things[best] = replace(_about(draft.things[best], case), noun="handle", part_of=owner, on=-1)
         if owner == k:
-            draft.change(k, replace(case, noun="drawer cabinet"))
+            draft.things[k] = replace(case, noun="drawer cabinet")
     elif out and not bars and owner == k:
-        draft.change(out[0], replace(draft.things[out[0]], noun="brick", on=-1))
-        draft.change(k, replace(case, noun="tower"))
+        draft.things[out[0]] = replace(draft.things[out[0]], noun="brick", on=-1)
+        draft.things[k] = replace(case, noun="tower")
     return bool(draft.things[k].noun)
 
 

@@ -29,10 +29,9 @@ MOST = 9000  # points that are searched for neighbours across views
 
 def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray:
     """(N,) piece of each pixel: connected within its image, without a jump of depth or colour."""
-    pairs = pixels.neighbours()
-    near = np.linalg.norm(pixels.points[pairs[:, 0]] - pixels.points[pairs[:, 1]], axis=1) < jump
+    pairs = pixels.neighbours(jump)
     change = np.linalg.norm(pixels.look[pairs[:, 0]] - pixels.look[pairs[:, 1]], axis=1)
-    return components(len(pixels), pairs[near & (change < colour_step)])
+    return components(len(pixels), pairs[change < colour_step])
 
 
 def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: bool = True) -> IntArray:
@@ -128,3 +127,9 @@ def components(count: int, pairs: IntArray) -> IntArray:
     """(count,) the connected component of each node, given edges (E, 2)."""
     graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def groups(labels: IntArray, least: int) -> list[IntArray]:
+    """The indices of each label in (N,), -1 for none, that at least ``least`` have."""
+    members = (np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0]))
+    return [one for one in members if len(one) >= least]

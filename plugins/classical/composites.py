@@ -37,10 +37,6 @@ class Draft:
         """What carries a thing now, -1 for the table."""
         return self.now(self.things[k].on)
 
-    def change(self, k: int, thing: Thing) -> None:
-        """Put another thing in a thing's place."""
-        self.things[k] = thing
-
     def take_in(self, k: int, others: Sequence[int]) -> None:
         """Make other things part of a thing's points; its own pixels still tell its colour."""
         for j in others:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.camera import Camera
@@ -18,7 +17,6 @@ from gvla2.perception.frames import why_not
 
 IntArray = NDArray[np.int64]
 
-ONE_SURFACE = 0.015  # metres of depth between neighbouring pixels of one surface
 COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are averaged
 
 
@@ -61,12 +59,8 @@ class Frame:
         return inside, rows, columns, depth[inside]
 
 
-def usable_frames(
-    views: Iterable[View], robot_margin: int, *, wary: bool = False
-) -> tuple[list[Frame], list[str]]:
+def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame], list[str]]:
     """Frames in the world's frame, and a sentence for each view that cannot be used.
-
-    To be ``wary`` is to believe less of what is seen at edges: of cameras that were found to err.
 
     Raises :class:`PerceptionError` when no view is left.
     """
@@ -76,21 +70,16 @@ def usable_frames(
         depth = np.full(view.image.shape[:2], np.nan) if view.depth is None else view.depth.astype(np.float64)
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         if view.robot_mask is not None:
-            robot = view.robot_mask
-            if robot_margin > 0:
-                robot = binary_dilation(robot, np.ones((3, 3), bool), iterations=robot_margin)
-            depth[robot] = np.nan
-        depth[_flying(depth, 3 if wary else 2)] = np.nan
-        reason = why_not(view, depth)
-        if reason:
+            robot = cv2.dilate(view.robot_mask.astype(np.uint8), np.ones((3, 3)), iterations=robot_margin)
+            depth[robot > 0] = np.nan
+        if reason := why_not(view, depth):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
             continue
         origin, rays = view.camera.rays()
         points = origin + rays * depth[..., None]
         image = view.image
-        if (
-            np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
-        ):  # less of the sensor's noise; edges stay
+        grainy = np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
+        if grainy:  # less of the sensor's noise; edges stay
             image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
         frames.append(Frame(view.camera, image, depth, origin, rays, points, np.eye(4)))
     if not frames:
@@ -98,18 +87,6 @@ def usable_frames(
             "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."
         )
     return frames, notes
-
-
-def _flying(depth: FloatArray, least: int) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels with fewer than ``least`` of eight neighbours at their depth, as on the edge of a thing."""
-    support = np.zeros(depth.shape, dtype=np.int8)
-    padded = np.pad(depth, 1, constant_values=np.nan)
-    rows, columns = depth.shape
-    for down, right in ((a, b) for a in range(3) for b in range(3) if (a, b) != (1, 1)):
-        beside = padded[down : down + rows, right : right + columns]
-        with np.errstate(invalid="ignore"):
-            support += np.abs(beside - depth) < ONE_SURFACE
-    return support < least
 
 
 def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:

@@ -68,9 +68,9 @@ def is_post(thing: Thing) -> bool:
 
 def is_held_up(thing: Thing, carrier: Thing | None) -> bool:
     """Up on a post, seen or too thin to be seen."""
-    return carrier is not None and (
-        is_post(carrier) or (thing.floating and thing.bottom > carrier.top + 0.01)
-    )
+    if carrier is None:
+        return False
+    return is_post(carrier) or (thing.floating and thing.bottom > carrier.top + 0.01)
 
 
 def parents(things: Sequence[Thing]) -> list[int]:
@@ -82,15 +82,11 @@ def parents(things: Sequence[Thing]) -> list[int]:
     """
     found = [_parent(things, k) for k in range(len(things))]
     for k, thing in enumerate(things):
-        for _ in things:
-            if (
-                thing.part_of >= 0
-                or found[k] < 0
-                or found[found[k]] < 0
-                or is_button(thing, things[found[k]])
-            ):
+        for _ in range(len(things) if thing.part_of < 0 else 0):
+            above = found[found[k]] if found[k] >= 0 else -1
+            if above < 0 or is_button(thing, things[found[k]]):
                 break
-            found[k] = found[found[k]]
+            found[k] = above
     return found
 
 
@@ -131,16 +127,10 @@ def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
         if thing.kind == "cylinder":
             return "cup" if height > 0.6 * width else "bowl"
         return "tray" if height < 0.4 * width else "open box"
-    match shape_of(thing):
-        case "sphere":
-            return "ball"
-        case "disc":
-            return "disc"
-        case "cylinder":
-            return "bottle" if height > 2.0 * width else "cylinder"
-        case "plate":
-            return "plate"
-        case "box":
-            longest, shortest = float(max(thing.extents)), float(min(thing.extents))
-            return "cube" if longest < 1.3 * shortest and longest < 0.15 else "box"
-    return "object"
+    shape = shape_of(thing)
+    if shape == "cylinder":
+        return "bottle" if height > 2.0 * width else "cylinder"
+    if shape == "box":
+        longest, shortest = float(max(thing.extents)), float(min(thing.extents))
+        return "cube" if longest < 1.3 * shortest and longest < 0.15 else "box"
+    return {"sphere": "ball", "other": "object"}.get(shape, shape)

@@ -65,9 +65,8 @@ class ClassicalPerceiver:
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
         views = agreed(observation.views, workspace)
-        err = views is not observation.views
-        frames, notes = usable_frames(views, config.robot_margin, wary=err)
-        if err:
+        frames, notes = usable_frames(views, config.robot_margin)
+        if views is not observation.views:
             notes.append("The cameras' poses disagreed and were corrected.")
         table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
         table_from_world = table.frame(workspace)
@@ -104,7 +103,7 @@ class ClassicalPerceiver:
             near & ~high & (frame.points[..., 2] >= -rise)
             for frame, near, high in zip(frames, inside, above, strict=True)
         ]
-        different = [unlike_table(f, mask, mask) for f, mask in zip(frames, flat, strict=True)]
+        different = [unlike_table(f, mask) for f, mask in zip(frames, flat, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         pixels = choose(frames, raised)
         things: list[Thing] = []

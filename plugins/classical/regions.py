@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from gvla2.geometry.transform import FloatArray
 from gvla2.perception.clusters import without_specks
-from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views
+from gvla2_plugins.classical.clusters import groups, join_across_views, pieces_in_views
 from gvla2_plugins.classical.frames import Frame
 from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
 from gvla2_plugins.classical.solids import box_distance, cylinder_distance, evenly, fit_solid, narrow_yaw
@@ -20,23 +19,22 @@ OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's ha
 ONE_PAINT = 12.0  # patches of one paint differ by less, in look
 NARROW = 0.012  # metres: a thinner patch is a seam
 REACH = 0.006
-ROOM = np.array(
-    [0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0]
-)  # that a fit has about the rectangle of the points
+# Metres and radians about the rectangle of the points, for a fit of one.
+ROOM = np.array([0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0])
 PAINT = 0.001  # metres: the thickness that a painted patch is given
 
 
-def unlike_table(frame: Frame, plane: NDArray[np.bool_], area: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels of ``area`` that look different from most of the pixels of ``plane``, in this view."""
+def unlike_table(frame: Frame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) bool: pixels of ``plane`` that look different from most of them, in this view."""
     if not plane.any():
-        return area.copy()
+        return plane
     colours = frame.image[plane]
     bins = (colours >> 4).astype(np.int64) @ [256, 16, 1]
     common = colours[bins == np.bincount(bins).argmax()]
     table = np.median(evenly(common, 5000), axis=0)
     near = np.abs(colours - table).max(axis=1) <= 16  # the mode may straddle two bins
     table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
-    different = area & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
+    different = plane & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
     look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)
     different[different] = np.linalg.norm(look[:-1] - look[-1], axis=1) > OTHER_LOOK
     return different
@@ -56,10 +54,9 @@ def find_patches(
         return pixels, []
     pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
     labels = join_across_views(pixels, pieces, REACH)
-    groups = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
-    groups = [g for g in groups if len(g) >= min_points]
+    fitted = [_fit(frames, pixels, members, bare) for members in groups(labels, min_points)]
     patches: list[Thing] = []
-    for patch in sorted((_fit(frames, pixels, g, bare) for g in groups), key=lambda p: -p.extents.prod()):
+    for patch in sorted(fitted, key=lambda p: -p.extents.prod()):
         sides, look = patch.extents[:2], np.median(pixels.look[patch.members], axis=0)
         # A piece of one that is already found, cut off by what stands on it.
         piece = any(
@@ -85,8 +82,7 @@ def _fit(
         outside.append(plane_crossings(frame, rows, columns))
     beside = evenly(np.concatenate(outside), 700)
     yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
-    # Only the rim says where a patch ends; points well inside would only dilute it.
-    rim = _outer(points, middle, yaw, lengths)
+    seen = evenly(points, 700)
     # Of no height that counts: a slab and a drum from far below to far above.
     slab = np.array([*middle, yaw, *lengths, 1.0, -1.0])
     drum = np.array([*middle, lengths.mean(), 1.0, -1.0])
@@ -94,9 +90,9 @@ def _fit(
         fit_solid(
             distance,
             start,
-            rim,
+            seen,
             beside,
-            hold=(len(start) - 2, len(start) - 1),
+            hold=(-2, -1),
             limits=(start - ROOM[: len(start)], start + ROOM[: len(start)]),
             filled=True,
             tolerance=0.004,
@@ -114,11 +110,3 @@ def _fit(
     centre, extents = np.array([cx, cy, 0.5 * PAINT]), np.array([width, depth, PAINT])
     agreement = (disc if is_round else square).agreement
     return Thing("region", members, points, centre, yaw, extents, agreement, noun=noun)
-
-
-def _outer(points: FloatArray, middle: FloatArray, yaw: float, lengths: FloatArray) -> FloatArray:
-    """The points outside the inner three fifths of their rectangle; all of them when those are few."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    local = np.abs((points[:, :2] - middle) @ np.array([[c, -s], [s, c]])) / (0.5 * lengths)
-    outer = points[(local > 0.6).any(axis=1)]
-    return evenly(outer if len(outer) >= 40 else points, 700)

@@ -9,8 +9,15 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.openings import crowded, on_walls, within_walls
-from gvla2_plugins.classical.outline import completed, hangs, sees_into, silhouette
+from gvla2_plugins.classical.outline import (
+    completed,
+    crowded,
+    hangs,
+    on_walls,
+    sees_into,
+    silhouette,
+    within_walls,
+)
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.solids import (
     Distance,
@@ -79,7 +86,7 @@ class Evidence:
             "cylinder": [ANYWHERE, ANYWHERE, LENGTH, top, bottom],
             "sphere": [ANYWHERE, ANYWHERE, ANYWHERE, LENGTH],
         }[kind]
-        hold = () if self.floating or kind == "sphere" else (len(ranges) - 1,)
+        hold = () if self.floating or kind == "sphere" else (-1,)
         low, high = zip(*ranges, strict=True)
         evidence = self.seen, self.free, self.rays
         return fit_solid(
@@ -107,9 +114,8 @@ def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap:
     thing = _posed(thing, kind, fit.parameters)
     if (hollow := _hollow(frames, evidence, thing, fit)) is not None:
         return hollow
-    if fit.agreement < 0.5 * GOOD or not _within(
-        evidence, thing
-    ):  # no solid that we know: the box about its points
+    if fit.agreement < 0.5 * GOOD or not _within(evidence, thing):
+        # No solid that we know: the box about its points.
         yaw, middle, lengths = narrow_yaw(thing.points[:, :2], trim=0.5)
         lengths = np.maximum(lengths, THIN)
         thing = _posed(thing, "other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])

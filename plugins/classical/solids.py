@@ -91,7 +91,7 @@ def fit_solid(
     inside, as those of a painted patch do, or ``slack`` metres outside, where their depth is noisy.
     """
     parameters = np.asarray(start, dtype=np.float64).copy()
-    moving = np.setdiff1d(np.arange(len(parameters)), hold)
+    moving = np.delete(np.arange(len(parameters)), list(hold))
     rays = np.zeros((0, 1, 3)) if rays is None else rays
     counts = (len(surface), len(free), len(rays))
     share = np.repeat([1.0 / max(1, count) for count in counts], counts)

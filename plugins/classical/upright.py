@@ -33,15 +33,15 @@ def join_stems(draft: Draft) -> None:
         if not inner or not stems:
             continue
         opening = stand.opening or max(0.0, float(min(stand.extents[:2])) - 2 * WITHIN)
-        draft.change(k, replace(stand, hollow=True, noun="stand", opening=opening))
+        draft.things[k] = replace(stand, hollow=True, noun="stand", opening=opening)
         *below, top = sorted(stems, key=lambda j: draft.things[j].top)
         main = max(inner, key=lambda j: draft.things[j].spans[0])
-        handle = bool(below) and _is_end(draft.things[top], [draft.things[j] for j in below])
+        handle = bool(below) and _is_end(draft.things[top], draft.things[below[-1]])
         whole = _grown(draft.things[main], [draft.things[j] for j in stems], draft.things[top].top)
-        draft.change(main, replace(whole, noun="umbrella" if handle else "stick", on=k, floating=False))
+        draft.things[main] = replace(whole, noun="umbrella" if handle else "stick", on=k, floating=False)
         draft.take_in(main, [j for j in stems if j != main and not (handle and j == top)])
         if handle:
-            draft.change(top, replace(_as_seen(draft.things[top]), noun="handle", part_of=main))
+            draft.things[top] = replace(_as_seen(draft.things[top]), noun="handle", part_of=main)
 
 
 def join_bottles(draft: Draft) -> None:
@@ -59,19 +59,18 @@ def join_bottles(draft: Draft) -> None:
             top = max(draft.things[j].top for j in body)
             top = top if cover < 0 else max(top, _as_seen(closed).bottom)
             head = draft.things[max(body, key=lambda j: draft.things[j].spans[:2].max())]
-            if (
-                vessel.kind == "cylinder" and head.kind != "cylinder"
-            ):  # how a round one is turned, its head tells
+            # How a round one is turned, its head tells.
+            if vessel.kind == "cylinder" and head.kind != "cylinder":
                 vessel = replace(vessel, yaw=head.yaw)
             whole = _grown(vessel, [draft.things[j] for j in body], top)
-            draft.change(k, replace(whole, noun="bottle"))
+            draft.things[k] = replace(whole, noun="bottle")
             draft.take_in(k, body)
         else:
             wide = closed.spans[0] > 0.75 * vessel.spans[0]
-            draft.change(k, replace(vessel, noun="jar" if wide else "bottle"))
+            draft.things[k] = replace(vessel, noun="jar" if wide else "bottle")
         if cover >= 0:
             noun = "lid" if draft.things[k].noun == "jar" else "cap"
-            draft.change(cover, replace(_as_seen(closed), noun=noun, part_of=k))
+            draft.things[cover] = replace(_as_seen(closed), noun=noun, part_of=k)
 
 
 def name_knives(draft: Draft) -> None:
@@ -83,8 +82,8 @@ def name_knives(draft: Draft) -> None:
         if len(grips) == 1 and plain and block.extents[2] > 1.5 * min(block.extents[:2]):
             axis, grip = lean_of(block), grips[0]
             if not alike(draft.looks[grip], draft.looks[k]):
-                draft.change(grip, replace(leant(draft.things[grip], axis), noun="knife"))
-                draft.change(k, replace(leant(block, axis), noun="knife block"))
+                draft.things[grip] = replace(leant(draft.things[grip], axis), noun="knife")
+                draft.things[k] = replace(leant(block, axis), noun="knife block")
 
 
 def _as_seen(thing: Thing) -> Thing:
@@ -132,9 +131,8 @@ def _in_line(thing: Thing, other: Thing, share: float) -> bool:
     return off < share * float(min(other.spans[:2]))
 
 
-def _is_end(piece: Thing, below: list[Thing]) -> bool:
+def _is_end(piece: Thing, under: Thing) -> bool:
     """Whether the uppermost piece is one of its own: broader than the one under it, or away from all others."""
-    under = max(below, key=lambda t: t.top)
     return bool(piece.spans[:2].max() > 1.25 * under.spans[:2].max() or piece.lowest > under.top + 0.01)
 
 
