@@ -75,5 +75,4 @@ def _axes_of_box(points: FloatArray) -> FloatArray:
 def _along(thing: Thing, turn: FloatArray) -> Thing:
     """The thing with the axes ``turn`` (3, 3) and its box about its points."""
     low, high = np.percentile(thing.points @ turn, [0.5, 99.5], axis=0)
-    extents: FloatArray = np.maximum(high - low, THIN)
-    return replace(thing, centre=turn @ (0.5 * (low + high)), extents=extents, turn=turn)
+    return replace(thing, centre=turn @ (0.5 * (low + high)), extents=np.maximum(high - low, THIN), turn=turn)
