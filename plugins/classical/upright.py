@@ -121,7 +121,7 @@ def _slim(thing: Thing) -> bool:
 def _over(draft: Draft, j: int, k: int) -> bool:
     """Whether the thing ``j`` stands, through others or not, on ``k``."""
     for _ in draft.things:
-        j = draft.carrier(j)
+        j = draft.carrier(j) if j >= 0 else j
         if j == k:
             return True
     return False
