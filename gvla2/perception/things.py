@@ -100,14 +100,17 @@ def colour_word(rgb: FloatArray) -> tuple[str, float]:
 def numbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
     """The things with ids o1, o2, ... by x, then y, to the millimetre, whatever order they were found in."""
     ids = new_ids(things)
-    named = {ids[o.id]: replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in things}
-    return tuple(named[id_] for id_ in ids.values())
+    ordered = enumerate(_ordered(things), 1)
+    return tuple(replace(o, id=f"o{k}", parent=ids.get(o.parent, "")) for k, o in ordered)
 
 
 def new_ids(things: Sequence[SceneObject]) -> dict[str, str]:
-    """The ids that :func:`numbered` gives, by the ids that the things have, in their new order."""
-    order = sorted(things, key=lambda o: (*np.round(o.centre, 3).tolist(), float(o.extents[2])))
-    return {thing.id: f"o{k + 1}" for k, thing in enumerate(order)}
+    """The ids that :func:`numbered` gives, by the ids that the things have."""
+    return {thing.id: f"o{k}" for k, thing in enumerate(_ordered(things), 1)}
+
+
+def _ordered(things: Sequence[SceneObject]) -> list[SceneObject]:
+    return sorted(things, key=lambda o: (*np.round(o.centre, 3).tolist(), float(o.extents[2])))
 
 
 def over_workspace(things: Sequence[SceneObject], workspace: Box) -> list[SceneObject]:
