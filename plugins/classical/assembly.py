@@ -44,6 +44,7 @@ def assemble(
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
         parts += [replace(opened(frames, p), group=group) for p in taken]
+    parts = _absorb(pixels, parts)
     for group, members in enumerate(groups(bodies, min_points), len(things)):
         whole = opened(frames, shape_thing(frames, pixels, members, gap))
         parts.append(replace(whole, group=group, textured=True))
@@ -59,10 +60,7 @@ def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
         for k, other in enumerate(kept):
             if len(thing.members) > 0.35 * len(other.members) or other.agreement < GOOD:
                 continue
-            height = thing.points[:, 2]
-            on_it = other.covers(thing.points[:, :2], TOUCH) & (
-                np.abs(height - other.centre[2]) < 0.5 * other.extents[2] + TOUCH
-            )
+            on_it = (np.abs(other.local(thing.points)) < 0.5 * other.extents + TOUCH).all(axis=1)
             if on_it.mean() > 0.8 and alike(look, np.median(pixels.look[other.members], axis=0)):
                 members = np.sort(np.concatenate([other.members, thing.members]))
                 kept[k] = replace(other, members=members, points=pixels.points[members])

@@ -17,6 +17,7 @@ from gvla2.perception.frames import why_not
 
 IntArray = NDArray[np.int64]
 
+ONE_SURFACE = 0.015  # metres of depth between neighbouring pixels of one surface
 COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are averaged
 
 
@@ -42,13 +43,9 @@ class Frame:
         """The same view in another frame, given by a rigid (4, 4)."""
         rays = self.rays @ to_from_here[:3, :3].T
         origin = transform_points(to_from_here, self.origin)
-        return replace(
-            self,
-            origin=origin,
-            rays=rays,
-            points=origin + rays * self.depth[..., None],
-            frame_from_world=to_from_here @ self.frame_from_world,
-        )
+        points = origin + rays * self.depth[..., None]
+        frame_from_world = to_from_here @ self.frame_from_world
+        return replace(self, origin=origin, rays=rays, points=points, frame_from_world=frame_from_world)
 
     def project(self, points: FloatArray) -> tuple[NDArray[np.bool_], IntArray, IntArray, FloatArray]:
         """Which of points (N, 3) in its frame the picture holds, (N,), and of those the rows, columns and depths."""
@@ -59,8 +56,9 @@ class Frame:
         return inside, rows, columns, depth[inside]
 
 
-def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame], list[str]]:
-    """Frames in the world's frame, and a sentence for each view that cannot be used.
+def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple[list[Frame], list[str]]:
+    """Frames in the world's frame, and a sentence for each view that cannot be used; pixels are left out of which
+    fewer than ``least`` of eight neighbours are at their depth.
 
     Raises :class:`PerceptionError` when no view is left.
     """
@@ -72,6 +70,7 @@ def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame]
         if view.robot_mask is not None:
             robot = cv2.dilate(view.robot_mask.astype(np.uint8), np.ones((3, 3)), iterations=robot_margin)
             depth[robot > 0] = np.nan
+        depth[_support(depth) < least] = np.nan
         if reason := why_not(view, depth):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
             continue
@@ -87,6 +86,13 @@ def usable_frames(views: Iterable[View], robot_margin: int) -> tuple[list[Frame]
             "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."
         )
     return frames, notes
+
+
+def _support(depth: FloatArray) -> IntArray:
+    """(H, W) how many of a pixel's eight neighbours are at its depth: few on edges, and where most depth was lost."""
+    shifts = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if down or right]
+    near = [np.abs(np.roll(depth, shift, axis=(0, 1)) - depth) < ONE_SURFACE for shift in shifts]
+    return np.sum(near, axis=0, dtype=np.int64)
 
 
 def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:

@@ -65,8 +65,9 @@ class ClassicalPerceiver:
         if not (np.isfinite(low).all() and np.isfinite(high).all() and (low < high).all()):
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
         views = agreed(observation.views, workspace)
-        frames, notes = usable_frames(views, config.robot_margin)
-        if views is not observation.views:
+        err = views is not observation.views
+        frames, notes = usable_frames(views, config.robot_margin, least=3 if err else 2)
+        if err:
             notes.append("The cameras' poses disagreed and were corrected.")
         table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
         table_from_world = table.frame(workspace)

@@ -100,17 +100,9 @@ def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap:
     fits = _fits(evidence)
     kind = min(fits, key=lambda name: fits[name].cost * (ROUND if name == "box" else 1.0))
     fit = fits[kind]
-    thing = Thing(
-        kind,
-        members,
-        pixels.points[members],
-        np.zeros(3),
-        0.0,
-        np.zeros(3),
-        fit.agreement,
-        floating=evidence.floating,
-        lowest=evidence.lowest,
-    )
+    nowhere = np.zeros(3)
+    thing = Thing(kind, members, pixels.points[members], nowhere, 0.0, nowhere, fit.agreement)
+    thing = replace(thing, floating=evidence.floating, lowest=evidence.lowest)
     thing = _posed(thing, kind, fit.parameters)
     if (hollow := _hollow(frames, evidence, thing, fit)) is not None:
         return hollow
