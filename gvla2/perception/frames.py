@@ -81,7 +81,7 @@ def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table
     frames, notes = [], []
     for view in views:
         points = _points(view)
-        if reason := _why_not(view, points):
+        if reason := why_not(view, points):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
         else:
             frames.append(Frame(view, points, points[..., 2]))
@@ -115,7 +115,8 @@ def _points(view: View) -> FloatArray:
     return view.camera.backproject(depth)
 
 
-def _why_not(view: View, points: FloatArray) -> str:
+def why_not(view: View, points: FloatArray) -> str:
+    """Why a view is of no use, "" where it is; ``points`` (H, W, ...) are NaN where nothing is known."""
     if view.depth is None:
         return "it has no depth"
     if not np.isfinite(points).any():

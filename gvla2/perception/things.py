@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.planning.colours import appearance, nearest_colours
-from gvla2.planning.scene import Scene, SceneObject, Shape
+from gvla2.planning.scene import Box, SceneObject, Shape
 
 MOST_POINTS = 4000
 RESTS = 0.02
@@ -38,8 +38,7 @@ def thing_of(
     extents = np.array([*np.maximum(high - low, 1e-3), top - bottom])
     shape = coarse_shape(points, extents, middle)
     own = true_colour(rgb)
-    (colour, first), (_, second) = nearest_colours(own, 2)
-    sure = float(np.clip((second - first) / SURE, 0.0, 1.0))
+    colour, sure = colour_word(own)
     alike = float(extents.max()) < CUBE * float(extents.min())
     noun = "cube" if shape == "box" and alike else {"other": "thing"}.get(shape, shape)
     seen = points if len(points) <= MOST_POINTS else points[:: -(-len(points) // MOST_POINTS)]
@@ -92,14 +91,29 @@ def true_colour(rgb: FloatArray) -> FloatArray:
     return np.asarray(np.median(own[brightness >= np.percentile(brightness, 85.0)], axis=0))
 
 
+def colour_word(rgb: FloatArray) -> tuple[str, float]:
+    """The nearest colour word to (3,) in [0, 1], and how sure it is, in [0, 1], from the lead over the second."""
+    (word, first), (_, second) = nearest_colours(rgb, 2)
+    return word, float(np.clip((second - first) / SURE, 0.0, 1.0))
+
+
 def numbered(things: Sequence[SceneObject]) -> tuple[SceneObject, ...]:
     """The things with ids o1, o2, ... by x, then y, to the millimetre, whatever order they were found in."""
-    order = sorted(things, key=lambda o: (*np.round(o.centre, 3).tolist(), float(o.extents[2])))
-    ids = {thing.id: f"o{k + 1}" for k, thing in enumerate(order)}
-    return tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in order)
+    ids = new_ids(things)
+    ordered = enumerate(_ordered(things), 1)
+    return tuple(replace(o, id=f"o{k}", parent=ids.get(o.parent, "")) for k, o in ordered)
 
 
-def over_workspace(things: Sequence[SceneObject], scene: Scene) -> list[SceneObject]:
-    """Those whose middle lies over the scene's workspace."""
-    low, high = scene.workspace.low[:2], scene.workspace.high[:2]
+def new_ids(things: Sequence[SceneObject]) -> dict[str, str]:
+    """The ids that :func:`numbered` gives, by the ids that the things have."""
+    return {thing.id: f"o{k}" for k, thing in enumerate(_ordered(things), 1)}
+
+
+def _ordered(things: Sequence[SceneObject]) -> list[SceneObject]:
+    return sorted(things, key=lambda o: (*np.round(o.centre, 3).tolist(), float(o.extents[2])))
+
+
+def over_workspace(things: Sequence[SceneObject], workspace: Box) -> list[SceneObject]:
+    """Those whose middle lies over the workspace."""
+    low, high = workspace.low[:2], workspace.high[:2]
     return [o for o in things if ((o.centre[:2] >= low) & (o.centre[:2] <= high)).all()]

@@ -16,13 +16,12 @@ if TYPE_CHECKING:
 class ClassicalConfig(NamingOptions, ComponentConfig):
     """Options of the ``classical`` perceiver. Lengths in metres.
 
-    ``min_height``: what rises less is table (or
-    paint on it); more where the depth is noisy. ``min_points``: fewer points, over all views, are a speck.
-    ``min_region``: the smallest painted patch, square metres. ``robot_margin``: pixels around the robot that are
-    not believed. ``jump``: neighbouring pixels further apart than this lie on different surfaces.
-    ``colour_step``: neighbouring pixels whose looks differ by more (see ``gvla2.planning.colours``) are of
-    different things. ``gap``: free space of this height under a thing means that it does not stand on the table.
-    Names of known objects: see :class:`NamingOptions`.
+    ``min_height``: what rises less is table (or paint on it); more where the depth is noisy. ``min_points``: fewer
+    points, over all views, are a speck. ``min_region``: the smallest painted patch, square metres. ``robot_margin``:
+    pixels around the robot that are not believed. ``jump``: neighbouring pixels further apart than this lie on
+    different surfaces. ``colour_step``: neighbouring pixels whose looks differ by more (see
+    ``gvla2.planning.colours``) are of different things. ``gap``: free space of this height under a thing means that
+    it does not stand on the table. Names of known objects: see :class:`NamingOptions`.
     """
 
     min_height: float = 0.004

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.clusters import alike
+from gvla2_plugins.classical.clusters import alike, groups
 from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.leaning import leaning_plate
 from gvla2_plugins.classical.levels import split_by_height
-from gvla2_plugins.classical.openings import opened
+from gvla2_plugins.classical.outline import opened
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
-from gvla2_plugins.classical.shells import with_their_walls
-from gvla2_plugins.classical.things import Thing
+from gvla2_plugins.classical.things import THIN, Thing
 
-FRAGMENT_REACH = 0.15  # metres between the middles of two fragments of one thing
+FRAGMENT_REACH = 0.05  # metres between two fragments of one thing
 BETWEEN = 0.2  # of the way between them that cameras may seem to look through, where their poses err
 IN_HAND = 0.05  # metres from the fingertips to what they may hold
 TOUCH = 0.008  # metres between a thing and what carries it
@@ -38,20 +38,16 @@ def assemble(
     ``bodies`` (N,) labels those of textured bodies, each one thing, and is -1 elsewhere. ``hand`` (3,) is the point
     between the fingertips: what is there may hang in the air.
     """
-    clusters = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
-    clusters = [c for c in clusters if len(c) >= min_points]
-    things = [shape_thing(frames, pixels, members, gap) for members in clusters]
+    things = [shape_thing(frames, pixels, members, gap) for members in groups(labels, min_points)]
     things = _join_fragments(frames, pixels, _absorb(pixels, things), gap)
     parts: list[Thing] = []
     for group, thing in enumerate(things):
         taken = _take_apart(frames, pixels, thing, min_points, gap)
         parts += [replace(opened(frames, p), group=group) for p in taken]
-    parts = with_their_walls(pixels, parts)
-    for k in np.unique(bodies[bodies >= 0]):
-        members = np.nonzero(bodies == k)[0]
-        if len(members) >= min_points:
-            whole = opened(frames, shape_thing(frames, pixels, members, gap))
-            parts.append(replace(whole, group=len(things) + int(k), textured=True))
+    parts = _absorb(pixels, parts)
+    for group, members in enumerate(groups(bodies, min_points), len(things)):
+        whole = opened(frames, shape_thing(frames, pixels, members, gap))
+        parts.append(replace(whole, group=group, textured=True))
     return rest_on_each_other(parts, hand)
 
 
@@ -64,10 +60,7 @@ def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
         for k, other in enumerate(kept):
             if len(thing.members) > 0.35 * len(other.members) or other.agreement < GOOD:
                 continue
-            height = thing.points[:, 2]
-            on_it = other.covers(thing.points[:, :2], TOUCH) & (
-                np.abs(height - other.centre[2]) < 0.5 * other.extents[2] + TOUCH
-            )
+            on_it = (np.abs(other.local(thing.points)) < 0.5 * other.extents + TOUCH).all(axis=1)
             if on_it.mean() > 0.8 and alike(look, np.median(pixels.look[other.members], axis=0)):
                 members = np.sort(np.concatenate([other.members, thing.members]))
                 kept[k] = replace(other, members=members, points=pixels.points[members])
@@ -87,11 +80,11 @@ def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing]
     while i < len(things):
         for j in range(i + 1, len(things)):
             a, b = things[i], things[j]
-            one, other = (np.median(t.points, axis=0) for t in (a, b))
             looks = [np.median(pixels.look[t.members], axis=0) for t in (a, b)]
-            if np.linalg.norm(one - other) > FRAGMENT_REACH or not alike(*looks):
+            if not alike(*looks) or cKDTree(a.points).query(b.points)[0].min() > FRAGMENT_REACH:
                 continue
             joined = shape_thing(frames, pixels, np.sort(np.concatenate([a.members, b.members])), gap)
+            one, other = (np.median(t.points, axis=0) for t in (a, b))
             line = one + np.linspace(0.0, 1.0, 16)[:, None] * (other - one)
             if not joined.hollow and seen_through(frames, line, margin=0.015).mean() > BETWEEN:
                 continue
@@ -130,36 +123,25 @@ def rest_on_each_other(things: Sequence[Thing], hand: FloatArray) -> list[Thing]
     order = sorted(range(len(placed)), key=lambda k: placed[k].top)
     for k in order:
         thing = placed[k]
-        below = [j for j in order if j != k and _carries(placed[j], thing)]
-        if not below and thing.floating and not _near(thing, hand):
-            below = [j for j in order if j != k and _under(placed[j], thing)]
+        others = [j for j in order if j != k and _over_one_another(placed[j], thing)]
+        below = [j for j in others if _carries(placed[j], thing)]
+        held = abs(hand[2] - thing.centre[2]) < 0.5 * thing.spans[2] + IN_HAND
+        held = held and thing.covers(hand[None, :2], IN_HAND)[0]
+        if not below and thing.floating and not held:
+            below = [j for j in others if placed[j].top < min(thing.bottom + TOUCH, thing.top - THIN)]
         if below:
             carrier = max(below, key=lambda j: placed[j].top)
-            placed[k] = replace(
-                thing if thing.floating else thing.resting_at(placed[carrier].top), on=carrier
-            )
+            thing = thing if thing.floating else thing.resting_at(placed[carrier].top)
+            placed[k] = replace(thing, on=carrier)
     return placed
 
 
 def _carries(lower: Thing, upper: Thing) -> bool:
-    """Whether ``upper`` stands on ``lower``: over it, and nothing of it seen below that one's top."""
-    if lower.top > upper.top - 0.002 or lower.top > upper.lowest + TOUCH:
-        return False
-    if upper.floating and upper.bottom > lower.top + TOUCH:
-        return False
-    return _over_one_another(lower, upper)
-
-
-def _under(lower: Thing, upper: Thing) -> bool:
-    return lower.top < min(upper.bottom + TOUCH, upper.top - 0.002) and _over_one_another(lower, upper)
+    """Whether nothing of ``upper`` is seen below the top of ``lower``, nor free space between them."""
+    gap = upper.floating and upper.bottom > lower.top + TOUCH
+    return not gap and lower.top <= min(upper.top - THIN, upper.lowest + TOUCH)
 
 
 def _over_one_another(lower: Thing, upper: Thing) -> bool:
     over = lower.covers(upper.centre[None, :2])[0]
     return bool(over or (upper.floating and upper.covers(lower.centre[None, :2])[0]))
-
-
-def _near(thing: Thing, hand: FloatArray) -> bool:
-    """Whether the hand may hold the thing."""
-    high = thing.bottom - IN_HAND < hand[2] < thing.top + IN_HAND
-    return bool(high and thing.covers(hand[None, :2], IN_HAND)[0])

@@ -17,16 +17,11 @@ from gvla2_plugins.classical.frames import Frame, seen_through
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
-NEAR, HIDDEN = (
-    0.02,
-    0.05,
-)  # metres between a body and its fragment; where that is hidden, or nothing carries it
+NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; the latter where nothing else carries it
 APART = 0.006  # metres behind a gap's middle where free space tells two bodies apart
 HANGING = 0.01  # metres above the table: a fragment that is no lower rests on its body
 SAME_PAINT = 2.5  # neighbouring pixels of one paint differ by less, in look, where pictures have no noise
-TEXTURED = (
-    0.13  # share of neighbours that differ by more, from which paint tells no parts: drawn things have < .09
-)
+TEXTURED = 0.13  # share of neighbours that differ by more, from which paint tells no parts; drawn: < .09
 FEWEST = 100  # pairs of neighbours that tell how a body is painted
 
 
@@ -34,9 +29,7 @@ def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float
     """(N,) body of each pixel, -1 for specks: neighbours in an image within ``jump`` metres of one another, and
     points of different views within ``reach``.
     """
-    pairs = pixels.neighbours()
-    near = np.linalg.norm(pixels.points[pairs[:, 0]] - pixels.points[pairs[:, 1]], axis=1) < jump
-    pieces = components(len(pixels), pairs[near])
+    pieces = components(len(pixels), pixels.neighbours(jump))
     labels = join_across_views(pixels, pieces, reach, looks=False)
     return _with_fragments(frames, pixels, labels, least)
 
@@ -77,11 +70,8 @@ def textured(pixels: Pixels, labels: IntArray, jump: float, noise: float) -> NDA
 
     ``noise`` is what neighbouring pixels of one paint differ by, in colour from 0 to 1.
     """
-    pairs = pixels.neighbours()
-    one, other = pairs.T
-    near = np.linalg.norm(pixels.points[one] - pixels.points[other], axis=1) < jump
-    near &= (labels[one] == labels[other]) & (labels[one] >= 0)
-    one, other = pairs[near].T
+    pairs = pixels.neighbours(jump)
+    one, other = pairs[(np.diff(labels[pairs], axis=1) == 0)[:, 0] & (labels[pairs[:, 0]] >= 0)].T
     differ = np.linalg.norm(pixels.look[one] - pixels.look[other], axis=1) > SAME_PAINT
     # In the dark a little noise is much of hue.
     differ &= np.linalg.norm(pixels.rgb[one] - pixels.rgb[other], axis=1) > 3.0 * noise

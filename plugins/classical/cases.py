@@ -1,140 +1,74 @@
-"""Cases: boxes with lids, cabinets with drawers and their handles, towers that something sticks out of."""
+"""Cases: what closes a box, what is set into its side, and what sticks out of it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike
-from gvla2_plugins.classical.composites import Draft
-from gvla2_plugins.classical.things import THIN, Thing, upright_rectangle
+from gvla2_plugins.classical.composites import Draft, boxed
+from gvla2_plugins.classical.things import THIN, Thing
 
 VENEER = 0.03  # metres: what is seen of a lid is no higher
-PANEL = 0.012  # metres: a side of a case that is seen alone looks no thicker
 BESIDE = 0.025  # metres that a lid may stand over its box
-FLUSH = 0.012  # metres between a drawer's front and the side of its cabinet
-REACH = 0.08  # metres that a handle stands off
-COVERED = 0.3  # of a side of a cabinet: a drawer's front is no smaller
-DEEP = 0.8  # of a handle's length: it stands off by less
-BAR = 0.02  # metres: a handle is no thicker, and twice as long
 HINGED = 0.05  # metres between a box's edge and the lower edge of its open lid
+LARGE = 0.08  # metres: no side of a case is shorter
+FLUSH = 0.012  # metres between a panel and the side that it is set into
+COVERED = 0.3  # of a side: a panel is no smaller
+REACH = 0.08  # metres that something sticks out
+BAR = 0.02  # metres: a handle is no thicker
+DEEP = 0.67  # of a handle's length: it stands off by less; what reaches out further is stuck in the case
 
 
-def join_boxes(draft: Draft) -> None:
-    """Sides under a flat top of another colour are a box that the top closes: its lid."""
+def join_lids(draft: Draft) -> None:
+    """What closes a box: a flat top of another colour over its sides, which are one box then, or a plate that leans
+    and whose lower edge is along the upper edge of an open one.
+    """
     for k in draft.left():
-        top = draft.things[k]
-        if draft.now(k) != k or not _could_be_lid(top):
+        lid = draft.things[k]
+        if draft.now(k) != k or lid.noun or lid.hollow or lid.kind != "box":
             continue
-        sides = [
-            j
-            for j in draft.left()
-            if j != k and _side_under(draft.things[j], top) and not alike(draft.looks[j], draft.looks[k])
-        ]
-        large = [j for j in sides if draft.things[j].extents[2] > 0.6 * top.lowest]
-        if not large:
-            continue
-        main = max(large, key=lambda j: len(draft.things[j].members))
-        points = np.concatenate([draft.things[j].points for j in sides])
-        body = _body_under(draft.things[main], top, points)
-        draft.take_in(main, [j for j in sides if j != main])
-        draft.change(main, replace(body, points=draft.things[main].points))
-        lid = top.resting_at(min(body.top, top.top - THIN))
-        draft.change(k, replace(lid, noun="lid", on=main, part_of=main))
+        if lid.turn is not None:
+            foot = lid.centre - 0.5 * lid.extents[1] * lid.turn[:, 1]
+            boxes = [j for j in draft.left() if j != k and _hinged(draft.things[j], foot)]
+            if boxes:
+                draft.things[k] = replace(lid, noun="lid", part_of=boxes[0], on=boxes[0])
+                draft.things[boxes[0]] = replace(draft.things[boxes[0]], noun="open box")
+        elif not lid.floating and 0.05 < lid.top < lid.lowest + VENEER and min(lid.extents[:2]) > LARGE:
+            _close(draft, k)
 
 
-def name_open_lids(draft: Draft) -> None:
-    """A leaning plate whose lower edge is along the upper edge of an open box is that box's lid."""
-    for k in draft.left():
-        plate = draft.things[k]
-        if plate.turn is None or plate.noun:
-            continue
-        level, rising = plate.turn[:, 0], plate.turn[:, 1]
-        foot = plate.centre - 0.5 * plate.extents[1] * rising
-        for j in draft.left():
-            box = draft.things[j]
-            if j == k or not box.hollow or box.kind != "box" or abs(foot[2] - box.top) > HINGED:
-                continue
-            local = box.local(foot[None])[0]
-            along = np.abs(box.pose[:3, :2].T @ level)
-            side = int(np.argmax(along))
-            off = abs(abs(local[1 - side]) - 0.5 * box.extents[1 - side])
-            length = float(plate.extents[0] / box.extents[side])
-            if along[side] > 0.95 and off < HINGED and abs(local[side]) < 0.05 and 0.7 < length < 1.3:
-                draft.change(k, replace(plate, noun="lid", part_of=j, on=j))
-                draft.change(j, replace(box, noun="open box"))
-                break
+def _hinged(box: Thing, foot: FloatArray) -> bool:
+    near = abs(foot[2] - box.top) < HINGED and box.covers(foot[None, :2], HINGED)[0]
+    return bool(near and box.hollow and box.kind == "box")
 
 
-def join_drawers(draft: Draft) -> None:
-    """A panel of another colour flush with a side of a large box is its drawer; what stands off it is a handle."""
-    for k in draft.left():
-        case = draft.things[k]
-        if draft.now(k) != k or case.kind != "box" or case.noun or case.turn is not None or case.hollow:
-            continue
-        if min(case.extents) < 0.08:
-            continue
-        for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
-            panels = [
-                j
-                for j in draft.left()
-                if j != k
-                and not alike(draft.looks[j], draft.looks[k])
-                and _panel_on(draft.things[j], case, axis, sign)
-            ]
-            seen = [draft.things[j].points for j in panels]
-            large = panels if seen and _covered(np.concatenate(seen), case, axis) > COVERED else []
-            handles = [
-                j
-                for j in draft.left()
-                if j not in (k, *panels) and _stands_off(draft.things[j], case, axis, sign)
-            ]
-            if not large and not handles:
-                continue
-            owner = k
-            if large:
-                owner = max(large, key=lambda j: len(draft.things[j].members))
-                draft.take_in(owner, [j for j in panels if j != owner])
-                front = _front(draft.things[owner], case, axis, sign)
-                draft.change(owner, replace(front, noun="drawer", part_of=k, on=-1))
-                draft.change(k, replace(case, noun="cabinet"))
-            elif len(handles) > 1:
-                continue
-            if handles:
-                # Scraps of it, in other light, would only blur where it is.
-                best = max(handles, key=lambda j: len(draft.things[j].members))
-                draft.take_in(owner, [j for j in handles if j != best])
-                draft.change(
-                    best, replace(_bar(draft.things[best], case), noun="handle", part_of=owner, on=-1)
-                )
-                if owner == k:
-                    draft.change(k, replace(case, noun="drawer cabinet"))
-            break
-
-
-def name_towers(draft: Draft) -> None:
-    """A block from whose side another sticks out in the air is a tower of blocks."""
-    for k in draft.left():
-        tower = draft.things[k]
-        if tower.noun or tower.hollow or tower.kind not in ("box", "other") or min(tower.extents) < 0.08:
-            continue
-        for j in draft.left():
-            brick = draft.things[j]
-            if j == k or brick.noun or brick.turn is not None or not brick.floating or brick.top > tower.top:
-                continue
-            local = np.abs(tower.local(brick.centre[None])[0])
-            gap = local[:2] - 0.5 * tower.extents[:2] - 0.5 * float(min(brick.extents[:2]))
-            if gap.max() < 0.02 and gap.max() > -0.5 * min(brick.extents[:2]) and gap.min() < -0.02:
-                draft.change(k, replace(tower, noun="tower"))
-                draft.change(j, replace(brick, noun="brick", on=-1))
-                break
-
-
-def _could_be_lid(top: Thing) -> bool:
-    flat = top.turn is None and not top.noun and not top.hollow and top.kind == "box" and not top.floating
-    return bool(flat and top.top > 0.05 and top.top - top.lowest < VENEER and min(top.extents[:2]) > 0.08)
+def _close(draft: Draft, k: int) -> None:
+    """Make what is under the flat thing ``k`` a box, and ``k`` its lid; the lid's outline tells how large it is."""
+    top = draft.things[k]
+    sides = [
+        j
+        for j in draft.left()
+        if j != k and _side_under(draft.things[j], top) and not alike(draft.looks[j], draft.looks[k])
+    ]
+    large = [j for j in sides if draft.things[j].extents[2] > 0.6 * top.lowest]
+    if not large:
+        return
+    main = max(large, key=lambda j: len(draft.things[j].members))
+    draft.take_in(main, [j for j in sides if j != main])
+    body = draft.things[main]
+    # Its sides where they were seen, the lid's edge elsewhere.
+    half = 0.5 * top.extents
+    low, high = np.percentile(top.local(body.points), [1.0, 99.0], axis=0)
+    low[:2] = np.where(low < BESIDE - half, low, -half)[:2]
+    high[:2] = np.where(high > half - BESIDE, high, half)[:2]
+    low[2], high[2] = -top.centre[2], min(high[2], half[2] - THIN)
+    body = boxed(body, top, low, high)
+    draft.things[main] = replace(body, noun="box", on=-1)
+    draft.things[k] = replace(top.resting_at(body.top), noun="lid", on=main, part_of=main)
 
 
 def _side_under(side: Thing, top: Thing) -> bool:
@@ -144,80 +78,86 @@ def _side_under(side: Thing, top: Thing) -> bool:
     return bool(top.covers(side.points[:, :2], BESIDE).mean() > 0.9)
 
 
-def _body_under(main: Thing, top: Thing, points: FloatArray) -> Thing:
-    """The box under a lid: its sides where they were seen, the lid's edge elsewhere."""
-    local = top.local(points)[:, :2]
-    half = 0.5 * top.extents[:2]
-    edges = np.array([[-half[0], half[0]], [-half[1], half[1]]])
-    for axis in (0, 1):
-        for end, sign in enumerate((-1.0, 1.0)):
-            near = local[sign * local[:, axis] > half[axis] - BESIDE - PANEL]
-            spread = np.ptp(near[:, 1 - axis]) if len(near) > 30 else 0.0
-            if spread > 0.3 * top.extents[1 - axis]:
-                edges[axis, end] = sign * float(np.percentile(sign * near[:, axis], 85.0))
-    lengths, shift = edges[:, 1] - edges[:, 0], edges.mean(axis=1)
-    c, s = np.cos(top.yaw), np.sin(top.yaw)
-    middle = top.centre[:2] + np.array([[c, -s], [s, c]]) @ shift
-    yaw, width, depth = upright_rectangle(top.yaw, float(lengths[0]), float(lengths[1]))
-    height = max(THIN, min(float(np.percentile(points[:, 2], 99.5)), top.top - THIN))
-    centre = np.array([*middle, 0.5 * height])
-    extents = np.array([width, depth, height])
-    return replace(main, kind="box", centre=centre, yaw=yaw, extents=extents, noun="box", on=-1)
+def join_fronts(draft: Draft) -> None:
+    """A panel of another colour in a side of a large box is its drawer; of what is in the air before a side, a bar
+    along it is a handle, and what reaches out further is a brick that sticks in a tower.
+    """
+    for k in draft.left():
+        case = draft.things[k]
+        plain = case.kind in ("box", "other") and not case.noun and case.turn is None and not case.hollow
+        if draft.now(k) != k or not plain or min(case.extents) < LARGE:
+            continue
+        pieces = {j: _before(draft.things[j], case) for j in draft.left() if j != k}
+        for side in {piece.side: None for piece in pieces.values() if piece is not None}:
+            here = {j: piece for j, piece in pieces.items() if piece is not None and piece.side == side}
+            if _join_front(draft, k, here):
+                break
 
 
-def _panel_on(panel: Thing, case: Thing, axis: int, sign: float) -> bool:
-    """Whether a thin upright piece lies in a side of a box."""
-    if panel.turn is not None or panel.hollow or panel.noun:
-        return False
-    local = case.local(panel.points)
-    off = sign * local[:, axis] - 0.5 * case.extents[axis]
-    other = np.abs(local[:, 1 - axis]) < 0.5 * case.extents[1 - axis] + 0.01
-    height = np.abs(local[:, 2]) < 0.5 * case.extents[2] + 0.005
-    return bool(((np.abs(off) < FLUSH) & other & height).mean() > 0.8)
+@dataclass(frozen=True)
+class _Piece:
+    """A piece before a side of a case: from ``near`` to ``far`` metres off it, its two ``breadths`` along it."""
+
+    side: tuple[int, int]
+    near: float
+    far: float
+    breadths: FloatArray
+
+    @property
+    def slim(self) -> bool:
+        """Whether it is a bar along the side: longer than it stands off."""
+        thick, long = sorted(self.breadths.tolist())
+        return thick < BAR and long > 2.0 * thick and self.far - self.near < DEEP * long
 
 
-def _covered(points: FloatArray, case: Thing, axis: int) -> float:
-    """The share of a side of the box that points (N, 3) span."""
-    local = case.local(points)
-    low, high = np.percentile(local[:, [1 - axis, 2]], [1.0, 99.0], axis=0)
-    return float((high - low).prod() / (case.extents[1 - axis] * case.extents[2]))
+def _before(piece: Thing, case: Thing) -> _Piece | None:
+    """Where a piece is that is before one side of a case, and within its outline; None for others."""
+    if piece.turn is not None or piece.noun:
+        return None
+    low, high = np.percentile(case.local(piece.points), [4.0, 96.0], axis=0)
+    half = 0.5 * case.extents
+    gaps = np.stack([low - half, -half - high])[:, :2]
+    end, axis = (int(i) for i in np.unravel_index(np.argmax(gaps), gaps.shape))
+    others = np.delete(np.maximum(high, -low) - half, axis)
+    near = float(gaps[end, axis])
+    if others.max() > 0.005 or near < -FLUSH:
+        return None
+    return _Piece((end, axis), near, near + float((high - low)[axis]), np.delete(high - low, axis))
 
 
-def _stands_off(piece: Thing, case: Thing, axis: int, sign: float) -> bool:
-    """Whether a small piece is in the air before a side of a box."""
-    if not piece.floating or piece.turn is not None or piece.noun:
-        return False
-    local = case.local(piece.points)
-    low, high = np.percentile(local[:, [1 - axis, 2]], [1.0, 99.0], axis=0)
-    breadth = high - low
-    if breadth.min() > BAR or breadth.max() < 2.0 * breadth.min():
-        return False
-    off = sign * local[:, axis] - 0.5 * case.extents[axis]
-    if np.ptp(np.percentile(off, [1.0, 99.0])) > DEEP * breadth.max():
-        return False  # what reaches out as far as it is long is stuck in the box
-    within = (np.abs(local[:, [1 - axis, 2]]) < 0.5 * case.extents[[1 - axis, 2]]).all(axis=1)
-    return bool((within & (off > -0.005) & (off < REACH)).mean() > 0.9)
+def _join_front(draft: Draft, k: int, pieces: dict[int, _Piece]) -> bool:
+    """Put together what is before one side of the case ``k``; whether there was anything."""
+    case, owner = draft.things[k], k
+    sizes = {j: len(draft.things[j].members) for j in pieces}
+    flush = [j for j, piece in pieces.items() if piece.far < FLUSH and not draft.things[j].hollow]
+    flush = [j for j in flush if not alike(draft.looks[j], draft.looks[k])]
+    out = [j for j, p in pieces.items() if draft.things[j].floating and p.near > -0.005 and p.far < REACH]
+    bars = [j for j in out if j not in flush and pieces[j].slim]
+    if flush and _covered(case, [draft.things[j] for j in flush], pieces[flush[0]].side[1]) > COVERED:
+        owner = max(flush, key=sizes.__getitem__)
+        draft.take_in(owner, [j for j in flush if j != owner])
+        draft.things[owner] = replace(_about(draft.things[owner], case), noun="drawer", part_of=k, on=-1)
+        draft.things[k] = replace(case, noun="cabinet")
+    if bars and (owner != k or len(bars) == 1):
+        # Scraps of it, in other light, would only blur where it is.
+        best = max(bars, key=sizes.__getitem__)
+        draft.take_in(owner, [j for j in bars if j != best])
+        draft.things[best] = replace(_about(draft.things[best], case), noun="handle", part_of=owner, on=-1)
+        if owner == k:
+            draft.things[k] = replace(case, noun="drawer cabinet")
+    elif out and not bars and owner == k:
+        draft.things[out[0]] = replace(draft.things[out[0]], noun="brick", on=-1)
+        draft.things[k] = replace(case, noun="tower")
+    return bool(draft.things[k].noun)
 
 
-def _front(panel: Thing, case: Thing, axis: int, sign: float) -> Thing:
-    """The panel as a thin box in the case's own axes, where its points are."""
-    local = case.local(panel.points)
-    low, high = np.percentile(local, [1.0, 99.0], axis=0)
-    face = float(np.median(sign * local[:, axis]))
-    low[axis], high[axis] = sorted((sign * face, sign * (face - PANEL)))
-    return _box_along(panel, case, low, high)
+def _covered(case: Thing, panels: Sequence[Thing], axis: int) -> float:
+    """The share of a side of the case, across its ``axis``, that panels span."""
+    local = case.local(np.concatenate([panel.points for panel in panels]))
+    spans = np.ptp(np.percentile(local, [1.0, 99.0], axis=0), axis=0) / case.extents
+    return float(np.delete(spans, axis).prod())
 
 
-def _bar(handle: Thing, case: Thing) -> Thing:
-    """The handle as a box in the case's own axes, about its points."""
-    low, high = np.percentile(case.local(handle.points), [0.5, 99.5], axis=0)
-    return _box_along(handle, case, low, high)
-
-
-def _box_along(thing: Thing, case: Thing, low: FloatArray, high: FloatArray) -> Thing:
-    pose = case.pose
-    centre = pose[:3, :3] @ (0.5 * (low + high)) + pose[:3, 3]
-    lengths = np.maximum(high - low, THIN)
-    yaw, width, depth = upright_rectangle(case.yaw, float(lengths[0]), float(lengths[1]))
-    extents = np.array([width, depth, lengths[2]])
-    return replace(thing, kind="box", centre=centre, yaw=yaw, extents=extents)
+def _about(thing: Thing, case: Thing) -> Thing:
+    """The thing as a box in the case's own axes about its points."""
+    return boxed(thing, case, *np.percentile(case.local(thing.points), [0.5, 99.5], axis=0))

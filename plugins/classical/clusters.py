@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes
+from scipy.ndimage import binary_closing, binary_dilation, binary_fill_holes, distance_transform_edt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -22,53 +22,16 @@ from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
 
 LIKE = 14.0  # hues of pieces of one thing differ by less
 SHADED = 0.62  # L* + 16 of a thing's darkest face, over that of its lightest, is more
-SAME_FACE = 2.5  # neighbouring pixels of one flat face differ by less, in look
-FACE_PIXELS = 12  # fewer do not tell a face's normal
-PARALLEL = 0.9  # cosine of the angle between normals that count as one orientation
-STEP = 4.0  # difference of look between two parallel faces in one image that is paint, not light
 LEAST = 3  # pixels of a piece; fewer are specks
+DEEP = 3  # pixels that a mask grows down
 MOST = 9000  # points that are searched for neighbours across views
 
 
 def pieces_in_views(pixels: Pixels, jump: float, colour_step: float) -> IntArray:
     """(N,) piece of each pixel: connected within its image, without a jump of depth or colour."""
-    pairs = pixels.neighbours()
-    near = np.linalg.norm(pixels.points[pairs[:, 0]] - pixels.points[pairs[:, 1]], axis=1) < jump
+    pairs = pixels.neighbours(jump)
     change = np.linalg.norm(pixels.look[pairs[:, 0]] - pixels.look[pairs[:, 1]], axis=1)
-    pairs, change = pairs[near & (change < colour_step)], change[near & (change < colour_step)]
-    faces = components(len(pixels), pairs[change < SAME_FACE])
-    painted = _painted_borders(pixels, faces, pairs)
-    return components(len(pixels), pairs[~painted])
-
-
-def _painted_borders(pixels: Pixels, faces: IntArray, pairs: IntArray) -> NDArray[np.bool_]:
-    """(E,) bool: pairs across the border of two faces of one orientation but another lightness.
-
-    Light depends on the slope alone, so such a border is paint: two things of one hue that touch.
-    """
-    one, other = faces[pairs[:, 0]], faces[pairs[:, 1]]
-    sizes = np.bincount(faces)
-    border = (one != other) & (sizes[one] >= FACE_PIXELS) & (sizes[other] >= FACE_PIXELS)
-    painted = np.zeros(len(pairs), dtype=bool)
-    if not border.any():
-        return painted
-    keys = np.sort(np.stack([one[border], other[border]], axis=1), axis=1)
-    distinct, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    normals: dict[int, FloatArray] = {}
-    looks: dict[int, FloatArray] = {}
-    for face in np.unique(distinct):
-        members = faces == face
-        points = pixels.points[members]
-        _, vectors = np.linalg.eigh(np.cov(points.T))
-        normals[int(face)] = vectors[:, 0]
-        looks[int(face)] = np.median(pixels.look[members], axis=0)
-    cut = np.zeros(len(distinct), dtype=bool)
-    for i, (a, b) in enumerate(distinct):
-        parallel = abs(float(normals[int(a)] @ normals[int(b)])) > PARALLEL
-        step = float(np.linalg.norm(looks[int(a)] - looks[int(b)]))
-        cut[i] = counts[i] >= 3 and parallel and step > STEP
-    painted[border] = cut[inverse.reshape(-1)]
-    return painted
+    return components(len(pixels), pairs[change < colour_step])
 
 
 def join_across_views(pixels: Pixels, pieces: IntArray, reach: float, *, looks: bool = True) -> IntArray:
@@ -142,43 +105,31 @@ def grow_down(
     low: Sequence[NDArray[np.bool_]],
     different: Sequence[NDArray[np.bool_]],
     colour_step: float,
-    steps: int = 3,
 ) -> list[NDArray[np.bool_]]:
     """The masks (H, W) with the lowest pixels of each thing, which lie too near to the table to be told by height.
 
-    A pixel of ``low`` that looks ``different`` from the table joins when it touches the mask and looks like a
-    neighbour there; at most ``steps`` pixels deep, so that paint beside a thing is left alone.
+    A pixel of ``low`` that looks ``different`` from the table joins a mask at most :data:`DEEP` pixels off, where it
+    looks like the nearest pixel there: paint beside a thing is left alone.
     """
     grown = []
     for frame, mask, near, other in zip(frames, masks, low, different, strict=True):
         # What looks unlike the table inside a raised rim is the floor of a plate or a bowl.
-        current = mask | (binary_fill_holes(binary_closing(mask, iterations=1)) & near & other)
-        candidates = near & other & ~current
-        band = binary_dilation(mask, np.ones((3, 3), bool), iterations=steps + 1)
-        look = np.full((*mask.shape, 3), np.nan)
-        look[band] = appearance_of(frame.image[band] / 255.0)
-        across = _close(look[:, :-1], look[:, 1:], 0.5 * colour_step)
-        down = _close(look[:-1], look[1:], 0.5 * colour_step)
-        for _ in range(steps):
-            beside = np.zeros_like(current)
-            beside[:, 1:] |= current[:, :-1] & across
-            beside[:, :-1] |= current[:, 1:] & across
-            beside[1:] |= current[:-1] & down
-            beside[:-1] |= current[1:] & down
-            fresh = beside & candidates & ~current
-            if not fresh.any():
-                break
-            current |= fresh
-        grown.append(current)
+        current = mask | (binary_fill_holes(binary_closing(mask)) & near & other)
+        fresh = binary_dilation(current, iterations=DEEP, mask=current | (near & other)) & ~current
+        nearest = distance_transform_edt(~current, return_distances=False, return_indices=True)
+        looks = [appearance_of(frame.image[at] / 255.0) for at in (fresh, tuple(nearest[:, fresh]))]
+        fresh[fresh] = np.linalg.norm(looks[0] - looks[1], axis=1) < 0.5 * colour_step
+        grown.append(current | fresh)
     return grown
-
-
-def _close(one: FloatArray, other: FloatArray, step: float) -> NDArray[np.bool_]:
-    difference = one - other
-    return np.asarray(np.einsum("ijk,ijk->ij", difference, difference) < step**2)
 
 
 def components(count: int, pairs: IntArray) -> IntArray:
     """(count,) the connected component of each node, given edges (E, 2)."""
     graph = coo_matrix((np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def groups(labels: IntArray, least: int) -> list[IntArray]:
+    """The indices of each label in (N,), -1 for none, that at least ``least`` have."""
+    members = (np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0]))
+    return [one for one in members if len(one) >= least]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from gvla2_plugins.classical.things import THIN, Thing, upright_rectangle
 class Draft:
     """The things of a scene while they are put together; what was taken into another is gone."""
 
-    def __init__(self, things: Sequence[Thing], looks: Sequence[FloatArray]) -> None:
+    def __init__(self, pixels: Pixels, things: Sequence[Thing]) -> None:
         self.things = list(things)
-        self.looks = list(looks)
+        self.looks = [np.median(pixels.look[t.members], axis=0) for t in things]
         self._into = list(range(len(things)))
 
     def left(self) -> list[int]:
@@ -27,23 +27,15 @@ class Draft:
     def _there(self) -> list[int]:
         return [k for k in range(len(self.things)) if self._into[k] == k]
 
-    def carrier(self, k: int) -> int:
-        """What carries a thing now, -1 for the table."""
-        return self.now(self.things[k].on)
-
     def now(self, k: int) -> int:
         """Where a thing has gone to: itself while it is there."""
         while k >= 0 and self._into[k] != k:
             k = self._into[k]
         return k
 
-    def on_top(self, k: int) -> list[int]:
-        """What a thing carries."""
-        return [j for j in self.left() if j != k and self.carrier(j) == k]
-
-    def change(self, k: int, thing: Thing) -> None:
-        """Put another thing in a thing's place."""
-        self.things[k] = thing
+    def carrier(self, k: int) -> int:
+        """What carries a thing now, -1 for the table."""
+        return self.now(self.things[k].on)
 
     def take_in(self, k: int, others: Sequence[int]) -> None:
         """Make other things part of a thing's points; its own pixels still tell its colour."""
@@ -64,37 +56,19 @@ class Draft:
         return done
 
 
-@dataclass(frozen=True)
-class Rule:
-    """One kind of whole: ``apply`` looks for it in a draft and puts it together there."""
-
-    name: str
-    apply: Callable[[Draft], None]
-
-
-def put_together(pixels: Pixels, things: Sequence[Thing], rules: Sequence[Rule]) -> list[Thing]:
+def put_together(
+    pixels: Pixels, things: Sequence[Thing], rules: Sequence[Callable[[Draft], None]]
+) -> list[Thing]:
     """The things after all rules, in their order; each sees what those before it made."""
-    looks = [np.median(pixels.look[t.members], axis=0) for t in things]
-    draft = Draft(things, looks)
+    draft = Draft(pixels, things)
     for rule in rules:
-        rule.apply(draft)
+        rule(draft)
     return draft.finished()
 
 
-def grown(thing: Thing, points: FloatArray, bottom: float, top: float) -> Thing:
-    """The thing with the upright box about itself and points (N, 3), from ``bottom`` to ``top``."""
-    local = thing.local(points)
-    low = np.minimum(np.percentile(local[:, :2], 1.0, axis=0), -0.5 * thing.extents[:2])
-    high = np.maximum(np.percentile(local[:, :2], 99.0, axis=0), 0.5 * thing.extents[:2])
-    lengths, shift = high - low, 0.5 * (low + high)
-    c, s = np.cos(thing.yaw), np.sin(thing.yaw)
-    middle = thing.centre[:2] + np.array([[c, -s], [s, c]]) @ shift
-    yaw, width, depth = thing.yaw, float(lengths[0]), float(lengths[1])
-    yaw, width, depth = upright_rectangle(yaw, width, depth)
-    height = max(THIN, top - bottom)
-    return replace(
-        thing,
-        centre=np.array([*middle, 0.5 * (bottom + top)]),
-        yaw=yaw,
-        extents=np.array([width, depth, height]),
-    )
+def boxed(thing: Thing, host: Thing, low: FloatArray, high: FloatArray) -> Thing:
+    """The thing as an upright box from ``low`` to ``high`` (3,), metres from another's centre along its axes."""
+    centre = host.pose[:3, :3] @ (0.5 * (low + high)) + host.centre
+    lengths = np.maximum(high - low, THIN)
+    yaw, width, depth = upright_rectangle(host.yaw, float(lengths[0]), float(lengths[1]))
+    return replace(thing, kind="box", centre=centre, yaw=yaw, extents=np.array([width, depth, lengths[2]]))

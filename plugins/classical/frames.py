@@ -8,16 +8,17 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from gvla2.errors import PerceptionError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import View
+from gvla2.perception.frames import why_not
+
+IntArray = NDArray[np.int64]
 
 ONE_SURFACE = 0.015  # metres of depth between neighbouring pixels of one surface
 COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are averaged
-DARK = 4  # an image without a brighter pixel (of 255) shows nothing: the lens is covered
 
 
 @dataclass(frozen=True)
@@ -42,21 +43,22 @@ class Frame:
         """The same view in another frame, given by a rigid (4, 4)."""
         rays = self.rays @ to_from_here[:3, :3].T
         origin = transform_points(to_from_here, self.origin)
-        return replace(
-            self,
-            origin=origin,
-            rays=rays,
-            points=origin + rays * self.depth[..., None],
-            frame_from_world=to_from_here @ self.frame_from_world,
-        )
+        points = origin + rays * self.depth[..., None]
+        frame_from_world = to_from_here @ self.frame_from_world
+        return replace(self, origin=origin, rays=rays, points=points, frame_from_world=frame_from_world)
+
+    def project(self, points: FloatArray) -> tuple[NDArray[np.bool_], IntArray, IntArray, FloatArray]:
+        """Which of points (N, 3) in its frame the picture holds, (N,), and of those the rows, columns and depths."""
+        world = transform_points(invert_rigid(self.frame_from_world), points)
+        uv, depth = self.camera.project(world)
+        inside = self.camera.inside(uv)
+        columns, rows = uv[inside].astype(np.int64).T
+        return inside, rows, columns, depth[inside]
 
 
-def usable_frames(
-    views: Iterable[View], robot_margin: int, *, wary: bool = False
-) -> tuple[list[Frame], list[str]]:
-    """Frames in the world's frame, and a sentence for each view that cannot be used.
-
-    To be ``wary`` is to believe less of what is seen at edges: of cameras that were found to err.
+def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple[list[Frame], list[str]]:
+    """Frames in the world's frame, and a sentence for each view that cannot be used; pixels are left out of which
+    fewer than ``least`` of eight neighbours are at their depth.
 
     Raises :class:`PerceptionError` when no view is left.
     """
@@ -66,21 +68,17 @@ def usable_frames(
         depth = np.full(view.image.shape[:2], np.nan) if view.depth is None else view.depth.astype(np.float64)
         depth[~(np.isfinite(depth) & (depth > 0))] = np.nan
         if view.robot_mask is not None:
-            robot = view.robot_mask
-            if robot_margin > 0:
-                robot = binary_dilation(robot, np.ones((3, 3), bool), iterations=robot_margin)
-            depth[robot] = np.nan
-        depth[_flying(depth, 3 if wary else 2)] = np.nan
-        reason = _why_not(view, depth)
-        if reason:
+            robot = cv2.dilate(view.robot_mask.astype(np.uint8), np.ones((3, 3)), iterations=robot_margin)
+            depth[robot > 0] = np.nan
+        depth[_support(depth) < least] = np.nan
+        if reason := why_not(view, depth):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
             continue
         origin, rays = view.camera.rays()
         points = origin + rays * depth[..., None]
         image = view.image
-        if (
-            np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
-        ):  # less of the sensor's noise; edges stay
+        grainy = np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
+        if grainy:  # less of the sensor's noise; edges stay
             image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
         frames.append(Frame(view.camera, image, depth, origin, rays, points, np.eye(4)))
     if not frames:
@@ -90,26 +88,11 @@ def usable_frames(
     return frames, notes
 
 
-def _flying(depth: FloatArray, least: int) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels with fewer than ``least`` of eight neighbours at their depth, as on the edge of a thing."""
-    support = np.zeros(depth.shape, dtype=np.int8)
-    padded = np.pad(depth, 1, constant_values=np.nan)
-    rows, columns = depth.shape
-    for down, right in ((a, b) for a in range(3) for b in range(3) if (a, b) != (1, 1)):
-        beside = padded[down : down + rows, right : right + columns]
-        with np.errstate(invalid="ignore"):
-            support += np.abs(beside - depth) < ONE_SURFACE
-    return support < least
-
-
-def _why_not(view: View, depth: FloatArray) -> str:
-    if view.depth is None:
-        return "it has no depth"
-    if not np.isfinite(depth).any():
-        return "no pixel has a depth, or all of them show the robot"
-    if view.image.max() <= DARK:
-        return "its image is black"
-    return ""
+def _support(depth: FloatArray) -> IntArray:
+    """(H, W) how many of a pixel's eight neighbours are at its depth: few on edges, and where most depth was lost."""
+    shifts = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if down or right]
+    near = [np.abs(np.roll(depth, shift, axis=(0, 1)) - depth) < ONE_SURFACE for shift in shifts]
+    return np.sum(near, axis=0, dtype=np.int64)
 
 
 def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:
@@ -119,10 +102,6 @@ def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.
     """
     free = np.zeros(len(points), dtype=bool)
     for frame in frames:
-        world = transform_points(invert_rigid(frame.frame_from_world), points)
-        uv, depth = frame.camera.project(world)
-        inside = frame.camera.inside(uv)
-        columns, rows = (uv[inside].astype(np.int64)).T
-        measured = frame.depth[rows, columns]
-        free[inside] |= measured > depth[inside] + margin  # NaN compares false: unknown is not free
+        inside, rows, columns, depth = frame.project(points)
+        free[inside] |= frame.depth[rows, columns] > depth + margin  # NaN compares false: unknown is not free
     return free

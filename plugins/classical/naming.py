@@ -6,35 +6,39 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gvla2.geometry.transform import FloatArray
-from gvla2.planning.colours import nearest_colours
-from gvla2.planning.scene import Shape
-from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2.perception.things import colour_word, true_colour
+from gvla2.planning.scene import SceneObject, Shape
+from gvla2_plugins.classical.pixels import Pixels
+from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing
 
-SURE = 12.0  # by how much the second nearest colour word must be further away to be ruled out
+MOST_POINTS = 4000  # points kept of one object
 
 
-def true_colour(pixels: Pixels, members: IntArray) -> FloatArray:
-    """(3,) the thing's own colour in [0, 1]: the median of its brightest face in the view that lights it best.
-
-    Light falls off with slope, never brightens: the brightest face is nearest to the paint.
-    """
-    best = np.zeros(3)
-    for view in np.unique(pixels.view[members]):
-        rgb = pixels.rgb[members[pixels.view[members] == view]]
-        if len(rgb) < 6:
-            continue
-        brightness = rgb.sum(axis=1)
-        face = np.median(rgb[brightness >= np.percentile(brightness, 70.0)], axis=0)
-        best = face if face.sum() > best.sum() else best
-    return best if best.any() else np.median(pixels.rgb[members], axis=0)
-
-
-def colour_word(rgb: FloatArray) -> tuple[str, float]:
-    """The nearest colour word and how sure it is, in [0, 1], from the lead over the second."""
-    (word, first), (_, second) = nearest_colours(rgb, 2)
-    return word, float(np.clip((second - first) / SURE, 0.0, 1.0))
+def described(pixels: Pixels, things: Sequence[Thing], prefix: str) -> list[SceneObject]:
+    """Objects in the table's frame, with ids and parents of their places in the list, behind ``prefix``."""
+    belongs = parents(things)
+    objects = []
+    for k, thing in enumerate(things):
+        rgb = true_colour(pixels.rgb[thing.members])
+        colour, sure = colour_word(rgb)
+        seen = 0.8 * thing.agreement if thing.guessed else thing.agreement
+        objects.append(
+            SceneObject(
+                f"{prefix}{k}",
+                f"{colour} {noun_for(thing, things, belongs[k])}",
+                shape_of(thing),
+                colour,
+                thing.pose,
+                thing.extents,
+                evenly(thing.points, MOST_POINTS),
+                rgb,
+                parent=f"{prefix}{belongs[k]}" if belongs[k] >= 0 else "",
+                confidence=round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3),
+                opening=thing.opening,
+            )
+        )
+    return objects
 
 
 def shape_of(thing: Thing) -> Shape:
@@ -64,55 +68,42 @@ def is_post(thing: Thing) -> bool:
 
 def is_held_up(thing: Thing, carrier: Thing | None) -> bool:
     """Up on a post, seen or too thin to be seen."""
-    return carrier is not None and (
-        is_post(carrier) or (thing.floating and thing.bottom > carrier.top + 0.01)
-    )
+    if carrier is None:
+        return False
+    return is_post(carrier) or (thing.floating and thing.bottom > carrier.top + 0.01)
 
 
 def parents(things: Sequence[Thing]) -> list[int]:
     """Index of the thing that each is a part of, or -1.
 
     A button belongs to what it stands on, a post on a foot to the foot, what is held up to what the post belongs
-    to, a lid to the round thing under it, and what a split by height made to the lowest of its parts. What is already
-    known to be a part, or to be a thing of its own, stays that.
+    to, and what a split by height made to the lowest of its parts. What is already known to be a part, or to be a
+    thing of its own, stays that. Parts of parts belong to the whole, save a button's own housing.
     """
-    found = []
+    found = [_parent(things, k) for k in range(len(things))]
     for k, thing in enumerate(things):
-        if thing.part_of >= 0 or thing.noun or thing.textured:
-            found.append(thing.part_of)
-            continue
-        carrier = things[thing.on] if thing.on >= 0 else None
-        siblings = [j for j, other in enumerate(things) if other.group == thing.group and j != k]
-        lowest = min(siblings, key=lambda j: things[j].bottom, default=-1)
-        parent = -1
-        if carrier is not None and (
-            is_button(thing, carrier)
-            or is_post(thing)
-            or is_held_up(thing, carrier)
-            or _is_lid(thing, carrier)
-        ):
-            parent = thing.on
-        elif lowest >= 0 and things[lowest].bottom < thing.bottom - 1e-4:
-            parent = lowest
-        found.append(parent)
-    for k in range(len(found)):  # parts of parts belong to the whole, save a button's own housing
-        for _ in range(0 if things[k].part_of >= 0 else len(found)):
+        for _ in range(len(things) if thing.part_of < 0 else 0):
             above = found[found[k]] if found[k] >= 0 else -1
-            carrier = things[found[k]] if found[k] >= 0 else None
-            if above < 0 or is_button(things[k], carrier):
+            if above < 0 or is_button(thing, things[found[k]]):
                 break
             found[k] = above
     return found
 
 
+def _parent(things: Sequence[Thing], k: int) -> int:
+    thing = things[k]
+    if thing.part_of >= 0 or thing.noun or thing.textured:
+        return thing.part_of
+    carrier = things[thing.on] if thing.on >= 0 else None
+    if carrier is not None and (is_button(thing, carrier) or _stands_up(thing, carrier)):
+        return thing.on
+    siblings = [j for j, other in enumerate(things) if other.group == thing.group and j != k]
+    lowest = min(siblings, key=lambda j: things[j].bottom, default=k)
+    return lowest if things[lowest].bottom < thing.bottom - 1e-4 else -1
+
+
 def _stands_up(thing: Thing, carrier: Thing) -> bool:
     return is_post(thing) or is_held_up(thing, carrier)
-
-
-def _is_lid(thing: Thing, carrier: Thing) -> bool:
-    rounds = thing.kind == "cylinder" and carrier.kind == "cylinder"
-    alike = 0.75 < float(thing.extents[0] / carrier.extents[0]) < 1.35
-    return bool(rounds and alike and thing.extents[2] < 0.5 * carrier.extents[2])
 
 
 def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
@@ -123,8 +114,6 @@ def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
     width, _, height = thing.extents
     if is_button(thing, carrier):
         return "button"
-    if parent >= 0 and carrier is not None and _is_lid(thing, carrier):
-        return "lid"
     if is_post(thing) and not thing.textured:
         return "post"
     if is_held_up(thing, carrier):
@@ -138,16 +127,10 @@ def noun_for(thing: Thing, things: Sequence[Thing], parent: int) -> str:
         if thing.kind == "cylinder":
             return "cup" if height > 0.6 * width else "bowl"
         return "tray" if height < 0.4 * width else "open box"
-    match shape_of(thing):
-        case "sphere":
-            return "ball"
-        case "disc":
-            return "disc"
-        case "cylinder":
-            return "bottle" if height > 2.0 * width else "cylinder"
-        case "plate":
-            return "plate"
-        case "box":
-            longest, shortest = float(max(thing.extents)), float(min(thing.extents))
-            return "cube" if longest < 1.3 * shortest and longest < 0.15 else "box"
-    return "object"
+    shape = shape_of(thing)
+    if shape == "cylinder":
+        return "bottle" if height > 2.0 * width else "cylinder"
+    if shape == "box":
+        longest, shortest = float(max(thing.extents)), float(min(thing.extents))
+        return "cube" if longest < 1.3 * shortest and longest < 0.15 else "box"
+    return {"sphere": "ball", "other": "object"}.get(shape, shape)

@@ -1,4 +1,4 @@
-"""What the views say beside the points: where a thing ends, what is free under, behind and inside it."""
+"""What the views say beside the points: where a thing ends, what is free under and behind it, whether it is open."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
 
 from gvla2.geometry.transform import FloatArray
@@ -18,6 +19,11 @@ MOST_FREE, MOST_RAYS = 150, 40  # free points and outermost rays that are kept o
 BEFORE = 0.006  # metres in front of a measured surface where a ray is certainly free
 ALONG = np.linspace(-0.006, 0.010, 9)  # metres about a measured depth, along the ray
 WIDEST_HELD = 0.10  # metres: a hand that hides a thing holds no wider one
+FLAT = 0.03  # metres: a ring is no higher
+NARROWEST = 0.008  # metres: a smaller hole is no hole that is seen
+THICK, FLOOR = 0.016, 0.02  # metres: no wall and no floor is thicker
+STRAY = 0.05  # share of the points that need not be where they should
+FEWEST = 20  # points that tell where a wall is
 
 
 def silhouette(
@@ -39,9 +45,8 @@ def silhouette(
         depth = frame.depth[window]
         mask = np.zeros(depth.shape, dtype=bool)
         mask[rows - r0, columns - c0] = True
-        outer = binary_fill_holes(
-            mask
-        )  # through an opening one sees the inside, not what is beside the thing
+        # Through an opening one sees the inside, not what is beside the thing.
+        outer = binary_fill_holes(mask)
         ring = binary_dilation(outer, iterations=2) & ~outer & np.isfinite(depth)
         rays, limit = frame.rays[window][ring], depth[ring] - BEFORE  # (R, 3), (R,)
         length = np.linalg.norm(rays, axis=1)
@@ -74,43 +79,87 @@ def completed(frames: Sequence[Frame], pixels: Pixels, thing: Thing) -> Thing:
     """
     narrow = int(np.argmin(thing.extents[:2]))
     wide, shallow = float(thing.extents[1 - narrow]), float(thing.extents[narrow])
-    if (
-        not thing.floating
-        or thing.kind not in ("box", "other")
-        or shallow > 0.85 * wide
-        or wide > WIDEST_HELD
-    ):
+    boxed = thing.floating and thing.kind in ("box", "other")
+    if not boxed or shallow > 0.85 * wide or wide > WIDEST_HELD:
         return thing
-    normal = thing.pose[:3, narrow]
     views = np.unique(pixels.view[thing.members])
-    away = thing.centre - np.mean([frames[v].origin for v in views], axis=0)
-    normal = normal if normal @ away > 0 else -normal
-    face = _face_grid(thing, narrow) + 0.5 * shallow * normal  # the far face
-    depths = np.linspace(0.2, 0.9, 4) * (wide - shallow)
-    behind = face[:, None] + depths[:, None] * normal  # (25, 4, 3)
-    if seen_through(frames, behind.reshape(-1, 3)).mean() > 0.1:
+    cameras = thing.local(np.mean([frames[v].origin for v in views], axis=0))
+    away = -1.0 if cameras[narrow] > 0 else 1.0
+    shares = [np.linspace(-0.4, 0.4, 5)] * 3
+    shares[narrow] = away * (0.5 + np.linspace(0.2, 0.9, 4) * (wide / shallow - 1.0))
+    if seen_through(frames, thing.grid(*shares)).mean() > 0.1:
         return thing
     yaw, width, depth = upright_rectangle(thing.yaw, wide, wide)
     extents = np.array([width, depth, thing.extents[2]])
-    centre = thing.centre + 0.5 * (wide - shallow) * normal
+    centre = thing.centre + 0.5 * away * (wide - shallow) * thing.pose[:3, narrow]
     return replace(thing, kind="box", centre=centre, extents=extents, yaw=yaw, guessed=True)
-
-
-def _face_grid(thing: Thing, axis: int) -> FloatArray:
-    """(25, 3) points on the upright middle plane of a box across its ``axis``."""
-    along, up = np.meshgrid(np.linspace(-0.4, 0.4, 5), np.linspace(-0.4, 0.4, 5))
-    pose = thing.pose
-    sideways = pose[:3, 1 - axis] * thing.extents[1 - axis]
-    return np.asarray(
-        thing.centre + along.reshape(-1, 1) * sideways + up.reshape(-1, 1) * pose[:3, 2] * thing.extents[2]
-    )
 
 
 def sees_into(frames: Sequence[Frame], thing: Thing, share: float = 0.4) -> bool:
     """Whether cameras look through a ``share`` of the solid's upper half, inside its walls: a cup, a box, a tray."""
     if thing.kind == "sphere" or thing.extents[2] < 0.025 or min(thing.extents[:2]) < 0.04:
         return False
-    x, y, z = np.meshgrid(np.linspace(-0.28, 0.28, 5), np.linspace(-0.28, 0.28, 5), np.linspace(0.05, 0.3, 3))
-    inside = np.stack([x, y, z], axis=-1).reshape(-1, 3) * thing.extents
-    pose = thing.pose
-    return bool(seen_through(frames, inside @ pose[:3, :3].T + pose[:3, 3]).mean() > share)
+    across = np.linspace(-0.28, 0.28, 5)
+    inside = thing.grid(across, across, np.linspace(0.05, 0.3, 3))
+    return bool(seen_through(frames, inside).mean() > share)
+
+
+def opened(frames: Sequence[Frame], thing: Thing) -> Thing:
+    """The thing with its ``opening``, and as a ring where it is flat and one sees the table through it."""
+    if thing.hollow:
+        return replace(thing, opening=_between_walls(thing))
+    if thing.kind == "sphere" or thing.turn is not None or thing.floating:
+        return thing
+    width = float(min(thing.extents[:2]))
+    if thing.extents[2] > min(FLAT, 0.6 * width) or width > 0.2:
+        return thing
+    hole = _hole(frames, thing)
+    return replace(thing, opening=hole, noun="ring") if hole > NARROWEST else thing
+
+
+def _between_walls(thing: Thing) -> float:
+    """The outer width less both walls: the points furthest inside near the top are on the inner wall."""
+    local = thing.local(thing.points)
+    upper = local[(local[:, 2] > 0.1 * thing.extents[2]) & (local[:, 2] < 0.42 * thing.extents[2])]
+    width = float(min(thing.extents[:2]))
+    if thing.kind == "cylinder":
+        depth = 0.5 * width - np.hypot(upper[:, 0], upper[:, 1])
+    else:
+        depth = (0.5 * thing.extents[:2] - np.abs(upper[:, :2])).min(axis=1)
+    depth = depth[(depth > 0) & (depth < 0.2 * width)]
+    wall = float(np.percentile(depth, 90.0)) if len(depth) >= FEWEST else 0.0
+    return max(0.0, width - 2.0 * wall)
+
+
+def _hole(frames: Sequence[Frame], thing: Thing) -> float:
+    """Width of the hole in the middle of a flat thing, metres: rays there go on to the table. 0 without one."""
+    half, steps = 0.5 * thing.extents[2], np.linspace(-0.12, 0.12, 3)
+    if seen_through(frames, thing.grid(steps, steps, np.array([0.5])), margin=half).mean() < 0.6:
+        return 0.0
+    rim: FloatArray = thing.local(thing.points)
+    upper = rim[rim[:, 2] > half - 0.003]
+    if len(upper) < FEWEST:
+        return 0.0
+    off = np.hypot(upper[:, 0], upper[:, 1]) if thing.kind == "cylinder" else np.abs(upper[:, :2]).max(axis=1)
+    return 2.0 * float(np.percentile(off, 2.0))
+
+
+def within_walls(thing: Thing, points: FloatArray, wall: float = THICK) -> NDArray[np.bool_]:
+    """(N,) bool: points (N, 3) in the hollow of a thing, away from its walls, ``wall`` metres thick, and its floor."""
+    local = thing.local(points)
+    high = local[:, 2] > FLOOR - 0.5 * thing.extents[2]
+    if thing.kind == "cylinder":
+        return np.asarray(high & (np.hypot(local[:, 0], local[:, 1]) < 0.5 * thing.extents[0] - wall))
+    return np.asarray(high & (np.abs(local[:, :2]) < 0.5 * thing.extents[:2] - wall).all(axis=1))
+
+
+def crowded(thing: Thing) -> bool:
+    """Whether points of a thing were seen in its middle, where a hollow one has none."""
+    local = np.abs(thing.local(thing.points)[:, :2]) / thing.extents[:2]
+    high = thing.points[:, 2] > thing.bottom + 0.3 * thing.extents[2]
+    return bool((high & (local < 0.25).all(axis=1)).mean() > STRAY)
+
+
+def on_walls(thing: Thing) -> bool:
+    """Whether what is seen of a thing is its walls and its floor."""
+    return bool(within_walls(thing, thing.points).mean() < 2 * STRAY)

@@ -9,32 +9,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import PerceptionError
-from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import without_specks
 from gvla2.perception.frames import find_table
 from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers
 from gvla2.perception.registration import agreed
-from gvla2.planning.scene import Box, Scene, SceneObject
+from gvla2.perception.things import new_ids, numbered, over_workspace
+from gvla2.planning.scene import Box, Scene
 from gvla2_plugins.classical import ClassicalConfig
 from gvla2_plugins.classical.assembly import assemble
 from gvla2_plugins.classical.bodies import bodies_of, textured
+from gvla2_plugins.classical.cases import join_fronts, join_lids
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
 from gvla2_plugins.classical.frames import Frame, usable_frames
-from gvla2_plugins.classical.naming import colour_word, noun_for, parents, shape_of, true_colour
+from gvla2_plugins.classical.naming import described
 from gvla2_plugins.classical.pixels import Pixels, choose
-from gvla2_plugins.classical.regions import Patch, find_patches, unlike_table
-from gvla2_plugins.classical.solids import evenly
+from gvla2_plugins.classical.regions import find_patches, unlike_table
 from gvla2_plugins.classical.things import Thing
-from gvla2_plugins.classical.wholes import WHOLES
+from gvla2_plugins.classical.upright import join_bottles, join_stems, name_knives
 
-BORDER = (
-    0.06  # metres around the workspace that are looked at too, so that what stands on its edge is seen whole
-)
-PAINT = 0.001  # the thickness that a painted patch is given
-MOST_POINTS = 4000  # points kept of one object
+BORDER = 0.06  # metres around the workspace that are looked at too: what stands on its edge is seen whole
+WHOLES = (join_lids, join_fronts, join_stems, name_knives, join_bottles)
+"""What is looked for, in this order: a side of a case is not to be taken for a bottle."""
 
 
 class ClassicalPerceiver:
@@ -45,17 +44,8 @@ class ClassicalPerceiver:
     """
 
     def __init__(self, config: ClassicalConfig) -> None:
-        wrong = [
-            name
-            for name in (
-                "min_height",
-                "jump",
-                "colour_step",
-                "gap",
-                "min_region",
-            )
-            if not getattr(config, name) > 0
-        ]
+        lengths = ("min_height", "jump", "colour_step", "gap", "min_region")
+        wrong = [name for name in lengths if not getattr(config, name) > 0]
         if wrong or config.min_points < 4 or config.robot_margin < 0:
             raise PerceptionError(
                 f"perceiver=classical: {', '.join(wrong) or 'min_points or robot_margin'} is out of range; lengths "
@@ -76,42 +66,45 @@ class ClassicalPerceiver:
             raise PerceptionError(f"The workspace from {low} to {high} is empty; low must be below high.")
         views = agreed(observation.views, workspace)
         err = views is not observation.views
-        frames, notes = usable_frames(views, config.robot_margin, wary=err)
+        frames, notes = usable_frames(views, config.robot_margin, least=3 if err else 2)
         if err:
             notes.append("The cameras' poses disagreed and were corrected.")
         table = find_table([frame.points[np.isfinite(frame.depth)] for frame in frames], workspace)
         table_from_world = table.frame(workspace)
         frames = [frame.moved(table_from_world) for frame in frames]
         hand = transform_points(table_from_world, observation.world_from_tcp[:3, 3])
-        pixels, things, painted, patches = self._find(frames, table.noise, workspace, hand)
-        objects = _name_things(pixels, things) + _name_patches(painted, patches)
-        world = [_into_world(o, invert_rigid(table_from_world)) for o in objects]
-        world, lost = _inside(world, workspace)
-        ordered, new_id = _numbered(world)
-        notes += lost + _carried_notes(things, new_id)
         middle = 0.5 * (low + high)
         height = table.height_at(float(middle[0]), float(middle[1]))
-        scene = Scene(ordered, height, workspace, "classical", tuple(notes))
+        # The table's frame has its origin under the middle of the workspace.
+        room = np.array([*(high - middle)[:2] + BORDER, high[2] - height])
+        pixels, things, painted, patches = self._find(frames, table.noise, room, hand)
+        objects = described(pixels, things, "thing") + described(painted, patches, "patch")
+        back = invert_rigid(table_from_world)
+        world = [
+            replace(o, world_from_object=back @ o.world_from_object, points=transform_points(back, o.points))
+            for o in objects
+        ]
+        inside = over_workspace(world, workspace)
+        if lost := len(world) - len(inside):
+            notes.append(f"{lost} thing(s) beside the workspace were left out.")
+        notes += _carried_notes(things, new_ids(inside))
+        scene = Scene(numbered(inside), height, workspace, "classical", tuple(notes))
         return labelled(scene, observation, self._labellers)
 
     def _find(
-        self, frames: Sequence[Frame], noise: float, workspace: Box, hand: FloatArray
-    ) -> tuple[Pixels, list[Thing], Pixels, list[Patch]]:
+        self, frames: Sequence[Frame], noise: float, room: FloatArray, hand: FloatArray
+    ) -> tuple[Pixels, list[Thing], Pixels, list[Thing]]:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
-        raised, flat = [], []
-        for frame in frames:
-            world_from_table = invert_rigid(frame.frame_from_world)
-            world = transform_points(world_from_table, frame.points)
-            with np.errstate(invalid="ignore"):
-                beside = (world[..., :2] > workspace.low[:2] - BORDER) & (
-                    world[..., :2] < workspace.high[:2] + BORDER
-                )
-                inside = beside.all(axis=-1) & (world[..., 2] < workspace.high[2])
-                height = frame.points[..., 2]
-                raised.append(without_specks(inside & (height > rise)))
-                flat.append(inside & (np.abs(height) <= rise))
-        different = [unlike_table(f, mask, mask) for f, mask in zip(frames, flat, strict=True)]
+        with np.errstate(invalid="ignore"):
+            inside = [(np.abs(frame.points) < room).all(axis=-1) for frame in frames]
+            above = [frame.points[..., 2] > rise for frame in frames]
+        raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
+        flat = [
+            near & ~high & (frame.points[..., 2] >= -rise)
+            for frame, near, high in zip(frames, inside, above, strict=True)
+        ]
+        different = [unlike_table(f, mask) for f, mask in zip(frames, flat, strict=True)]
         raised = grow_down(frames, raised, flat, different, config.colour_step)
         pixels = choose(frames, raised)
         things: list[Thing] = []
@@ -133,94 +126,18 @@ class ClassicalPerceiver:
             frames, paint, bare, config.min_region, config.min_points, config.colour_step
         )
         # What is seen flat on the table inside a hollow thing is its floor.
-        patches = [p for p in patches if not any(t.hollow and t.covers(p.centre[None])[0] for t in things)]
+        patches = [
+            p for p in patches if not any(t.hollow and t.covers(p.centre[None, :2])[0] for t in things)
+        ]
         return pixels, things, painted, patches
 
 
 def _grain(frame: Frame, flat: NDArray[np.bool_]) -> float:
     """What most neighbouring pixels of the table differ by at most, in colour from 0 to 1: the picture's noise."""
+    image, flat = frame.image[::4].astype(np.float64), flat[::4]
     both = flat[:, :-1] & flat[:, 1:]
-    if not both.any():
-        return 0.0
-    step = frame.image[:, :-1][both].astype(np.float64) - frame.image[:, 1:][both]
-    return float(np.percentile(np.linalg.norm(step, axis=1), 75.0)) / 255.0
-
-
-def _name_things(pixels: Pixels, things: Sequence[Thing]) -> list[SceneObject]:
-    """Objects in the table's frame; ids are their places in the list, parents likewise."""
-    belongs = parents(things)
-    objects = []
-    for k, thing in enumerate(things):
-        rgb = true_colour(pixels, thing.members)
-        colour, sure = colour_word(rgb)
-        label = f"{colour} {noun_for(thing, things, belongs[k])}"
-        parent = f"thing{belongs[k]}" if belongs[k] >= 0 else ""
-        seen = 0.8 * thing.agreement if thing.guessed else thing.agreement
-        confidence = round(float(np.clip(seen, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3)
-        points = evenly(thing.points, MOST_POINTS)
-        objects.append(
-            SceneObject(
-                f"thing{k}",
-                label,
-                shape_of(thing),
-                colour,
-                thing.pose,
-                thing.extents,
-                points,
-                rgb,
-                parent,
-                confidence,
-                thing.opening,
-            )
-        )
-    return objects
-
-
-def _name_patches(pixels: Pixels, patches: Sequence[Patch]) -> list[SceneObject]:
-    objects = []
-    for k, patch in enumerate(patches):
-        rgb = true_colour(pixels, patch.members)
-        colour, sure = colour_word(rgb)
-        square = patch.lengths.min() > 0.85 * patch.lengths.max()
-        noun = "circle" if patch.round else "square" if square else "patch"
-        c, s = np.cos(patch.yaw), np.sin(patch.yaw)
-        pose = rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], [*patch.centre, 0.5 * PAINT])
-        confidence = round(float(np.clip(patch.agreement, 0.05, 1.0) * (0.5 + 0.5 * sure)), 3)
-        points = evenly(patch.points, MOST_POINTS)
-        extents = np.array([*patch.lengths, PAINT])
-        objects.append(
-            SceneObject(
-                f"patch{k}", f"{colour} {noun}", "region", colour, pose, extents, points, rgb, "", confidence
-            )
-        )
-    return objects
-
-
-def _into_world(thing: SceneObject, world_from_table: FloatArray) -> SceneObject:
-    return replace(
-        thing,
-        world_from_object=world_from_table @ thing.world_from_object,
-        points=transform_points(world_from_table, thing.points),
-    )
-
-
-def _inside(objects: list[SceneObject], workspace: Box) -> tuple[list[SceneObject], list[str]]:
-    """Objects whose middle lies over the workspace; a sentence about the others."""
-    inside = [o for o in objects if ((o.centre >= workspace.low) & (o.centre <= workspace.high))[:2].all()]
-    lost = len(objects) - len(inside)
-    return inside, [f"{lost} thing(s) beside the workspace were left out."] if lost else []
-
-
-def _numbered(objects: Sequence[SceneObject]) -> tuple[tuple[SceneObject, ...], dict[str, str]]:
-    """Ids o1, o2, ... by x, then y, then height, to the millimetre; and the new ids by the old ones."""
-
-    def place(thing: SceneObject) -> tuple[float, ...]:
-        centre: FloatArray = np.round(thing.centre, 3)
-        return (*centre.tolist(), float(thing.extents[2]))
-
-    ordered = sorted(objects, key=place)
-    ids = {thing.id: f"o{k + 1}" for k, thing in enumerate(ordered)}
-    return tuple(replace(o, id=ids[o.id], parent=ids.get(o.parent, "")) for o in ordered), ids
+    step = np.linalg.norm(image[:, :-1][both] - image[:, 1:][both], axis=1)
+    return float(np.percentile(np.append(step, 0.0), 75.0)) / 255.0
 
 
 def _carried_notes(things: Sequence[Thing], ids: dict[str, str]) -> list[str]:

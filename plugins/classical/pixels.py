@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import appearance
-from gvla2_plugins.classical.frames import Frame
-
-IntArray = NDArray[np.int64]
+from gvla2_plugins.classical.frames import Frame, IntArray
 
 
 @dataclass(frozen=True)
@@ -33,14 +31,15 @@ class Pixels:
     def __len__(self) -> int:
         return len(self.view)
 
-    def neighbours(self) -> IntArray:
-        """(E, 2) pairs of chosen pixels that touch along a side in one image."""
+    def neighbours(self, jump: float) -> IntArray:
+        """(E, 2) pairs of chosen pixels that touch along a side in one image, less than ``jump`` metres apart."""
         pairs = []
         for index in self.maps:
             for one, other in ((index[:, :-1], index[:, 1:]), (index[:-1], index[1:])):
                 both = (one >= 0) & (other >= 0)
                 pairs.append(np.stack([one[both], other[both]], axis=1))
-        return np.concatenate(pairs)
+        both = np.concatenate(pairs)
+        return both[np.linalg.norm(self.points[both[:, 0]] - self.points[both[:, 1]], axis=1) < jump]
 
 
 def choose(frames: Sequence[Frame], masks: Sequence[NDArray[np.bool_]], *, on_plane: bool = False) -> Pixels:

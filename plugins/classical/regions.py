@@ -3,49 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.perception.clusters import without_specks
-from gvla2_plugins.classical.clusters import join_across_views, pieces_in_views
+from gvla2_plugins.classical.clusters import groups, join_across_views, pieces_in_views
 from gvla2_plugins.classical.frames import Frame
 from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
-from gvla2_plugins.classical.solids import circle_distance, evenly, fit_solid, narrow_yaw, rectangle_distance
-from gvla2_plugins.classical.things import upright_rectangle
+from gvla2_plugins.classical.solids import box_distance, cylinder_distance, evenly, fit_solid, narrow_yaw
+from gvla2_plugins.classical.things import Thing, upright_rectangle
 
 OTHER_LOOK = 7.0  # a table pixel whose look differs by more from the table's has paint on it
+ONE_PAINT = 12.0  # patches of one paint differ by less, in look
 NARROW = 0.012  # metres: a thinner patch is a seam
 REACH = 0.006
+# Metres and radians about the rectangle of the points, for a fit of one.
+ROOM = np.array([0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0])
+PAINT = 0.001  # metres: the thickness that a painted patch is given
 
 
-@dataclass(frozen=True)
-class Patch:
-    """A painted patch in the table's frame: ``centre`` (2,), ``yaw``, ``lengths`` (2,), metres; ``round`` for discs."""
-
-    members: IntArray = field(repr=False)
-    points: FloatArray = field(repr=False)
-    centre: FloatArray
-    yaw: float
-    lengths: FloatArray
-    round: bool
-    agreement: float
-
-
-def unlike_table(frame: Frame, plane: NDArray[np.bool_], area: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(H, W) bool: pixels of ``area`` that look different from most of the pixels of ``plane``, in this view."""
+def unlike_table(frame: Frame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(H, W) bool: pixels of ``plane`` that look different from most of them, in this view."""
     if not plane.any():
-        return area.copy()
+        return plane
     colours = frame.image[plane]
     bins = (colours >> 4).astype(np.int64) @ [256, 16, 1]
     common = colours[bins == np.bincount(bins).argmax()]
     table = np.median(evenly(common, 5000), axis=0)
     near = np.abs(colours - table).max(axis=1) <= 16  # the mode may straddle two bins
     table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
-    different = area & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
+    different = plane & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
     look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)
     different[different] = np.linalg.norm(look[:-1] - look[-1], axis=1) > OTHER_LOOK
     return different
@@ -58,60 +47,31 @@ def find_patches(
     min_region: float,
     min_points: int,
     colour_step: float,
-) -> tuple[Pixels, list[Patch]]:
+) -> tuple[Pixels, list[Thing]]:
     """Patches among the ``painted`` table pixels; ``bare`` ones show the table itself; one (H, W) a frame each."""
     pixels = choose(frames, [without_specks(mask) for mask in painted], on_plane=True)
     if len(pixels) == 0:
         return pixels, []
     pieces = pieces_in_views(pixels, jump=0.05, colour_step=0.5 * colour_step)
     labels = join_across_views(pixels, pieces, REACH)
-    groups = [np.nonzero(labels == k)[0] for k in np.unique(labels[labels >= 0])]
-    groups = [g for g in groups if len(g) >= min_points]
-    groups = _join_hidden(frames, pixels, groups, bare)
-    patches = [_fit(frames, pixels, members, bare) for members in groups]
-    kept = [p for p in patches if p.lengths.prod() >= min_region and p.lengths.min() >= NARROW]
-    return pixels, kept
-
-
-def _join_hidden(
-    frames: Sequence[Frame], pixels: Pixels, groups: list[IntArray], bare: Sequence[NDArray[np.bool_]]
-) -> list[IntArray]:
-    """Groups of one look between which no bare table is seen, as where a thing stands across a patch, made one."""
-    groups = list(groups)
-    i = 0
-    while i < len(groups):
-        for j in range(i + 1, len(groups)):
-            a, b = groups[i], groups[j]
-            looks = [np.median(pixels.look[g], axis=0) for g in (a, b)]
-            one, other = (np.median(pixels.points[g], axis=0) for g in (a, b))
-            if np.linalg.norm(looks[0] - looks[1]) > 12.0 or np.linalg.norm(one - other) > 0.25:
-                continue
-            line = one + np.linspace(0, 1, 30)[:, None] * (other - one)
-            if not _table_seen(frames, bare, line).any():
-                groups[i] = np.concatenate([a, b])
-                del groups[j]
-                break
-        else:
-            i += 1
-    return groups
-
-
-def _table_seen(
-    frames: Sequence[Frame], bare: Sequence[NDArray[np.bool_]], points: FloatArray
-) -> NDArray[np.bool_]:
-    seen = np.zeros(len(points), dtype=bool)
-    for frame, mask in zip(frames, bare, strict=True):
-        world_from_frame = np.linalg.inv(frame.frame_from_world)
-        uv, _ = frame.camera.project(transform_points(world_from_frame, points))
-        inside = frame.camera.inside(uv)
-        columns, rows = uv[inside].astype(np.int64).T
-        seen[inside] |= mask[rows, columns]
-    return seen
+    fitted = [_fit(frames, pixels, members, bare) for members in groups(labels, min_points)]
+    patches: list[Thing] = []
+    for patch in sorted(fitted, key=lambda p: -p.extents.prod()):
+        sides, look = patch.extents[:2], np.median(pixels.look[patch.members], axis=0)
+        # A piece of one that is already found, cut off by what stands on it.
+        piece = any(
+            whole.covers(patch.centre[None, :2])[0]
+            and np.linalg.norm(look - np.median(pixels.look[whole.members], axis=0)) < ONE_PAINT
+            for whole in patches
+        )
+        if sides.prod() >= min_region and sides.min() >= NARROW and not piece:
+            patches.append(patch)
+    return pixels, patches
 
 
 def _fit(
     frames: Sequence[Frame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
-) -> Patch:
+) -> Thing:
     points = pixels.points[members]
     outside = [np.zeros((0, 3))]
     for number, (frame, mask) in enumerate(zip(frames, bare, strict=True)):
@@ -122,26 +82,31 @@ def _fit(
         outside.append(plane_crossings(frame, rows, columns))
     beside = evenly(np.concatenate(outside), 700)
     yaw, middle, lengths = narrow_yaw(points[:, :2], trim=0.2)
-    # Only the rim says where a patch ends; points well inside would only dilute it.
-    rim = _outer(points, middle, yaw, lengths)
-    square = fit_solid(
-        rectangle_distance, [*middle, yaw, *lengths], rim, beside, filled=True, tolerance=0.004, steps=20
-    )
-    disc = fit_solid(
-        circle_distance, [*middle, float(lengths.mean())], rim, beside, filled=True, tolerance=0.004, steps=20
+    seen = evenly(points, 700)
+    # Of no height that counts: a slab and a drum from far below to far above.
+    slab = np.array([*middle, yaw, *lengths, 1.0, -1.0])
+    drum = np.array([*middle, lengths.mean(), 1.0, -1.0])
+    square, disc = (
+        fit_solid(
+            distance,
+            start,
+            seen,
+            beside,
+            hold=(-2, -1),
+            limits=(start - ROOM[: len(start)], start + ROOM[: len(start)]),
+            filled=True,
+            tolerance=0.004,
+        )
+        for distance, start in ((box_distance, slab), (cylinder_distance, drum))
     )
     is_round = disc.cost < 0.5 * square.cost and lengths.max() < 1.2 * lengths.min()
     if is_round:
-        cx, cy, diameter = disc.parameters
-        return Patch(members, points, np.array([cx, cy]), 0.0, np.full(2, diameter), True, disc.agreement)
-    cx, cy, yaw, width, depth = square.parameters
-    yaw, width, depth = upright_rectangle(yaw, width, depth)
-    return Patch(members, points, np.array([cx, cy]), yaw, np.array([width, depth]), False, square.agreement)
-
-
-def _outer(points: FloatArray, middle: FloatArray, yaw: float, lengths: FloatArray) -> FloatArray:
-    """The points outside the inner three fifths of their rectangle; all of them when those are few."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    local = np.abs((points[:, :2] - middle) @ np.array([[c, -s], [s, c]])) / (0.5 * lengths)
-    outer = points[(local > 0.6).any(axis=1)]
-    return evenly(outer if len(outer) >= 40 else points, 700)
+        cx, cy, width = disc.parameters[:3]
+        yaw, depth, noun = 0.0, width, "circle"
+    else:
+        cx, cy, yaw, width, depth = square.parameters[:5]
+        yaw, width, depth = upright_rectangle(yaw, width, depth)
+        noun = "square" if depth > 0.85 * width else "patch"
+    centre, extents = np.array([cx, cy, 0.5 * PAINT]), np.array([width, depth, PAINT])
+    agreement = (disc if is_round else square).agreement
+    return Thing("region", members, points, centre, yaw, extents, agreement, noun=noun)

@@ -9,8 +9,15 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.openings import crowded, on_walls, within_walls
-from gvla2_plugins.classical.outline import completed, hangs, sees_into, silhouette
+from gvla2_plugins.classical.outline import (
+    completed,
+    crowded,
+    hangs,
+    on_walls,
+    sees_into,
+    silhouette,
+    within_walls,
+)
 from gvla2_plugins.classical.pixels import IntArray, Pixels
 from gvla2_plugins.classical.solids import (
     Distance,
@@ -32,7 +39,8 @@ ROUND = 1.12  # a round solid, which has fewer parameters, is taken up to this f
 INTRUDED = 0.08  # share of free points within a solid from which it is the wrong solid, not a hollow one
 CLEARLY = 0.1  # more of agreement
 RIM = 0.006  # metres: a wall is no thinner
-HALF, ONE_SIDE = 1.35, 4.5  # length over breadth of what is seen of a round thing from one side
+SQUARE = 1.35  # length over breadth of what may be round
+UPRIGHT = 0.5  # of the length of what is seen: a thing that is lower shows its top, and so its outline
 ANYWHERE, LENGTH = (-10.0, 10.0), (0.5 * THIN, 3.0)
 DISTANCES: dict[Kind, Distance] = {
     "box": box_distance,
@@ -59,8 +67,18 @@ class Evidence:
     middle: FloatArray
     lengths: FloatArray
 
-    def fit(self, kind: Kind, start: Sequence[float] | FloatArray, *, filled: bool = False) -> Fit:
-        """The solid ``kind`` from the parameters ``start``."""
+    def start(self, kind: Kind) -> FloatArray:
+        """Parameters of the solid that fills the rectangle."""
+        heights, width = (self.highest, self.bottom), float(self.lengths.mean())
+        if kind == "sphere":
+            return np.array([*self.middle, self.highest - 0.5 * width, width])
+        if kind == "cylinder":
+            return np.array([*self.middle, width, *heights])
+        return np.array([*self.middle, self.yaw, *self.lengths, *heights])
+
+    def fit(self, kind: Kind, start: FloatArray | None = None, *, filled: bool = False) -> Fit:
+        """The solid ``kind``, from the parameters ``start`` if they are given."""
+        start = self.start(kind) if start is None else start
         top = (self.highest - 0.012, self.highest + 0.006)
         bottom = (self.bottom - 0.01, self.bottom + 0.006)
         ranges = {
@@ -68,80 +86,60 @@ class Evidence:
             "cylinder": [ANYWHERE, ANYWHERE, LENGTH, top, bottom],
             "sphere": [ANYWHERE, ANYWHERE, ANYWHERE, LENGTH],
         }[kind]
-        hold = () if self.floating or kind == "sphere" else (len(ranges) - 1,)
-        limits = ([r[0] for r in ranges], [r[1] for r in ranges])
+        hold = () if self.floating or kind == "sphere" else (-1,)
+        low, high = zip(*ranges, strict=True)
+        evidence = self.seen, self.free, self.rays
         return fit_solid(
-            DISTANCES[kind],
-            start,
-            self.seen,
-            self.free,
-            self.rays,
-            hold=hold,
-            limits=limits,
-            filled=filled,
-            slack=0.004,
+            DISTANCES[kind], start, *evidence, hold=hold, limits=(low, high), filled=filled, slack=0.004
         )
 
 
 def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Thing:
     """The solid that explains the pixels ``members`` (N,) best, standing on the table unless it is seen to hang."""
-    points = pixels.points[members]
     evidence = _gather(frames, pixels, members, gap)
     fits = _fits(evidence)
     kind = min(fits, key=lambda name: fits[name].cost * (ROUND if name == "box" else 1.0))
     fit = fits[kind]
-    yaw, centre, extents = _upright(kind, fit.parameters)
-    thing = Thing(
-        kind,
-        members,
-        points,
-        centre,
-        yaw,
-        extents,
-        fit.agreement,
-        floating=evidence.floating,
-        lowest=evidence.lowest,
-    )
-    if (hollow := _hollow(frames, evidence, thing, kind, fit)) is not None:
+    nowhere = np.zeros(3)
+    thing = Thing(kind, members, pixels.points[members], nowhere, 0.0, nowhere, fit.agreement)
+    thing = replace(thing, floating=evidence.floating, lowest=evidence.lowest)
+    thing = _posed(thing, kind, fit.parameters)
+    if (hollow := _hollow(frames, evidence, thing, fit)) is not None:
         return hollow
-    if fit.agreement < 0.5 * GOOD or not _within(evidence, centre, extents):
-        thing = _bounding(thing, evidence)
+    if fit.agreement < 0.5 * GOOD or not _within(evidence, thing):
+        # No solid that we know: the box about its points.
+        yaw, middle, lengths = narrow_yaw(thing.points[:, :2], trim=0.5)
+        lengths = np.maximum(lengths, THIN)
+        thing = _posed(thing, "other", [*middle, yaw, *lengths, evidence.highest, evidence.bottom])
     return completed(frames, pixels, thing)
 
 
-def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, kind: Kind, fit: Fit) -> Thing | None:
+def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, fit: Fit) -> Thing | None:
     """The thing as a hollow one, where one sees into it; None where one does not.
 
     The inner wall is seen too: only the outline tells where the outer one is. Where a view shows it in pieces, rays
     beside a piece pass through the hollow; they say nothing against the walls.
     """
     if fit.intrusion < INTRUDED and sees_into(frames, thing) and not crowded(thing):
-        fit = evidence.fit(kind, fit.parameters, filled=True)
-        yaw, centre, extents = _upright(kind, fit.parameters)
-        return replace(thing, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
-    square = evidence.lengths.max() < 1.25 * evidence.lengths.min()
-    about = [*evidence.middle, evidence.yaw, *evidence.lengths, evidence.highest, evidence.bottom]
-    starts: list[tuple[Kind, FloatArray]] = [("box", np.asarray(about))]
-    if square:
-        radial = [*evidence.middle, evidence.lengths.mean(), evidence.highest, evidence.bottom]
-        starts.insert(0, ("cylinder", np.asarray(radial)))
+        fit = evidence.fit(thing.kind, fit.parameters, filled=True)
+        return replace(_posed(thing, thing.kind, fit.parameters), agreement=fit.agreement, hollow=True)
     if evidence.floating or (fit.agreement >= GOOD and fit.intrusion < INTRUDED):
         return None
+    square = evidence.lengths.max() < 1.25 * evidence.lengths.min()
+    kinds: list[Kind] = ["cylinder", "box"] if square else ["box"]
     found: list[Thing] = []
-    for shape, start in starts:
-        yaw, centre, extents = _upright(shape, start)
-        trial = replace(thing, kind=shape, centre=centre, yaw=yaw, extents=extents)
+    for kind in kinds:
+        trial = _posed(thing, kind, evidence.start(kind))
         if not sees_into(frames, trial, share=0.8) or crowded(trial):
             continue
         # Where a rim was lost, rays beside what is left of it pass through the hollow, close to its walls.
         outer = replace(evidence, free=evidence.free[~within_walls(trial, evidence.free, RIM)])
-        fit = outer.fit(shape, start, filled=True)
-        yaw, centre, extents = _upright(shape, fit.parameters)
-        walls = replace(trial, centre=centre, yaw=yaw, extents=extents, agreement=fit.agreement, hollow=True)
+        fit = outer.fit(kind, filled=True)
+        walls = replace(_posed(trial, kind, fit.parameters), agreement=fit.agreement, hollow=True)
         if fit.agreement >= GOOD and on_walls(walls):
             found.append(walls)
     # A wider box explains round walls too: the one that is like the outside must be clearly worse.
-    return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == kind), default=None)
+    return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == thing.kind), default=None)
 
 
 def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Evidence:
@@ -161,65 +159,39 @@ def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: flo
 
 def _fits(evidence: Evidence) -> dict[Kind, Fit]:
     """The box, and the round solids where the box is square enough."""
-    highest, bottom, middle = evidence.highest, evidence.bottom, evidence.middle
-    fits: dict[Kind, Fit] = {
-        "box": evidence.fit("box", [*middle, evidence.yaw, *evidence.lengths, highest, bottom])
-    }
-    width, depth, top = fits["box"].parameters[3:6]
-    long, short = float(evidence.lengths.max()), float(evidence.lengths.min())
-    if max(width, depth) >= 1.35 * min(width, depth) and HALF < long / short < ONE_SIDE:
-        # A round thing that is seen from one side shows a strip as wide as it is.
-        fits["cylinder"] = _from_one_side(evidence, long, short)
-    elif max(width, depth) < 1.35 * min(width, depth):
-        diameter = float(evidence.lengths.mean())
-        fits["cylinder"] = evidence.fit("cylinder", [*middle, diameter, highest, bottom])
-        if 0.6 < (top - bottom) / diameter < 1.5:
-            fits["sphere"] = evidence.fit("sphere", [*middle, highest - 0.5 * diameter, diameter])
+    fits: dict[Kind, Fit] = {"box": evidence.fit("box")}
+    width, depth, top, bottom = fits["box"].parameters[3:]
+    short, long = sorted(evidence.lengths.tolist())
+    if max(width, depth) < SQUARE * min(width, depth):
+        fits["cylinder"] = evidence.fit("cylinder")
+        if 0.6 < 2.0 * (top - bottom) / (long + short) < 1.5:
+            fits["sphere"] = evidence.fit("sphere")
+    elif long > SQUARE * short and top - bottom > UPRIGHT * long:
+        # A round thing that is seen from one side shows a strip as wide as it is; a low one shows its top.
+        along = evidence.yaw + (0.0 if evidence.lengths[0] < evidence.lengths[1] else 0.5 * np.pi)
+        behind = 0.5 * (long - short) * np.array([np.cos(along), np.sin(along)])
+        circle = [long, evidence.highest, evidence.bottom]
+        ends = [np.append(evidence.middle + sign * behind, circle) for sign in (1.0, -1.0)]
+        fits["cylinder"] = min((evidence.fit("cylinder", end) for end in ends), key=lambda fit: fit.cost)
     return fits
 
 
-def _from_one_side(evidence: Evidence, long: float, short: float) -> Fit:
-    """The best cylinder that shows no more than one of its sides."""
-    along = evidence.yaw + (0.0 if evidence.lengths[0] < evidence.lengths[1] else 0.5 * np.pi)
-    behind = 0.5 * (long - short) * np.array([np.cos(along), np.sin(along)])
-    starts = [
-        [*(evidence.middle + sign * behind), long, evidence.highest, evidence.bottom] for sign in (1.0, -1.0)
-    ]
-    return min((evidence.fit("cylinder", start) for start in starts), key=lambda fit: fit.cost)
-
-
-def _within(evidence: Evidence, centre: FloatArray, extents: FloatArray) -> bool:
+def _within(evidence: Evidence, thing: Thing) -> bool:
     """Whether the fit stayed where the points are."""
     reach = 0.5 * evidence.lengths.max() + 0.03
-    return bool((extents >= 0.5 * THIN).all() and (np.abs(centre[:2] - evidence.middle) < reach).all())
+    near = np.abs(thing.centre[:2] - evidence.middle) < reach
+    return bool((thing.extents >= 0.5 * THIN).all() and near.all())
 
 
-def _bounding(thing: Thing, evidence: Evidence) -> Thing:
-    """The box about the points of something that is no solid we know."""
-    yaw, middle, lengths = narrow_yaw(thing.points[:, :2], trim=0.5)
-    lengths = np.maximum(lengths, THIN)
-    yaw, width, depth = upright_rectangle(yaw, float(lengths[0]), float(lengths[1]))
-    low, high = evidence.bottom, evidence.highest
-    return replace(
-        thing,
-        kind="other",
-        centre=np.array([*middle, 0.5 * (low + high)]),
-        yaw=yaw,
-        extents=np.array([width, depth, high - low]),
-    )
-
-
-def _upright(kind: Kind, parameters: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-    """Yaw, centre (3,) and extents (3,); the long side of a box is its x axis, a square's yaw is within 45 degrees."""
+def _posed(thing: Thing, kind: Kind, parameters: Sequence[float] | FloatArray) -> Thing:
+    """The thing as a solid with these parameters (see :data:`DISTANCES`)."""
+    yaw, (x, y, *sides) = 0.0, parameters
     if kind == "sphere":
-        return 0.0, parameters[:3], np.full(3, abs(parameters[3]))
+        return replace(thing, kind=kind, centre=np.array([x, y, sides[0]]), extents=np.full(3, abs(sides[1])))
+    *sides, top, bottom = sides
     if kind == "cylinder":
-        cx, cy, diameter, top, bottom = parameters
-        return (
-            0.0,
-            np.array([cx, cy, 0.5 * (top + bottom)]),
-            np.array([abs(diameter), abs(diameter), top - bottom]),
-        )
-    cx, cy, yaw, width, depth, top, bottom = parameters
-    yaw, width, depth = upright_rectangle(yaw, width, depth)
-    return yaw, np.array([cx, cy, 0.5 * (top + bottom)]), np.array([width, depth, top - bottom])
+        width = depth = abs(sides[0])
+    else:
+        yaw, width, depth = upright_rectangle(*sides)
+    centre, extents = np.array([x, y, 0.5 * (top + bottom)]), np.array([width, depth, top - bottom])
+    return replace(thing, kind=kind, centre=centre, yaw=yaw, extents=extents)

@@ -11,14 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from gvla2.geometry.transform import FloatArray
 
 Distance = Callable[[FloatArray, FloatArray], FloatArray]
 """Signed distances (B, N), metres, negative inside, of points (N, 3) to solids with parameters (B, P)."""
 
-HUBER = 0.003
-LARGE = 0.012  # a point this far off belongs to something else: its pull grows no more
+SCALE = 0.003  # metres: a point further off belongs ever more to something else
+STEPS = 16  # of a fit
+STEP = 1e-5  # of parameters, for derivatives
 
 
 def _join(*planes: FloatArray) -> FloatArray:
@@ -56,19 +58,6 @@ def sphere_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) - 0.5 * diameter)
 
 
-def rectangle_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
-    """Flat rectangle, z ignored: centre x, y, yaw, width, depth."""
-    cx, cy, yaw, width, depth = _columns(parameters)
-    dx, dy, c, s = points[:, 0] - cx, points[:, 1] - cy, np.cos(yaw), np.sin(yaw)
-    return _join(np.abs(c * dx + s * dy) - 0.5 * width, np.abs(c * dy - s * dx) - 0.5 * depth)
-
-
-def circle_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
-    """Flat disc, z ignored: centre x, y, diameter."""
-    cx, cy, diameter = _columns(parameters)
-    return np.asarray(np.hypot(points[:, 0] - cx, points[:, 1] - cy) - 0.5 * diameter)
-
-
 @dataclass(frozen=True)
 class Fit:
     """A fitted solid: ``parameters`` (P,); ``cost`` mean robust squared error, m^2; ``agreement`` in [0, 1], the
@@ -93,9 +82,8 @@ def fit_solid(
     filled: bool = False,
     slack: float = 0.0,
     tolerance: float = 0.005,
-    steps: int = 14,
 ) -> Fit:
-    """Damped Gauss-Newton from ``start`` (P,) with a robust loss.
+    """Robust least squares from ``start`` (P,).
 
     ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
     that hit the solid, which must reach into it somewhere, however wrong their depth is; ``hold`` indices of
@@ -103,70 +91,53 @@ def fit_solid(
     inside, as those of a painted patch do, or ``slack`` metres outside, where their depth is noisy.
     """
     parameters = np.asarray(start, dtype=np.float64).copy()
-    moving = [i for i in range(len(parameters)) if i not in hold]
+    moving = np.delete(np.arange(len(parameters)), list(hold))
     rays = np.zeros((0, 1, 3)) if rays is None else rays
     counts = (len(surface), len(free), len(rays))
     share = np.repeat([1.0 / max(1, count) for count in counts], counts)
     points = np.concatenate([surface, free, rays.reshape(-1, 3)])
     first_free, first_ray = counts[0], counts[0] + counts[1]
 
-    def errors(candidates: FloatArray) -> FloatArray:
+    def errors(values: FloatArray) -> FloatArray:
+        """(B, N + M + R) errors of candidates with the moving parameters (B, P')."""
+        candidates = np.tile(parameters, (len(values), 1))
+        candidates[:, moving] = values
         value = distance(candidates, points)
         seen, outside = value[:, :first_free], value[:, first_free:first_ray]
         reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
         seen = np.maximum(seen - slack, 0.0) if filled else seen
         return np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1)
 
-    step_size = 1e-5
-    damping = 1e-3
-    error = errors(parameters[None])[0]
-    cost = float(share @ _loss(error))
-    for _ in range(steps):
-        probes = np.tile(parameters, (len(moving), 1))
-        probes[np.arange(len(moving)), moving] += step_size
-        jacobian = (errors(probes) - error).T / step_size  # (N + M, P')
-        weighted = jacobian * (share * _weight(error))[:, None]
-        normal, slope = weighted.T @ jacobian, weighted.T @ error
-        diagonal = np.diag(normal) + 1e-6 * max(1e-12, float(np.trace(normal)))
-        improved = False
-        for _ in range(4):
-            move = -np.linalg.solve(normal + np.diag(damping * diagonal + 1e-12), slope)
-            move = np.clip(move, -0.1, 0.1)
-            trial = parameters.copy()
-            trial[moving] += move
-            trial = trial if limits is None else np.clip(trial, *limits)
-            trial_error = errors(trial[None])[0]
-            trial_cost = float(share @ _loss(trial_error))
-            if trial_cost < cost:
-                improved = True
-                break
-            damping *= 8.0
-        if not improved:
-            break
-        gain = cost - trial_cost
-        parameters, error, cost, damping = trial, trial_error, trial_cost, max(1e-6, damping / 4.0)
-        if gain < 1e-3 * cost + 1e-13:
-            break
+    def jacobian(at: FloatArray) -> FloatArray:
+        steps_aside = np.vstack([at, at + STEP * np.eye(len(at))])
+        here, *beside = errors(steps_aside)
+        return (np.stack(beside, axis=1) - here[:, None]) / STEP
+
+    def loss(squares: FloatArray) -> FloatArray:
+        """Cauchy's, of each kind of evidence as much; the third row 0 keeps to reweighted least squares."""
+        return share * np.stack([np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)])
+
+    low, high = (
+        (np.full(len(parameters), -np.inf), np.full(len(parameters), np.inf)) if limits is None else limits
+    )
+    bounds = np.asarray(low)[moving], np.asarray(high)[moving]
+    found = least_squares(
+        lambda at: errors(at[None])[0],
+        np.clip(parameters[moving], *bounds),
+        jacobian,
+        bounds,
+        loss=loss,
+        f_scale=SCALE,
+        ftol=1e-3,
+        max_nfev=STEPS,
+    )
+    parameters[moving] = found.x
+    error = errors(found.x[None])[0]
     on = np.abs(error[:first_free]) < tolerance
     inside = error[first_free:first_ray] < -tolerance
     intrusion = float(inside.mean()) if len(free) else 0.0
     agreement = max(0.0, float(on.mean()) - intrusion) if len(surface) else 0.0
-    return Fit(parameters, cost, agreement, intrusion)
-
-
-def _weight(error: FloatArray) -> FloatArray:
-    """Weights of iteratively reweighted least squares: Huber's, and less beyond LARGE."""
-    size = np.maximum(np.abs(error), 1e-12)
-    return np.minimum(1.0, HUBER / size) * np.minimum(1.0, (LARGE / size) ** 2)
-
-
-def _loss(error: FloatArray) -> FloatArray:
-    size = np.abs(error)
-    huber = np.where(size < HUBER, 0.5 * size**2, HUBER * (size - 0.5 * HUBER))
-    ceiling = HUBER * (LARGE - 0.5 * HUBER)
-    return np.where(
-        size < LARGE, huber, ceiling + HUBER * LARGE * 0.5 * (1.0 - (LARGE / np.maximum(size, LARGE)) ** 2)
-    )
+    return Fit(parameters, found.cost, agreement, intrusion)
 
 
 def evenly(points: FloatArray, most: int) -> FloatArray:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from gvla2.geometry.transform import FloatArray, rigid
 from gvla2_plugins.classical.pixels import IntArray
 
-Kind = Literal["box", "cylinder", "sphere", "other"]
+Kind = Literal["box", "cylinder", "sphere", "region", "other"]
+"""A region is paint on the table."""
 
 THIN = 2e-3  # metres: nothing is taken to be flatter
 
@@ -88,6 +89,11 @@ class Thing:
         if self.kind in ("cylinder", "sphere"):
             return np.asarray(np.linalg.norm(local, axis=1) <= 0.5 * self.extents[0] + margin)
         return np.asarray((np.abs(local) <= 0.5 * self.spans[:2] + margin).all(axis=1))
+
+    def grid(self, *shares: FloatArray) -> FloatArray:
+        """(N, 3) all points at so many of its extents from its centre, along each of its three axes."""
+        steps = np.stack(np.meshgrid(*shares, indexing="ij"), axis=-1).reshape(-1, 3)
+        return np.asarray(self.centre + (steps * self.extents) @ self.pose[:3, :3].T)
 
     def local(self, points: FloatArray) -> FloatArray:
         """(N, 3) points (N, 3) along its own axes, from its centre."""

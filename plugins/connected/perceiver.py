@@ -33,4 +33,6 @@ class ConnectedPerceiver:
             rgb = np.concatenate([f.view.image[m == k] for f, m in zip(frames, found.maps, strict=True)])
             things.append(thing_of(found.points(frames, k), rgb / 255.0, height, 1.0, f"thing{k}"))
         scene = Scene((), height, workspace, "connected", tuple(notes))
-        return Scene(numbered(over_workspace(things, scene)), height, workspace, "connected", tuple(notes))
+        return Scene(
+            numbered(over_workspace(things, scene.workspace)), height, workspace, "connected", tuple(notes)
+        )

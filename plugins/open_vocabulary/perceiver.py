@@ -76,7 +76,9 @@ class VocabularyPerceiver:
         middle = 0.5 * (workspace.low + workspace.high)
         height = table.height_at(*middle[:2].tolist())
         scene = Scene((), height, workspace, self._name, (*notes, *small))
-        scene = Scene(numbered(over_workspace(objects, scene)), height, workspace, self._name, scene.notes)
+        scene = Scene(
+            numbered(over_workspace(objects, scene.workspace)), height, workspace, self._name, scene.notes
+        )
         return labelled(scene, observation, self._labellers)
 
 

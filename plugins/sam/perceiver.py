@@ -86,7 +86,7 @@ class SamPerceiver:
         objects, small = objects_of(fuse(frames, candidates), frames, table, config.min_points)
         middle = 0.5 * (workspace.low + workspace.high)
         scene = Scene((), table.height_at(*middle[:2].tolist()), workspace, "sam", (*notes, *small))
-        scene = _with(scene, over_workspace(objects, scene))
+        scene = _with(scene, over_workspace(objects, scene.workspace))
         if self._vision is not None:
             from gvla2.perception.localizing import localized
 

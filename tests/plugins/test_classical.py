@@ -149,13 +149,6 @@ def test_touching_cubes_of_two_colours_are_two():
         assert np.linalg.norm(by_label(scene, f"{truth.colour} cube").centre - truth.centre) < 0.003
 
 
-def test_touching_cubes_that_differ_in_lightness_alone_are_two():
-    pair = [cube((0.3, 0.0), 0.3, "red"), cube((0.3 - 0.05 * np.sin(0.3), 0.05 * np.cos(0.3)), 0.3, "maroon")]
-    scene = perceive(render(pair))
-    for truth in pair:
-        assert np.linalg.norm(by_label(scene, f"{truth.colour} cube").centre - truth.centre) < 0.003
-
-
 def test_a_painted_square_is_a_region_and_lies_flat():
     truth = put_region((0.10, 0.10), (0.3, -0.1), 0.5, "teal")
     scene = perceive(render([truth, cube((0.3, 0.15), 0.2, "red")], noise=0.002))
