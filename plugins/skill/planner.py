@@ -82,10 +82,10 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
 
 
 def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:
-    """The refusal; ``unread`` where a known colour or kind stands beside words that are not, or fits something."""
-    said = phrase or Phrase("it", pronoun=True)
-    known = (said.colour or said.noun) if said.unknown else ground_all(said, scene)
-    return replace(why, unread=why.kind == "nothing_matches" and phrase is not None and bool(known))
+    """The refusal; ``unread`` where what is known of the phrase, its colour or its noun, fits something there."""
+    if phrase is None or why.kind != "nothing_matches" or not (phrase.colour or phrase.noun):
+        return why
+    return replace(why, unread=bool(ground_all(replace(phrase, unknown=()), scene)))
 
 
 def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abstention:

@@ -71,3 +71,15 @@ def test_a_verb_that_no_skill_is_for(wish, verb):
 )  # fmt: skip
 def test_no_more_calls_than_the_wish_has_parts(wish, most):
     assert most_calls(wish, SCENE) == most
+
+
+@pytest.mark.parametrize(
+    ("wish", "why"),
+    [
+        ("Hold both cups up at the same time.", "both cups up at the same time"),
+        ("Saw the cube in half.", "saw"),
+        ("Pick up both cups.", ""),
+    ],
+)
+def test_what_one_hand_cannot_do_is_told(wish, why):
+    assert undoable(wish) == why
