@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, takewhile
 from typing import Any
@@ -22,6 +23,22 @@ AT_HAND = 0.02
 LONGEST_WORDS = 1000
 """Characters of an instruction that a model is asked about, and of what spoke against an answer that it is told."""
 
+_MILLIMETRES = {"mm": 1.0, "millim": 1.0, "cm": 10.0, "centim": 10.0, "m": 1000.0}
+_LENGTH = re.compile(r"(\d+(?:\.\d+)?) ?(mm|cm|m|millimet(?:re|er)s?|centimet(?:re|er)s?|met(?:re|er)s?)\b")
+
+
+def check_lengths(numbers: Container[float], wish: str) -> None:
+    """Raise :class:`ValueError` where a length that the wish tells is among ``numbers`` in a unit that is not the
+    millimetre: "10 cm" as 10 or 0.1 and nowhere as 100.
+    """
+    for said, unit in _LENGTH.findall(wish.casefold()):
+        length = float(said) * next(mm for name, mm in _MILLIMETRES.items() if unit.startswith(name))
+        wrong = any(n in numbers for n in (float(said), length / 10.0, length / 1000.0))
+        if length not in numbers and wrong:
+            raise ValueError(
+                f"The task says {said} {unit}, which is {length:g} mm; lengths here are millimetres."
+            )
+
 
 def nothing_to_ask(request: PlanRequest) -> Plan | None:
     """The refusal of a request that no model need be asked about; None for any other."""
@@ -35,6 +52,12 @@ def nothing_to_ask(request: PlanRequest) -> Plan | None:
             None, abstention=Abstention("nothing_matches", "No object was perceived that could be handled.")
         )
     return None
+
+
+def last_answer(plan: Plan | None) -> str:
+    """What the model wrote last of a plan, from its transcript; "" where that is not known."""
+    answers = [str(entry.get("answer", "")) for entry in plan.transcript] if plan is not None else []
+    return answers[-1] if answers else ""
 
 
 def instruction_in(request: PlanRequest) -> str:

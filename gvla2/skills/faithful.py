@@ -12,7 +12,7 @@ from gvla2.planning.calls import SkillCall
 from gvla2.planning.colours import FAMILIES, colour_words, meant_by
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2.skills.mentions import asked, mentions, misread, noun_of, undoable
+from gvla2.skills.mentions import acting, asked, mentions, misread, noun_of, undoable
 from gvla2.skills.parts import root_of
 
 SELECTING = frozenset(
@@ -163,6 +163,8 @@ def beyond(instruction: str, scene: Scene) -> Abstention | None:
     """
     if verb := undoable(instruction):
         return Abstention("unknown_skill", f"No skill does '{verb}' (planner.cautious=false asks anyway).")
+    if not acting(instruction):
+        return Abstention("unknown_skill", "No act is asked for (planner.cautious=false asks anyway).")
     if word := ruled_out(instruction):
         message = (
             f"'{word}' may rule something out, which small models read past (planner.cautious=false tries)."

@@ -39,6 +39,16 @@ UNDOABLE = frozenset(
     "throw toss hurl kick juggle read sing dance sew iron sharpen repair fix sell buy".split()
 )
 """What no hand does here by any skill; a model that may only call skills would do another thing instead."""
+ACTING = frozenset(
+    "pick lift raise hoist snatch hold heave scoop gather bring move grab grasp seize grip clutch get take fetch "
+    "collect retrieve obtain give pass hand reach put set lay place drop deposit stack rest position deliver "
+    "transfer carry relocate leave stow store park load pile arrange sort insert slip thread fit hang mount stick "
+    "lower settle tuck pop push slide shove nudge sweep scoot shift drag propel steer guide drive poke press hit "
+    "tap click switch turn light activate toggle flick open prise pry flip swing fold pull draw tug yank extract "
+    "remove ease wiggle unscrew twist untwist uncap unseal rotate uncork loosen undo unfasten spin close shut "
+    "seal cover belong go want need build tidy clear off onto into up out down".split()
+)
+"""Words of acts that some skill may do; a wish without any of them is for another kind of robot."""
 TOGETHER = re.compile(
     r"\b(?:both|two|all|every|each)\b.*\b(?:at the same time|simultaneously|together in the air)\b"
 )
@@ -129,6 +139,17 @@ def undoable(wish: str) -> str:
         if words and words[0] in UNDOABLE:
             return words[0]
     return ""
+
+
+def acting(wish: str) -> bool:
+    """Whether some word of a wish says an act that a skill may do, in any form of it."""
+    endings = ("", "s", "es", "d", "ed", "ing")
+    for word in re.findall(r"[a-z]+", wish.casefold()):
+        stems = {word.removesuffix(end) for end in endings}
+        stems |= {stem + "e" for stem in stems} | {stem[:-1] for stem in stems if stem[-2:-1] == stem[-1:]}
+        if stems & ACTING:
+            return True
+    return False
 
 
 def most_calls(wish: str, scene: Scene) -> int:

@@ -20,11 +20,10 @@ class Agent3dConfig(ComponentConfig):
     """Options of the ``agent3d`` planner, which asks the run's ``language``.
 
     ``waypoints``: ``relative`` to named objects, or ``bare`` (x, y, z, g) as in the paper. ``points`` > 0 lists so many
-    surface points of each object, the paper's X_t. ``tries``
-    bounds how often the model is asked, with the reasons when an answer was no path; ``samples`` answers a try are
-    drawn and the one that most agree on is taken. ``programs`` remembered successes at most are shown. ``speed`` of
-    the tool in the open, ``contact_speed`` where it touches, m/s. ``explore`` > 0 is the temperature of the first
-    answer, for episodes that gather experience; ``explore_seed`` gives another answer.
+    surface points of each object, the paper's X_t. ``tries`` bounds how often the model is asked, with the reasons when
+    an answer was no path; ``samples`` answers a try are drawn and the one that most agree on is taken. ``programs``
+    remembered successes at most are shown. ``speed`` of the tool in the open, ``contact_speed`` where it touches, m/s.
+    ``explore`` > 0 is the temperature of the first answer, to gather experience; ``explore_seed`` gives another one.
     """
 
     waypoints: str = "relative"
@@ -43,7 +42,7 @@ class Agent3dConfig(ComponentConfig):
             raise ConfigurationError(f"waypoints is '{self.waypoints}'; it is one of {', '.join(FORMS)}.")
         if min(self.points, self.programs) < 0 or min(self.tries, self.samples, self.max_tokens) < 1:
             raise ConfigurationError(
-                "points and programs are not negative; tries, samples and max_tokens are 1 or more."
+                "points and programs are 0 or more; tries, samples and max_tokens 1 or more."
             )
 
 

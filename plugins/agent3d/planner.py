@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,12 +12,12 @@ from gvla2.planning.calls import SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import waypoints_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.skills.asked_paths import nothing_to_ask
+from gvla2.skills.asked_paths import last_answer, nothing_to_ask
 from gvla2.skills.lifting import lift
 from gvla2.skills.mentions import roles_said
 from gvla2.skills.waypoints import Step, grammar, path_of, read_steps, schema, with_ids
 from gvla2_plugins.agent3d import Agent3dConfig
-from gvla2_plugins.agent3d.prompt import Remembered, messages, rejected_path, remembered_paths
+from gvla2_plugins.agent3d.prompt import Remembered, messages, rejected_path, remembered_paths, written
 
 BACK = 2
 """So often the reasons why a path cannot be carried out go back to the model."""
@@ -45,9 +44,8 @@ class Agent3d:
         known = [] if bare else remembered_paths(request, brief, self.config.programs)
         asked, held = messages(request, brief, known, bare=bare), self._held(request, brief, known)
         if request.rejections:
-            asked += rejected_path(
-                [brief.named(why, request.scene) for why in request.rejections], _written(request.rejected)
-            )
+            why = [brief.named(reason, request.scene) for reason in request.rejections]
+            asked += rejected_path(why, last_answer(request.rejected))
         said: tuple[Mapping[str, Any], ...] = ()
         plan = Plan(None, abstention=Abstention("other", "There is no path."))
         for turn in range(1 + BACK):
@@ -62,7 +60,7 @@ class Agent3d:
             plan = self._lifted(steps, brief, request)
             if plan.abstention is None:
                 break
-            asked += rejected_path([brief.named(plan.abstention.message, request.scene)], _path(steps))
+            asked += rejected_path([brief.named(plan.abstention.message, request.scene)], written(steps))
         return replace(plan, transcript=said)
 
     def _held(self, request: PlanRequest, brief: SceneBrief, known: Sequence[Remembered]) -> str:
@@ -115,13 +113,3 @@ class Agent3d:
             instruction=request.instruction,
         )  # fmt: skip
         return replace(plan, program=program)
-
-
-def _path(steps: list[Step]) -> str:
-    return json.dumps(steps, separators=(",", ":"))
-
-
-def _written(plan: Plan | None) -> str:
-    """What the model wrote of the rejected plan, from its transcript; "" where that is not known."""
-    answers = [str(entry.get("answer", "")) for entry in plan.transcript] if plan is not None else []
-    return answers[-1] if answers else ""

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 from gvla2.language import Message
@@ -17,20 +18,6 @@ from gvla2.skills.asked_paths import instruction_in
 from gvla2.skills.faithful import may_mean
 from gvla2.skills.mentions import roles_said
 
-RELATIVE = """\
-You plan the path of a robot hand as waypoints [name, dx, dy, up, g]: the fingertips go dx, dy mm \
-beside the middle of the named thing and up mm above its top (negative: below its top); g is 1 for \
-an open hand and 0 for a closed one. A waypoint may also be [name, other, along, up, g]: along mm \
-from the middle of the named thing towards the other one (negative: away from it). x points away \
-from the robot, y to its left. To carry a thing, go above it open, go down to it open, close, rise, \
-go above the goal, open. To push a thing along the table, keep the hand closed behind it and move it \
-to the goal. To press, go down on it with the hand closed."""
-BARE = """\
-You plan the path of a robot hand. A waypoint is [x, y, z, g]: where the fingertips go in mm, x away \
-from the robot, y to its left, z above the table; g is 1 for an open hand, 0 for a closed one. To \
-carry a thing, go above it with the hand open, go down to it, close, rise, go above the goal, go \
-down, open. To push a thing over the table, start behind it with the hand closed and go to the goal. \
-To press a button, go down on it with the hand closed. Answer with the list of waypoints only."""
 EXAMPLE_THINGS = {
     False: "tan_sponge 60x50x40\nwhite_bowl 140x140x60 open 130",
     True: "tan_sponge 60x50x40 at 100,50\nwhite_bowl 140x140x60 open 130 at 300,-100",
@@ -64,20 +51,22 @@ def messages(
     """
     about = [name for path in known for name in path.names]
     things = _by_relevance(brief, request.instruction, about)
-    turns = [
-        (_question(EXAMPLE_THINGS[bare], EXAMPLE_TASK), EXAMPLE_PATH[bare]),
-        *(
-            (_question(things, path.task), json.dumps([list(s) for s in path.steps], separators=(",", ":")))
-            for path in known
-        ),
-    ]
-    asked: list[Message] = [{"role": "system", "content": BARE if bare else RELATIVE}]
-    for question, path in turns:
-        asked += [{"role": "user", "content": question}, {"role": "assistant", "content": path}]
+    turns = [(_question(EXAMPLE_THINGS[bare], EXAMPLE_TASK), EXAMPLE_PATH[bare])]
+    for path in known:
+        turns.append((_question(things, path.task), written(path.steps)))
+    form = files(__package__).joinpath("bare.md" if bare else "relative.md").read_text("utf-8").strip()
+    asked: list[Message] = [{"role": "system", "content": form}]
+    for question, answer in turns:
+        asked += [{"role": "user", "content": question}, {"role": "assistant", "content": answer}]
     question = _question(things, instruction_in(request))
     words = filter(None, (remembered(request.advice.text.strip()), question))
     asked.append({"role": "user", "content": "\n".join(words)})
     return asked
+
+
+def written(steps: Sequence[Sequence[Any]]) -> str:
+    """A path as the model writes it."""
+    return json.dumps(steps, separators=(",", ":"))
 
 
 def _question(things: str, task: str) -> str:
@@ -132,7 +121,5 @@ def rejected_path(reasons: Sequence[str], path: str) -> list[Message]:
     """What the checks said of a path, to its author."""
     said = " ".join(_one_line(r) for r in reasons)[:1200]
     asked: list[Message] = [{"role": "assistant", "content": path}] if path else []
-    return [
-        *asked,
-        {"role": "user", "content": f"That path cannot be carried out. {said}\nWrite a better path."},
-    ]
+    why = f"That path cannot be carried out. {said}\nWrite a better path."
+    return [*asked, {"role": "user", "content": why}]

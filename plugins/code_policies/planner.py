@@ -11,7 +11,7 @@ from gvla2.planning.calls import SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
 from gvla2.planning.programs import calls_program
 from gvla2.planning.scene_brief import SceneBrief, scene_brief
-from gvla2.skills.asked_paths import nothing_to_ask
+from gvla2.skills.asked_paths import last_answer, nothing_to_ask
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.faithful import Named, beyond, doubts, named_things, theme_held, unclear
 from gvla2.skills.mentions import MOST, most_calls
@@ -65,7 +65,7 @@ class CodePolicies:
         asked = messages(request, skills, can, brief, self.config.programs)
         if request.rejections:
             why = [brief.named(reason, request.scene) for reason in request.rejections]
-            asked += correction(why, _last_answer(request.rejected))
+            asked += correction(why, last_answer(request.rejected))
         if self.config.cautious and (declined := beyond(request.instruction, request.scene)) is not None:
             return Plan(None, abstention=declined)
         said: tuple[Mapping[str, Any], ...] = ()
@@ -166,8 +166,3 @@ class CodePolicies:
             instruction=request.instruction,
         )  # fmt: skip
         return replace(plan, program=program), doubtful
-
-
-def _last_answer(plan: Plan | None) -> str:
-    answers = [str(entry.get("answer", "")) for entry in plan.transcript] if plan is not None else []
-    return answers[-1] if answers else ""

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import ast
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -16,14 +15,12 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.array_expressions import Interpreter, Value
 from gvla2.planning.scene import Scene, SceneObject
+from gvla2.skills.asked_paths import check_lengths
 
 MAPS = ("affordance", "avoidance", "rotation", "gripper", "speed")
 LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
 """Characters, nodes of its tree, variables and moves of a program: what bounds its time and memory."""
-
-
-_MILLIMETRES = {"mm": 1.0, "millim": 1.0, "cm": 10.0, "centim": 10.0, "m": 1000.0}
-_LENGTH = re.compile(r"(\d+(?:\.\d+)?) ?(mm|cm|m|millimet(?:re|er)s?|centimet(?:re|er)s?|met(?:re|er)s?)\b")
+Evaluate = Callable[[ast.expr], Value]
 
 
 class Program(NamedTuple):
@@ -41,9 +38,7 @@ def read_program(text: str) -> Program:
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        raise ValueError(
-            f"The program cannot be read ({error}); write lines move(...) and nothing else."
-        ) from None
+        raise ValueError(f"It cannot be read ({error}); write lines move(...) and nothing else.") from None
     if sum(1 for _ in ast.walk(tree)) > MOST_NODES:
         raise ValueError("The program is too long; write fewer and simpler moves.")
     stages: list[Mapping[str, ast.expr]] = []
@@ -57,33 +52,22 @@ def read_program(text: str) -> Program:
             case ast.Expr(value=ast.Call(func=ast.Name(id="move"), args=args, keywords=keywords)):
                 maps = {str(k.arg): k.value for k in keywords}
                 if len(args) > 1 or set(maps) - set(MAPS) or "affordance" not in maps:
-                    raise ValueError(
-                        f"Line {line.lineno}: a move has a name, an affordance, and of {', '.join(MAPS)}."
-                    )
+                    has = f"a name, an affordance, and of {', '.join(MAPS)}"
+                    raise ValueError(f"Line {line.lineno}: a move has {has}.")
                 stages.append(maps)
             case _:
                 raise ValueError(f"Line {line.lineno} is neither move(...) nor name = expression.")
     if len(variables) > MOST_VARIABLES or not 1 <= len(stages) <= MOST_STAGES:
-        raise ValueError(
-            f"The program has {len(stages)} moves and {len(variables)} variables; write 1 to {MOST_STAGES} moves and "
-            f"at most {MOST_VARIABLES} variables."
-        )
+        has = f"{len(stages)} moves and {len(variables)} variables"
+        raise ValueError(f"It has {has}; write 1 to {MOST_STAGES} and at most {MOST_VARIABLES}.")
     return Program(tuple(stages), variables)
 
 
 def check_units(program: Program, wish: str) -> None:
-    """Raise :class:`ValueError` where a length that the wish tells stands in the program in a unit that is not the
-    millimetre: "10 cm" as 10 or 0.1 and nowhere as 100.
-    """
+    """Raise :class:`ValueError` where a length of the wish stands in the program in another unit than mm."""
     trees = [*program.variables.values(), *(map_ for stage in program.stages for map_ in stage.values())]
     nodes = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
-    numbers = {float(n.value) for n in nodes if isinstance(n.value, int | float)}
-    for said, unit in _LENGTH.findall(wish.casefold()):
-        length = float(said) * next(mm for name, mm in _MILLIMETRES.items() if unit.startswith(name))
-        if length not in numbers and {float(said), length / 10.0, length / 1000.0} & numbers:
-            raise ValueError(
-                f"The task says {said} {unit}, which is {length:g} mm; lengths here are millimetres."
-            )
+    check_lengths({float(n.value) for n in nodes if isinstance(n.value, int | float)}, wish)
 
 
 class Field:
@@ -118,29 +102,22 @@ class Field:
             raise ValueError(f"Things have no '{name}'; they have {', '.join(sides)}.")
         return np.float64(1e3 * sides[name])
 
-    def function(
-        self, name: str
-    ) -> Callable[[Sequence[ast.expr], Callable[[ast.expr], Value]], Value] | None:
+    def function(self, name: str) -> Callable[[Sequence[ast.expr], Evaluate], Value] | None:
         """A map made of a thing and of distances in millimetres."""
         return partial(self._place, _PLACES[name]) if name in _PLACES else None
 
-    def _place(
-        self, place: Callable[..., Value], args: Sequence[ast.expr], value: Callable[[ast.expr], Value]
-    ) -> Value:
+    def _place(self, place: Callable[..., Value], args: Sequence[ast.expr], value: Evaluate) -> Value:
         lengths = [float(value(a)) for a in args[1:]]
         for length in lengths:
             if 0.0 < abs(length) < 1.0:
-                raise ValueError(
-                    f"A length is {length:g}; lengths are millimetres, not metres: 0.1 m is 100."
-                )
+                raise ValueError(f"A length is {length:g}; lengths are millimetres: 0.1 m is 100.")
         return place(self._points, self._thing(args[0]), *(1e-3 * v for v in lengths))
 
     def _thing(self, node: ast.expr) -> SceneObject:
         name = node.id if isinstance(node, ast.Name) else node.value if isinstance(node, ast.Constant) else ""
         if not isinstance(name, str) or name not in self._ids:
-            raise ValueError(
-                f"There is no thing '{ast.unparse(node)[:60]}'; there are {', '.join(self._ids)}."
-            )
+            said = ast.unparse(node)[:60]
+            raise ValueError(f"There is no thing '{said}'; there are {', '.join(self._ids)}.")
         return self._scene[self._ids[name]]
 
 

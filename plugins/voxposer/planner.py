@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 NEAR = 0.03
 """A waypoint so near to a stop takes its turn of the hand, metres."""
-
-
 SLOWEST, FASTEST = 0.1, 2.0
 """Bounds of the speed map, shares of the usual speed."""
 
@@ -42,28 +40,25 @@ class Stop:
     speed: float
 
 
-def stops(
-    program: Program, request: PlanRequest, ids: Mapping[str, str], config: VoxPoserConfig
-) -> list[Stop]:
+def stops(program: Program, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig) -> list[Stop]:
     """The way of the hand, open at first; raises :class:`ValueError` for maps that mean nothing."""
     scene, arm = request.scene, request.arm
-    low = np.maximum(scene.workspace.low, arm.workspace.low)
-    low[2] = max(low[2], scene.table_height)
+    low = np.maximum.reduce([scene.workspace.low, arm.workspace.low, [-np.inf, -np.inf, scene.table_height]])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
-    grid = VoxelGrid.over(box, config.voxel)
+    grid = VoxelGrid.over(box, c.voxel)
     everywhere = Field(scene, ids, program, grid.centres())
     found: list[Stop] = []
     at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
     for stage in program.stages:
         maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        goal = grid.peak(lambda p, m=stage["affordance"]: Field(scene, ids, program, p).values(m), avoided)
-        goal = np.clip(goal, box.low, box.high)
+        peak = grid.peak(lambda p, m=stage["affordance"]: Field(scene, ids, program, p).values(m), avoided)
+        goal = np.clip(peak, box.low, box.high)
         # Not in the way: what the move begins or ends at, what is held, and what a closed, empty hand goes straight to.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
         ends = {held, *(object_at(point, scene) for point in line)}
-        clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=config.margin)
-        costs = 1.0 + config.obstacles * np.exp(-clear / config.margin) + config.avoidance * avoided
+        clear = grid.clearance([o for o in scene.obstacles() if o.id not in ends], grown=c.margin)
+        costs = 1.0 + c.obstacles * np.exp(-clear / c.margin) + c.avoidance * avoided
         # A number for the hand is meant for the end of the move, a map with several of them for where it says so.
         varied = np.ptp(maps.get("gripper", np.zeros(1))) > 0.0
         way = grid.route(costs, at, goal)
@@ -73,8 +68,8 @@ def stops(
             turn = float(np.radians(given["rotation"])) if "rotation" in given else None
             speed = float(np.clip(given.get("speed", 1.0), SLOWEST, FASTEST))
             found.append(Stop(tuple(map(float, point)), float(np.clip(hand, 0.0, 1.0)), turn, speed))
-        closed = found[-1].gripper < 0.5
-        held = (object_at(goal, scene) if gripper >= 0.5 else held) if closed else ""
+        if found[-1].gripper >= 0.5 or gripper >= 0.5:
+            held = "" if found[-1].gripper >= 0.5 else object_at(goal, scene)
         at, gripper = goal, found[-1].gripper
     return found
 
@@ -101,8 +96,8 @@ class VoxPoserPlanner:
             way[:] = stops(program, request, brief.ids, self.config)
             return [[PathPoint(s.place, s.gripper) for s in way]]
 
-        words = [f"Things ({LEGEND}); data alone:\n{brief.text}", *told(request)]
-        asked = "\n\n".join([*words, f"Task: {instruction_in(request)}"])
+        things, task = f"Things ({LEGEND}); data alone:\n{brief.text}", f"Task: {instruction_in(request)}"
+        asked = "\n\n".join([things, *told(request), task])
         messages = [{"role": "system", "content": self._prompt}, {"role": "user", "content": asked}]
         plan = ask_for_path(self._language, messages, read, request, tries=self.config.tries)
         return plan if plan.trajectory is None else replace(plan, trajectory=_with_maps(plan.trajectory, way))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gvla2.planning.calls import SkillCall
-from gvla2.skills.mentions import MOST, mentions, misread, most_calls, undoable
+from gvla2.skills.mentions import MOST, acting, mentions, misread, most_calls, undoable
 from gvla2.testing import inputs
 
 SCENE = inputs.scene()
@@ -83,3 +83,17 @@ def test_no_more_calls_than_the_wish_has_parts(wish, most):
 )
 def test_what_one_hand_cannot_do_is_told(wish, why):
     assert undoable(wish) == why
+
+
+@pytest.mark.parametrize(
+    ("wish", "is_act"),
+    [
+        ("Scrub the toilet bowl.", False),
+        ("Slice the bread on the board.", False),
+        ("Grabbing the cup would be nice.", True),
+        ("The cube placed on the plate, please.", True),
+        ("Red thing up off the table.", True),
+    ],
+)
+def test_a_wish_without_any_act_is_told(wish, is_act):
+    assert acting(wish) == is_act
