@@ -13,7 +13,6 @@ from gvla2.evaluation.memory.figure import Figure, Row, Test
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
-from tests.memory.looking import look
 
 YES = Verdict.from_criteria({"completion": 0.95, "safety": 0.9}, verifier="bench")
 EXAMINERS = {"first examiner": 1, "second examiner": 2, "third examiner": 3, "fourth examiner": 4}
@@ -117,9 +116,8 @@ def _fate(setting: Setting, entry: Entry) -> Fate:
     with _bank(setting) as bank:
         first = bank.admit(_lesson(entry, 0), YES, task=entry.tasks[0], source="one", trusted=True)
         second = bank.admit(_lesson(entry, 1), YES, task=entry.tasks[1], source="two", trusted=True)
-        contradicted = any(
-            link.kind in ("conflict", "suspicion") for link in look(bank.store, bank.bank).links()
-        )
+        with bank.store.reading(bank.bank) as view:
+            contradicted = any(link.kind in ("conflict", "suspicion") for link in view.links())
         merged = not contradicted and bool(second.merged) and bool(first.added)
         return Fate(contradicted, merged, len(bank.records(_LIVE)), len(bank.recall(entry.tasks[0]).items))
 
