@@ -75,7 +75,8 @@ NEAR, TURN = 0.010, 0.3
 class Antipodal:
     """One grasp: ``rotation`` (3, 3), its columns the hand's breadth, closing direction and approach in the world;
     ``centre`` (3,) of the tool; ``width`` of what is between the fingers and ``opening`` of the hand, metres; ``back``
-    is how far the fingertips go back along the approach to be clear of the thing; ``worth`` in [0, 1].
+    is how far the fingertips go back along the approach to be clear of the thing; ``worth`` in [0, 1]; ``facing`` is
+    the cosine between the surfaces and the closing direction, of the side that is turned away more.
     """
 
     family: str
@@ -85,6 +86,7 @@ class Antipodal:
     opening: float
     back: float
     worth: float
+    facing: float
 
 
 @dataclass(frozen=True)
@@ -215,6 +217,7 @@ def _by_slabs(skin: Skin, family: str, rotation: FloatArray, hand: Hand, table: 
                     - min(0.4, 2.0 * aslant)
                     - 1.5 * max(0.0, 0.020 - (end - nearest))
                     - FAMILIES[family],
+                    face,
                 )
             if tips == deepest:
                 break

@@ -90,7 +90,10 @@ def test_what_is_too_wide_is_taken_by_its_wall(arm):
     made = plan(arm, "lift the red cup", CUP)
     off = at(made, "close")[:2] - CUP.centre[:2]
     assert np.linalg.norm(off) == pytest.approx(0.5 * 0.091, abs=0.002)
-    closed = plan(arm, "lift the red cup", replace(CUP, opening=0.0))
+    # Nothing but its outside and a flat top is seen: no wall to hold.
+    flat = np.concatenate([tube((0.35, 0.1), d, 0.139, 0.14) for d in np.linspace(0.002, 0.095, 24)])
+    points = np.concatenate([tube((0.35, 0.1), 0.095, 0.0, 0.14), flat])
+    closed = plan(arm, "lift the red cup", replace(CUP, opening=0.0, points=points))
     assert closed.abstention is not None
     assert closed.abstention.kind == "too_wide"
 

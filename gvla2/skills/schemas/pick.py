@@ -134,14 +134,18 @@ def grasps(job: Job) -> list[Grasp] | Abstention:
     )
 
 
+SQUARE = 0.9
+"""Of a can too wide for the hand the surface offers chords, which squeeze it out: its sides must be square to them."""
+
+
 def by_what_is_there(job: Job, boxed: list[Grasp]) -> list[Grasp]:
     """The box's grasps that the thing's surface does not contradict; where the box tells little of where the thing can
     be held, or its surface leaves none of them, also those by its surface.
     """
     found, irregular = felt(job, boxed), job.theme.shape in ("other", "bar")
-    if irregular or not found:
-        found = [*found, *by_surface(job)]
-    return found if irregular else found or boxed
+    if irregular:
+        return [*found, *by_surface(job)]
+    return found or by_surface(job, SQUARE) or boxed
 
 
 def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
@@ -162,10 +166,12 @@ def felt(job: Job, found: list[Grasp]) -> list[Grasp]:
     ]
 
 
-def by_surface(job: Job) -> list[Grasp]:
-    """Grasps of the thing's surface, either way round."""
+def by_surface(job: Job, square: float = 0.0) -> list[Grasp]:
+    """Grasps of the thing's surface, either way round, whose sides face the fingers by this cosine at least."""
     hand, found = job.hand, []
     for grasp in antipodal(job.theme, hand, job.scene.table_height, job.outward()):
+        if grasp.facing < square:
+            continue
         where = {"top": "from above", "leaning": "from above, leaning", "side": "from the side"}[grasp.family]
         at = ", ".join(f"{1000 * v:.0f}" for v in (grasp.centre - job.theme.centre)[:2])
         closing = grasp.rotation[:, 1]
