@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from gvla2.planning.calls import SkillCall
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import Scene, SceneObject
@@ -16,6 +18,8 @@ from gvla2.skills.meaning import meant, whole_meant
 
 MOST = 3
 """Things in one trajectory: it has at most 20 waypoints, and each thing takes six."""
+SLACK = 0.002
+"""By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
 WIDE = 0.06
 """A container is open by more than this at its top, metres: things are put into it side by side."""
 INTO = ("", "on", "in", "to")
@@ -87,3 +91,18 @@ def is_container(thing: SceneObject) -> bool:
     wide = float(thing.extents[:2].min())
     whole = thing.shape != "region" and not thing.parent
     return whole and thing.opening > WIDE and thing.top - thing.bottom < wide
+
+
+def kept_out(theme: SceneObject, goal: SceneObject) -> str:
+    """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
+    if goal.shape == "region" or goal.parent:
+        return ""
+    if goal.opening and theme.label.split()[-1] == goal.label.split()[-1]:
+        return ""  # cups and bowls go into their like, as far as they do
+    solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
+    if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
+        return f"The {goal.label} is not seen to be open: nothing goes into it."
+    room = goal.opening or float(np.max(goal.extents[:2]))
+    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # whichever way it is turned
+        return f"The {theme.label} is too large to go into the {goal.label}."
+    return ""

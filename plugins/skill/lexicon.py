@@ -93,18 +93,23 @@ SUPPORTS = frozenset("table tabletop desk surface ground floor bench counter".sp
 TABLE_WORDS = SUPPORTS | frozenset("air sky top height heights hand gripper".split())
 """Places that are everywhere: "off the table", "in the air" and "to the target height" single nothing out."""
 SELECTORS: dict[str, tuple[str, ...]] = _table(
-    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, leftmost, left most, left hand, left""",
-    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right, rightmost, right most, right hand, right""",
+    left="""on the left hand side, on the left side, on|at the left, on your left, furthest|farthest left, leftmost,
+        left most, left hand, left""",
+    right="""on the right hand side, on the right side, on|at the right, on your right, furthest|farthest right,
+        rightmost, right most, right hand, right""",
     middle="in the middle|centre|center, middle, central",
-    near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most, frontmost, nearest, closest, front, nearer, closer""",
-    far="""farthest|furthest from you, farthest|furthest away, in|at the back|rear, farthest, furthest, rearmost, back, rear""",
+    near="""closest|nearest to you, closest|nearest to the robot|gripper, nearest you, in|at the front, front most,
+        frontmost, nearest, closest, front, nearer, closer""",
+    far="""farthest|furthest from you, farthest|furthest away, in|at the back|rear, farthest, furthest, rearmost, back,
+        rear""",
     big="biggest, largest, bigger, larger, big, large, huge, widest", tall="tallest, highest, taller, tall",
     small="smallest, littlest, tiniest, smaller, small, little, tiny, narrowest",
     short="shortest, lowest, shorter, short, flattest", any="any|one|either of the, any one of the, any, either, some",
 )  # fmt: skip
 """Words that single one out of several."""
 RELATIONS: dict[str, tuple[str, ...]] = _table(
-    on="""down onto|over|around|on|the, on top of, onto the top of, onto, on to, on, upon, over the top of, atop, above, over, around, round""",
+    on="""down onto|over|around|on|the, on top of, onto the top of, onto, on to, on, upon, over the top of, atop, above,
+        over, around, round""",
     to="""all the way to, over|across|up to, so that it covers|reaches, so it covers, till|until it covers|touches|reaches,
         until it hits, until it gets to, until it is at|over, towards, toward, to, at, against""",
     left_of="to the left side of, on|to the left of, left of", beside="next|close|near|adjacent to, beside, near, alongside, by",
@@ -123,7 +128,8 @@ _AIMS = {
     (0.0, 1.0): "to the|your left, leftward|leftwards|left",
     (0.0, -1.0): "to the|your right, rightward|rightwards|right",
     (1.0, 0.0): """away from you|yourself, away from the robot, to the front, forward|forwards|ahead|away, straight on""",
-    (-1.0, 0.0): """toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot, to the back, backward|backwards|back""",
+    (-1.0, 0.0): """toward|towards you|yourself, toward|towards the robot, closer|nearer to you, closer to the robot,
+        to the back, backward|backwards|back""",
 }  # fmt: skip
 DIRECTIONS = {wording: aim for aim, listed in _AIMS.items() for wording in _phrases(listed)}
 """Directions in the robot's frame: x forward, y left."""

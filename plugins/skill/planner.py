@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from typing import cast
 
-import numpy as np
-
 from gvla2.planning.calls import Relation, SkillCall, SkillOptions
 from gvla2.planning.contracts import Abstention, Plan, PlanRequest
-from gvla2.planning.scene import Scene, SceneObject
+from gvla2.planning.scene import Scene
 from gvla2.skills.carry_out import carry_out
+from gvla2.skills.chaining import kept_out
 from gvla2.skills.meaning import suited
 from gvla2.skills.table import STANDARD
 from gvla2_plugins.skill import SkillConfig, lexicon
@@ -20,8 +19,6 @@ from gvla2_plugins.skill.intents import Denial, Intent
 from gvla2_plugins.skill.phrases import Phrase
 from gvla2_plugins.skill.sorting import sorting
 
-SLACK = 0.002
-"""By so much, metres, perceived sizes may be wrong where something is to go through an opening."""
 MOVING = ("pick", "fetch", "place", "pull")
 """Skills that take a thing from where it is."""
 
@@ -75,7 +72,7 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
         return _unread(goal, intent.goal, scene)
-    if intent.relation == "in" and (why := _kept_out(theme.object, goal.object)):
+    if intent.relation == "in" and (why := kept_out(theme.object, goal.object)):
         return Abstention("no_goal", why)
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
     return Reading((call,), (*intent.notes, *theme.notes, *goal.notes))
@@ -94,25 +91,8 @@ def _theme(intent: Intent, scene: Scene, out: frozenset[str]) -> Grounded | Abst
     if intent.skill == "press":
         return ground_button(intent.theme, seen)
     phrase = intent.theme or Phrase("it", pronoun=True)
-    return (
-        ground_worked(phrase, seen) if intent.skill in lexicon.WORKED else ground(phrase, seen, movable=True)
-    )
-
-
-def _kept_out(theme: SceneObject, goal: SceneObject) -> str:
-    """Why a thing cannot go into another, told from their shapes and sizes; "" where it can."""
-    alike = (
-        theme.label.split()[-1] == goal.label.split()[-1]
-    )  # cups and bowls go into their like, as far as they do
-    if goal.shape == "region" or goal.parent or (goal.opening and alike):
-        return ""
-    solid = goal.shape in ("box", "cylinder", "sphere") and not goal.opening
-    if solid and goal.label.split()[-1] in ("cube", "box", "cylinder", "ball", "brick", "can"):
-        return f"The {goal.label} is not seen to be open: nothing goes into it."
-    room = goal.opening or float(np.max(goal.extents[:2]))
-    if goal.shape != "ring" and float(np.sort(theme.extents)[1]) > room + SLACK:  # whichever way it is turned
-        return f"The {theme.label} is too large to go into the {goal.label}."
-    return ""
+    worked = intent.skill in lexicon.WORKED
+    return ground_worked(phrase, seen) if worked else ground(phrase, seen, movable=True)
 
 
 def _aimed(intent: Intent) -> Intent | None:
