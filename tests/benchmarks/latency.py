@@ -1,0 +1,68 @@
+"""Seconds of seeing and of planning a second time, on the fourteen tasks' scenes.
+
+    python tests/benchmarks/latency.py see perceiver=classical [depth_noise=realistic]
+    python tests/benchmarks/latency.py plan planner=code_policies language=llama_cpp language.model=FILE.gguf \
+        language.cache=FOLDER
+
+``see`` perceives layout 460 of six tasks four times each, ``plan`` plans layout 216 of two tasks seven times; the first
+time of each, which compiles, loads or asks the model, does not count. Other words are overrides of ``gvla2 run``.
+"""
+
+import statistics
+import sys
+import time
+from contextlib import closing
+from dataclasses import replace
+
+from gvla2.commands.primary import PRIMARY
+from gvla2.commands.run import build_parts
+from gvla2.hydra_bridge import register
+from gvla2.loop.consulting import Asked, Consultation
+from gvla2.plugins import load_plugins
+from gvla2.record.contents import EpisodeRecord
+
+SEEN = ("put_block", "open_jar", "sort_mustard", "put_knife", "open_drawer", "close_box"), 460, 4
+PLANNED = ("put_block", "pickup_cup"), 216, 7
+
+
+def seconds(task, layout, times, what, overrides, registry):
+    """What each time but the first took."""
+    from hydra import compose, initialize_config_module
+    from omegaconf import OmegaConf
+
+    with initialize_config_module("gvla2.conf", version_base="1.3"):
+        composed = compose("run", overrides=[f"task={task}", "robot=sapien_panda", "memory=none", *overrides])
+    parts = build_parts(OmegaConf.to_object(composed), registry)
+    took = []
+    with closing(parts.robot), closing(parts.memory):
+        wish = parts.robot.reset(parts.task, layout, None).instruction
+        seen = parts.robot.observe()
+        scene = None
+        for _ in range(times):
+            began = time.perf_counter()
+            if what == "see" or scene is None:
+                scene = parts.perceiver.perceive(seen, wish, parts.robot.arm.workspace)
+            if what == "plan":
+                began = time.perf_counter()
+                record = EpisodeRecord("", "", "", layout, parts.choices, observation=seen, scene=scene)
+                asked = Asked("planner", parts.planner)
+                consultation = Consultation(asked, None, 0.0, parts.robot.arm, parts.skills, False)
+                consultation.plan(replace(record, instruction=wish))
+            took.append(time.perf_counter() - began)
+    return took[1:]
+
+
+def main() -> None:
+    what, *overrides = sys.argv[1:]
+    if what not in ("see", "plan"):
+        raise SystemExit(f"'{what}' is neither see nor plan.")
+    registry = load_plugins()
+    register(registry, PRIMARY)
+    tasks, layout, times = SEEN if what == "see" else PLANNED
+    for task in tasks:
+        took = seconds(task, layout, times, what, overrides, registry)
+        print(f"{task:14} median {statistics.median(took):.2f} s, most {max(took):.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
