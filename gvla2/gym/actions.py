@@ -1,4 +1,4 @@
-"""Actions: waypoints as seven numbers in the ranges that learners like."""
+"""Actions: waypoints, or small changes of the joints, as numbers in the ranges that learners like."""
 
 from __future__ import annotations
 
@@ -64,6 +64,41 @@ class WaypointActions:
         place = 2.0 * (xyz - low) / (high - low) - 1.0
         angles = _angles(pose[:3, :3] @ _DOWN.T) / np.pi
         return np.asarray(np.clip([*place, *angles, gripper], LOW, HIGH), dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class JointDeltas:
+    """A number a joint in [-1, 1], its change in units of ``step`` radians, and the gripper's opening in [0, 1].
+
+    The robot keeps within its joints' limits, whatever is asked for.
+    """
+
+    dof: int
+    step: float
+
+    @property
+    def bounds(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The least and the largest action, (dof + 1,) each."""
+        high = np.ones(self.dof + 1, dtype=np.float32)
+        return np.append(-high[:-1], np.float32(0)), high
+
+    def target(self, action: ArrayLike, before: FloatArray, measured: FloatArray) -> tuple[FloatArray, float]:
+        """The joints (dof,) in radians that an action asks for, and the opening in [0, 1].
+
+        Changes add to what was asked for ``before`` (dof,), which keeps the arm from sagging, but never lead it more
+        than four steps away from where it is ``measured`` (dof,): a blocked arm does not wind up. Raises
+        :class:`RobotError` for another shape, and for what is not a finite number.
+        """
+        numbers = np.asarray(action, dtype=np.float64)
+        low, high = self.bounds
+        if numbers.shape != low.shape or not np.isfinite(numbers).all():
+            raise RobotError(
+                f"An action is {len(low)} finite numbers (a change for each joint, gripper), "
+                f"got {np.array2string(numbers, precision=3, threshold=12)} of shape {numbers.shape}."
+            )
+        numbers = np.clip(numbers, low, high)
+        lead = np.clip(before + self.step * numbers[:-1] - measured, -4 * self.step, 4 * self.step)
+        return measured + lead, float(numbers[-1])
 
 
 def _angles(turn: FloatArray) -> FloatArray:

@@ -1,38 +1,58 @@
-"""The environment: one task on one robot, a waypoint a step."""
+"""The environment: one task on one robot, a waypoint or a change of the joints a step."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gvla2.catalog import load_plugins
-from gvla2.errors import ConfigurationError, RobotError
+from gvla2.errors import ConfigurationError, RobotError, SimulationError
 from gvla2.geometry.views import Observation
-from gvla2.gym.actions import HIGH, LOW, WaypointActions
-from gvla2.gym.observing import arrays, cameras, observation_space
-from gvla2.gym.stepping import Stepper, reported
+from gvla2.gym.actions import HIGH, LOW, JointDeltas, WaypointActions
+from gvla2.gym.joint_stepping import JointStepper
+from gvla2.gym.observing import (
+    MOST_BODIES,
+    Arrays,
+    body_arrays,
+    body_space,
+    cameras,
+    joint_arrays,
+    joint_space,
+    picture_arrays,
+    picture_space,
+)
+from gvla2.gym.stepping import WaypointStepper
 from gvla2.planning.arm import Arm
 from gvla2.robot.task import Profile, TaskInstance
 
 INSTRUCTION = "instruction"
 
 
+Control = Literal["waypoint", "joint_delta"]
+ObservationMode = Literal["rgbd", "state"]
+
+
 class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
     """A task as a Gymnasium environment.
 
-    An action is a waypoint (see :class:`gvla2.gym.actions.WaypointActions`), which the robot's own motion planner and
-    executor carry out: straight where they can, else around the table and the arm itself. What lies on the table is
-    no obstacle: minding it is up to the agent. A waypoint that cannot be reached moves nothing, costs its step, and
-    is told in ``info["waypoint"]``. The observation is that of :func:`gvla2.gym.observing.arrays`.
+    ``control="waypoint"``: an action is a waypoint (see :class:`gvla2.gym.actions.WaypointActions`), which the robot's
+    own motion planner and executor carry out: straight where they can, else around the table and the arm itself. What
+    lies on the table is no obstacle: minding it is up to the agent. A waypoint that cannot be reached moves nothing,
+    costs its step, and is told in ``info["waypoint"]``. ``control="joint_delta"``: an action changes the joints'
+    targets (see :class:`gvla2.gym.actions.JointDeltas`), 20 times a second; nothing is planned or checked.
+
+    The observation holds ``tcp``, ``gripper`` and ``joints``, and with ``obs_mode="rgbd"`` what the cameras see
+    (``rgb``, ``depth``), with ``"state"`` the true poses of the task's bodies (``bodies``) instead; see
+    :mod:`gvla2.gym.observing`.
 
     The reward is 1 when the referee finds the goal of ``profile`` reached, which ends the episode, and 0 otherwise.
-    ``info`` has the ``instruction`` and the ``cameras``, and after a step ``success`` by profile, ``is_success``
-    and ``waypoint``. :meth:`reset` with ``seed=N`` lays out what ``gvla2 run seed=N`` does, and takes the option
-    ``instruction``, a sentence of your own.
+    ``info`` has the ``instruction`` and the ``cameras`` or the ``bodies``' names, and after a step ``success`` by
+    profile, ``is_success`` and ``waypoint``. :meth:`reset` with ``seed=N`` lays out what ``gvla2 run seed=N`` does, and
+    takes the option ``instruction``, a sentence of your own.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 1}  # noqa: RUF012 - as gymnasium declares it
@@ -47,21 +67,32 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         task_options: Mapping[str, Any] | None = None,
         robot_options: Mapping[str, Any] | None = None,
         profile: Profile = "eased",
+        control: Control = "waypoint",
+        obs_mode: ObservationMode = "rgbd",
         speed: float = 0.2,
+        joint_step: float = 0.1,
         render_mode: str | None = None,
     ) -> None:
         """Build task and robot by name, with their options as on the command line.
 
         ``image_size`` (pixels) and ``cameras`` (names) are options of the robot, here for short; a task may ask for
-        larger images than that. ``speed`` of the tool in m/s. Raises :class:`gvla2.errors.UnknownComponentError` and
+        larger images than that. ``speed`` of the tool in m/s, for waypoints; ``joint_step`` in radians, what 1 means in
+        an action of joint changes. Raises :class:`gvla2.errors.UnknownComponentError` and
         :class:`ConfigurationError` for names and options that there are not.
         """
-        if profile not in get_args(Profile):
-            raise ConfigurationError(f"profile is '{profile}'; it is one of {', '.join(get_args(Profile))}.")
+        for name, value, known in (
+            ("profile", profile, Profile),
+            ("control", control, Control),
+            ("obs_mode", obs_mode, ObservationMode),
+        ):
+            if value not in get_args(known):
+                raise ConfigurationError(f"{name} is '{value}'; it is one of {', '.join(get_args(known))}.")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ConfigurationError(f"render_mode is '{render_mode}'; it is None or 'rgb_array'.")
         if not 0 < speed <= 1:
             raise ConfigurationError(f"speed is {speed} m/s; it lies above 0 and is 1 at most.")
+        if not 0 < joint_step <= 0.5:
+            raise ConfigurationError(f"joint_step is {joint_step} rad; it lies above 0 and is 0.5 at most.")
         short = {"image_size": image_size, "cameras": None if cameras is None else list(cameras)}
         options = {
             **(robot_options or {}),
@@ -77,14 +108,22 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         built = registry.build_all(root, ("task", "robot"))
         self._names = (robot, task)
         self._robot, self._task, self._profile = built["robot"], built["task"], profile
-        self._speed, self.render_mode = speed, render_mode
+        self._pictures, self._speed, self.render_mode = obs_mode == "rgbd", speed, render_mode
         self._instance: TaskInstance | None = None
-        self._stepper: Stepper | None = None
-        self.actions = WaypointActions(self._robot.arm.workspace)
-        self.action_space = gymnasium.spaces.Box(LOW, HIGH, dtype=np.float32)
+        self._stepper: WaypointStepper | JointStepper | None = None
+        self._last: Arrays = {}
+        self._shown: dict[str, Any] = {}
+        self.actions: WaypointActions | JointDeltas
+        if control == "waypoint":
+            self.actions, (low, high) = WaypointActions(self.arm.workspace), (LOW, HIGH)
+        else:
+            self.actions = JointDeltas(len(self.arm.home), joint_step)
+            low, high = self.actions.bounds
+        self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         try:
-            _, seen = self._lay_out(0, None)  # how large the images are, the cameras themselves know
-            self.observation_space = observation_space(seen, self.arm)
+            stepper = self._lay_out(0, None)  # how large the images are, the cameras themselves know
+            shown = picture_space(stepper.seen.views) if self._pictures else body_space()
+            self.observation_space = gymnasium.spaces.Dict({**shown, **joint_space(self.arm)})
         except BaseException:
             self.close()
             raise
@@ -120,31 +159,30 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
                 f"reset() knows no option '{min(unknown)}'; it takes '{INSTRUCTION}', a sentence."
             )
         self._instance = self._stepper = None
-        self._instance, seen = self._lay_out(chosen, (options or {}).get(INSTRUCTION))
-        self._stepper = Stepper(self._robot, seen, self._speed)
-        return arrays(seen), self._info(seen)
+        self._stepper = self._lay_out(chosen, (options or {}).get(INSTRUCTION))
+        self._look(self._stepper)
+        return self._last, dict(self._shown)
 
     def step(self, action: ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Carry out a waypoint, let the referee look, and observe.
+        """Carry out an action, let the referee look, and observe.
 
         A simulation that blows up truncates the episode: the last sane observation comes back, and ``info["error"]``
         says what happened.
         """
         stepper = self._running()
-        pose, gripper = self.actions.pose(action)
         success: dict[str, bool] = {"eased": False, "strict": False}
         lost = ""
         try:
-            judgement = stepper.go(pose, gripper)
+            judgement = stepper.step(action)
             success = {"eased": judgement.eased, "strict": judgement.strict}
-        except RobotError as error:
+            self._look(stepper)
+        except SimulationError as error:
             lost = str(error)
         done = success[self._profile]
-        info = self._info(stepper.seen)
-        info |= {"success": success, "is_success": done, "waypoint": reported(stepper.report)}
+        info = {**self._shown, **stepper.told, "success": success, "is_success": done}
         if lost:
             info["error"] = lost
-        return arrays(stepper.seen), float(done), done, bool(lost), info
+        return self._last, float(done), done, bool(lost), info
 
     def render(self) -> NDArray[np.uint8] | None:
         """The first camera's image (H, W, 3) of the last observation."""
@@ -155,19 +193,38 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         self._instance = self._stepper = None
         self._robot.close()
 
-    def _lay_out(self, seed: int, instruction: str | None) -> tuple[TaskInstance, Observation]:
+    def _lay_out(self, seed: int, instruction: str | None) -> WaypointStepper | JointStepper:
         instance = self._robot.reset(self._task, seed, instruction)
         if instance is None:
             robot, task = self._names
             raise ConfigurationError(
                 f"The robot '{robot}' cannot lay out the task '{task}': choose a simulated one."
             )
-        return instance, self._robot.observe()
+        if not self._pictures and len(instance.layout.bodies) > MOST_BODIES:
+            raise ConfigurationError(
+                f"This episode has {len(instance.layout.bodies)} bodies, and obs_mode='state' tells of {MOST_BODIES} "
+                "at most: ask for fewer distractors, or for obs_mode='rgbd'."
+            )
+        self._instance, seen = instance, self._robot.observe()
+        if isinstance(self.actions, WaypointActions):
+            return WaypointStepper(self._robot, self.actions, seen, self._speed)
+        return JointStepper(self._robot, self.actions, instance, seen)
 
-    def _running(self) -> Stepper:
+    def _running(self) -> WaypointStepper | JointStepper:
         if self._stepper is None:
             raise RobotError("No episode is under way: call reset() first.")
         return self._stepper
 
-    def _info(self, seen: Observation) -> dict[str, Any]:
-        return {INSTRUCTION: self.instruction, "cameras": cameras(seen)}
+    def _look(self, stepper: WaypointStepper | JointStepper) -> None:
+        """Note what the policy is shown, and what is told beside it."""
+        assert self._instance is not None
+        measured = joint_arrays(stepper.state, self.arm)
+        told: dict[str, Any]
+        if self._pictures:
+            views = stepper.seen.views
+            shown, told = picture_arrays(views), {"cameras": cameras(views)}
+        else:
+            names = [body.name for body in self._instance.layout.bodies]
+            shown, told = body_arrays(self._robot.true_state(), names), {"bodies": names}
+        self._last = {**shown, **measured}
+        self._shown = {INSTRUCTION: self._instance.instruction, **told}

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
+from gvla2.gym.actions import WaypointActions
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.robot.backend import Judgement, RobotBackend
+from gvla2.robot.driver import DriverState
 from gvla2.robot.report import WaypointReport
 
 SAME_GRIP = 0.02
@@ -32,25 +36,39 @@ _TOLD = (
 )
 
 
-class Stepper:
+class WaypointStepper:
     """Sends waypoints one by one; ``seen`` and ``report`` are the last observation and what became of the last one.
 
     The executor begins each time from what is measured: what the fingers were told last is remembered here.
     """
 
-    def __init__(self, robot: RobotBackend, seen: Observation, speed: float) -> None:
-        self._robot, self._speed = robot, speed
+    def __init__(
+        self, robot: RobotBackend, actions: WaypointActions, seen: Observation, speed: float
+    ) -> None:
+        self._robot, self._actions, self._speed = robot, actions, speed
         self._scene = Scene((), float(robot.arm.workspace.low[2]), robot.arm.workspace)
         self._told = seen.gripper
         self.seen = seen
         self.report: WaypointReport | None = None
 
-    def go(self, world_from_tcp: FloatArray, gripper: float) -> Judgement:
-        """Bring the tool to a pose (4, 4), then the fingers to an opening in [0, 1]; the referee's word on the result.
+    @property
+    def state(self) -> DriverState:
+        """The robot as it was measured last."""
+        return DriverState(self.seen.joints, self.seen.gripper_width)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What became of the last waypoint; without its times, which differ from run to run."""
+        report = self.report
+        return {"waypoint": {} if report is None else {name: getattr(report, name) for name in _TOLD}}
+
+    def step(self, action: ArrayLike) -> Judgement:
+        """Bring the tool to a pose, then the fingers to an opening; the referee's word on the result.
 
         Raises :class:`gvla2.errors.RobotError` when the simulation has blown up, and :class:`ConfigurationError` when
         the robot has no referee.
         """
+        world_from_tcp, gripper = self._actions.pose(action)
         same = abs(gripper - self._told) <= SAME_GRIP
         opening = self.seen.gripper if same else gripper
         self.report = None
@@ -80,11 +98,6 @@ class Stepper:
             allowed_contacts=frozenset({"table"} if straight else ()),
         )
         return self._robot.execute(Trajectory((waypoint,)), self._scene).waypoints[0]
-
-
-def reported(report: WaypointReport | None) -> dict[str, Any]:
-    """A report as plain values; without its times, which differ from run to run. Empty for none."""
-    return {} if report is None else {name: getattr(report, name) for name in _TOLD}
 
 
 def _triple(vector: FloatArray) -> tuple[float, float, float]:

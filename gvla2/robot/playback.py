@@ -1,10 +1,11 @@
-"""Playing joint targets that were recorded elsewhere on a simulated arm."""
+"""Joint targets sent straight to a simulated arm: those of a recording, or of a policy as it goes."""
 
 from __future__ import annotations
 
 from typing import Protocol, runtime_checkable
 
 from gvla2.geometry.transform import FloatArray
+from gvla2.robot.driver import DriverState
 
 
 @runtime_checkable
@@ -16,5 +17,19 @@ class Playback(Protocol):
 
         The arm begins at rest at the first of them, over an empty table; ``widths`` (T,) are targets between the
         fingers, metres. Raises :class:`gvla2.errors.RobotError` for samples that don't fit the arm.
+        """
+        ...
+
+
+@runtime_checkable
+class Servo(Protocol):
+    """A simulated robot that follows a policy's joint targets amid the task's things, without planning or checks."""
+
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
+        """What is measured after driving for ``seconds`` (0 only measures), without waiting for the arm to arrive.
+
+        The arm's targets go evenly from where they are to ``joints`` (dof,), radians, and stay within its limits; the
+        fingers' are at ``opening`` in [0, 1] at once. Raises :class:`gvla2.errors.RobotError` for what doesn't fit
+        the arm, and when the simulation has blown up.
         """
         ...

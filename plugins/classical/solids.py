@@ -26,7 +26,7 @@ STEP = 1e-5  # of parameters, for derivatives
 def _join(*planes: FloatArray) -> FloatArray:
     """Distance to the intersection of slabs, given the signed distances (B, N) to each."""
     stack = np.stack(planes)
-    return np.sqrt((np.maximum(stack, 0.0) ** 2).sum(axis=0)) + np.minimum(stack.max(axis=0), 0.0)
+    return np.asarray(np.sqrt((np.maximum(stack, 0.0) ** 2).sum(axis=0)) + np.minimum(stack.max(axis=0), 0.0))
 
 
 def _columns(parameters: FloatArray) -> list[FloatArray]:
@@ -106,16 +106,19 @@ def fit_solid(
         seen, outside = value[:, :first_free], value[:, first_free:first_ray]
         reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
         seen = np.maximum(seen - slack, 0.0) if filled else seen
-        return np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1)
+        found: FloatArray = np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1)
+        return found
 
     def jacobian(at: FloatArray) -> FloatArray:
         steps_aside = np.vstack([at, at + STEP * np.eye(len(at))])
         here, *beside = errors(steps_aside)
-        return (np.stack(beside, axis=1) - here[:, None]) / STEP
+        return np.asarray((np.stack(beside, axis=1) - here[:, None]) / STEP)
 
     def loss(squares: FloatArray) -> FloatArray:
         """Cauchy's, of each kind of evidence as much; the third row 0 keeps to reweighted least squares."""
-        return share * np.stack([np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)])
+        return np.asarray(
+            share * np.stack([np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)])
+        )
 
     low, high = (
         (np.full(len(parameters), -np.inf), np.full(len(parameters), np.inf)) if limits is None else limits
@@ -126,7 +129,7 @@ def fit_solid(
         np.clip(parameters[moving], *bounds),
         jacobian,
         bounds,
-        loss=loss,
+        loss=loss,  # type: ignore[arg-type]
         f_scale=SCALE,
         ftol=1e-3,
         max_nfev=STEPS,

@@ -81,10 +81,9 @@ class CodePolicies:
                 break
             said += written.transcript
             plan, doubtful = self._carried_out(written, request, brief, can)
-            declined = not written.calls or (
-                plan.abstention is not None and plan.abstention.kind == "ambiguous"
-            )
-            against = len(doubtful) + 10.0 * (plan.abstention is not None and not declined)
+            unclear = plan.abstention is not None and plan.abstention.kind == "ambiguous"
+            failed = plan.abstention is not None and bool(written.calls) and not unclear
+            against = len(doubtful) + 10.0 * failed
             if kept is None or against < kept[0]:
                 kept = against, plan, doubtful
             if not against:

@@ -90,7 +90,7 @@ class DepthPrior:
             keep &= view.mask > 0.5
         if self._erode:
             # The picture's own border is no border of the object.
-            core = binary_erosion(keep, np.ones((3, 3)), iterations=self._erode, border_value=1)
+            core = binary_erosion(keep, np.ones((3, 3), dtype=bool), iterations=self._erode, border_value=1)
             keep &= core | self._continues(depth, core, view.camera.K[0, 0])
         return np.where(keep, depth, np.nan).astype(np.float32)
 

@@ -55,15 +55,13 @@ class Encoder:
         # One product of two matrices: numpy would go through a stack of them one by one.
         flat = state.reshape(-1, state.shape[-1]) @ self._weights[f"{name}.weight"].T
         flat += self._weights[f"{name}.bias"]
-        return flat.reshape(*state.shape[:-1], -1)
+        return np.asarray(flat.reshape(*state.shape[:-1], -1))
 
     def _normed(self, name: str, state: Array) -> Array:
         centred = state - state.mean(axis=-1, keepdims=True)
         spread = np.sqrt(np.square(centred).mean(axis=-1, keepdims=True) + self._epsilon)
-        return (
-            centred / spread * self._weights[f"{name}.LayerNorm.weight"]
-            + self._weights[f"{name}.LayerNorm.bias"]
-        )
+        scaled: Array = centred / spread * self._weights[f"{name}.LayerNorm.weight"]
+        return scaled + self._weights[f"{name}.LayerNorm.bias"]
 
 
 def _erf(x: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,9 @@ _KEYS = ("depth", "point_map", "confidence", "world_from_camera", "names")
 _SHAPE_TOLERANCE = 0.02
 
 
-def _archive(file: BinaryIO) -> np.lib.npyio.NpzFile:
+def _archive(file: BinaryIO) -> np.lib.npyio.NpzFile[Any]:
     """The open archive; ValueError for a single array."""
-    loaded = np.load(file, allow_pickle=False)
+    loaded: np.lib.npyio.NpzFile[Any] | NDArray[Any] = np.load(file, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         raise ValueError("it is a single array")
     return loaded
@@ -71,7 +71,7 @@ class FilePrior:
     def _error(self, what: str) -> GeometryError:
         return GeometryError(f"Prior file '{self._path}': {what}.")
 
-    def _read(self) -> dict[str, NDArray]:
+    def _read(self) -> dict[str, NDArray[Any]]:
         try:
             # numpy leaves a damaged archive's file open when it is given a path.
             with self._path.open("rb") as file, _archive(file) as archive:
@@ -86,7 +86,7 @@ class FilePrior:
                 raise self._error(f"{key} holds {array.dtype}, not numbers")
         return stored
 
-    def _poses(self, poses: NDArray) -> NDArray[np.float64]:
+    def _poses(self, poses: NDArray[Any]) -> NDArray[np.float64]:
         if poses.ndim != 3 or poses.shape[1:] not in ((4, 4), (3, 4)):
             raise self._error(f"world_from_camera must be (S, 4, 4), got shape {poses.shape}")
         return np.stack(
@@ -96,7 +96,7 @@ class FilePrior:
             ]
         )
 
-    def _depth(self, stored: dict[str, NDArray], poses: NDArray | None) -> NDArray[np.float64]:
+    def _depth(self, stored: dict[str, NDArray[Any]], poses: NDArray[Any] | None) -> NDArray[np.float64]:
         """(S, h, w); of a point map, the depth of its points in the prior's own cameras."""
         if "depth" in stored:
             depth = stored["depth"].astype(np.float64)
@@ -109,9 +109,9 @@ class FilePrior:
         if poses is None or len(poses) != len(points):
             raise self._error("a point_map needs world_from_camera, one pose a picture: they give its depth")
         forward, centre = poses[:, :3, 2], poses[:, :3, 3]
-        return np.einsum("shwk,sk->shw", points - centre[:, None, None], forward)
+        return np.asarray(np.einsum("shwk,sk->shw", points - centre[:, None, None], forward))
 
-    def _rows(self, stored: dict[str, NDArray], count: int, views: Views) -> list[int]:
+    def _rows(self, stored: dict[str, NDArray[Any]], count: int, views: Views) -> list[int]:
         """Which row belongs to each view: by name where the file has names, else by order."""
         if "names" not in stored:
             if count != len(views):
@@ -125,7 +125,7 @@ class FilePrior:
             raise self._error(f"it has no picture named {', '.join(missing)}; it has {', '.join(names)}")
         return [names.index(view.name) for view in views]
 
-    def _resized(self, pictures: NDArray, height: int, width: int) -> NDArray:
+    def _resized(self, pictures: NDArray[Any], height: int, width: int) -> NDArray[Any]:
         own_height, own_width = pictures.shape[1:]
         if abs(own_width * height / (own_height * width) - 1) > _SHAPE_TOLERANCE:
             raise self._error(

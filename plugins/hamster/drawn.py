@@ -74,7 +74,7 @@ def thinned(strokes: Sequence[Stroke]) -> list[Stroke]:
         kept = []
         for begin, end in pairwise(cuts):
             stretch = np.array([[s.u, s.v] for s in strokes[begin : end + 1]])
-            bends = {tuple(p) for p in approximate_polygon(stretch, tolerance)[1:-1]}
+            bends = {tuple(p) for p in approximate_polygon(stretch, tolerance)[1:-1]}  # type: ignore[no-untyped-call]
             inner = [s for s in strokes[begin + 1 : end] if (s.u, s.v) in bends]
             kept += [strokes[begin], *inner]
         kept.append(strokes[cuts[-1]])

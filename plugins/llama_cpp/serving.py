@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 _WATCH = 0.5
 """Seconds between two looks whether anybody is left to serve."""
@@ -33,7 +34,7 @@ def main(folder: Path) -> None:
         os._exit(0)  # with both locks held: who comes now waits, and then starts anew
 
 
-def _serve(options: dict):
+def _serve(options: dict[str, Any]) -> Any:
     import xllamacpp
 
     files = [name for name, *_ in options["files"]]

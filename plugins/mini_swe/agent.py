@@ -122,7 +122,7 @@ class _Model:
         from minisweagent.models.utils.actions_text import format_observation_messages
 
         shown: list[dict[str, Any]] = format_observation_messages(
-            list(outputs),
+            [dict(output) for output in outputs],
             observation_template=self._settings["observation_template"],
             template_vars=dict(template_vars or {}),
         )

@@ -35,7 +35,7 @@ ACCOUNT = "gvla2.json"
 """What a trial leaves for learning, in its agent's folder."""
 
 
-class RememberingAgent(BaseAgent):
+class RememberingAgent(BaseAgent):  # type: ignore[misc]
     """Recalls, then works as mini-swe-agent does, in the environment that Harbor made."""
 
     @staticmethod

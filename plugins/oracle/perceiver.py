@@ -25,12 +25,13 @@ class OraclePerceiver:
     """
 
     def __init__(self, robot: RobotBackend | None) -> None:
-        if not isinstance(robot, Truthful):
+        truthful: object = robot
+        if not isinstance(truthful, Truthful):
             raise ConfigurationError(
                 "perceiver=oracle needs a simulated robot that tells its true scene, such as robot=sapien_panda. "
                 "With any other, choose another perceiver, such as perceiver=classical."
             )
-        self._robot = robot
+        self._robot = truthful
 
     def perceive(self, observation: Observation, instruction: str, workspace: Box) -> Scene:
         """The true scene; neither images nor words are used."""

@@ -253,6 +253,8 @@ class _Raising(MotionPlanner):
 class _Blind:
     """A camera that nobody asks."""
 
+    live = False
+
     def observe(self, base_from_tcp: Any = None) -> Any:
         from gvla2.robot.camera import CameraFrames
 

@@ -44,7 +44,7 @@ def record(camera: RealsenseCamera, folder: Path, frames: int, every: float) -> 
 
 def _write(view: View, stem: Path) -> None:
     depth, colour = io.BytesIO(), io.BytesIO()
-    np.save(depth, view.depth, allow_pickle=False)
+    np.save(depth, np.asarray(view.depth), allow_pickle=False)
     Image.fromarray(view.image).save(colour, format="png")
     write_whole(stem.with_suffix(".depth.npy"), depth.getvalue())
     write_whole(stem.with_suffix(".rgb.png"), colour.getvalue())

@@ -140,7 +140,7 @@ class Stream:
     def _advanced(self, colour: Any, depth: Any) -> bool:
         """Whether both are other frames than those of the last pair: a camera that stands still sends old ones."""
         numbers = (colour.get_frame_number(), depth.get_frame_number())
-        fresh = numbers[0] != self._last[0] and numbers[1] != self._last[1]
+        fresh = bool(numbers[0] != self._last[0] and numbers[1] != self._last[1])
         if fresh:
             self._last = numbers
         return fresh

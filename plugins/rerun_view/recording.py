@@ -177,4 +177,4 @@ def _layout(record: EpisodeRecord) -> rrb.Blueprint:
 
 
 def _part(name: str) -> str:
-    return rr.escape_entity_path_part(name)
+    return str(rr.escape_entity_path_part(name))

@@ -138,4 +138,5 @@ class _Asking:
         tries = self._config.tries
         found = ask_typed(self._language, messages, parse, purpose="plan", tries=tries, **schema)
         self.said += found.transcript
-        return found.answer
+        answer: T = found.answer
+        return answer

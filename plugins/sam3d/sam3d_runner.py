@@ -35,7 +35,7 @@ def main() -> None:
         if made.get(name) is not None
     }
     if pose:
-        np.savez(arguments.output / "params.npz", **pose)
+        np.savez(arguments.output / "params.npz", **pose)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2.errors import GeometryError
@@ -22,7 +23,7 @@ def write_scene(scene: Path, views: Views) -> Path:
 
     Raises :class:`GeometryError` when no view has a mask.
     """
-    masked = tuple(v for v in views if v.mask is not None and (v.mask > 0.5).any())
+    masked = tuple(v for v in views if _shown(v).any())
     if not masked:
         raise GeometryError("No view has a mask that shows the object, and external programs need one.")
     shown = Views(masked)
@@ -33,15 +34,20 @@ def write_scene(scene: Path, views: Views) -> Path:
         write_whole(scene / OBJECT / f"{number}.png", _cut_out(view))
     single = scene / "single"
     single.mkdir(exist_ok=True)
-    best = max(shown, key=lambda view: float(np.sum(view.mask > 0.5)) / view.mask.size)
+    best = max(shown, key=lambda view: float(_shown(view).mean()))
     write_whole(single / "image.png", _png(best.image))
     write_whole(single / "0.png", _cut_out(best))
     return single / "image.png"
 
 
+def _shown(view: View) -> NDArray[np.bool_]:
+    """(H, W) where the view's mask says that the object is; nowhere without a mask."""
+    return np.zeros(view.image.shape[:2], dtype=bool) if view.mask is None else view.mask > 0.5
+
+
 def _cut_out(view: View) -> bytes:
     """RGBA whose alpha is the mask, hard: readers take any alpha above 0 for the object."""
-    alpha = np.where(view.mask > 0.5, 255, 0).astype(np.uint8)
+    alpha = np.where(_shown(view), 255, 0).astype(np.uint8)
     return _png(np.dstack([view.image, alpha]))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -96,10 +97,12 @@ def make_cell(config: SapienArmConfig) -> Cell:
         gripper=gripper,
         hand_from_tcp=invert_rigid(palm.placement.homogeneous) @ kinematics.joint_from_tcp,
         gap=max(0.0, hand.max_width - ranges),
-        table=table_of(config.table_size, config.table_centre or centre, height),
+        table=table_of(_pair(config.table_size), _pair(config.table_centre or centre), height),
         site_centre=centre,
         site_size=size,
-        mounts=Mounts({n: (tuple(p[:3]), tuple(p[3:])) for n, p in fixed.items()}, TCP_FROM_WRIST),
+        mounts=Mounts(
+            {n: ((p[0], p[1], p[2]), (p[3], p[4], p[5])) for n, p in fixed.items()}, TCP_FROM_WRIST
+        ),
         either_way=config.either_way,
         ease=config.ease,
         reach=reach,
@@ -274,13 +277,17 @@ def _down(
     return rigid(turn, (x + before, y + beside, config.table_height + height))
 
 
+def _pair(sides: Sequence[float]) -> tuple[float, float]:
+    return sides[0], sides[1]
+
+
 def _site(config: SapienArmConfig, arm: ArmModel) -> tuple[tuple[float, float], tuple[float, float], float]:
     """Where tasks are laid out: centre, sides; and how far from the base's axis the hand points down; metres."""
     x, y, _ = config.base_position
     reach = config.reach or np.inf
     if config.site_centre and config.site_size:
-        return tuple(config.site_centre), tuple(config.site_size), reach
+        return _pair(config.site_centre), _pair(config.site_size), reach
     run = _pointing_down(config, arm)
     centre = config.site_centre or (x + 0.5 * (run[0] + run[-1]), y)
     size = config.site_size or (min(run[-1] - run[0], SEEN[0]), min(1.1 * run[-1], SEEN[1]))
-    return tuple(centre), tuple(size), min(reach, run[-1] + STEP)
+    return _pair(centre), _pair(size), min(reach, run[-1] + STEP)

@@ -18,6 +18,7 @@ from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
 from gvla2.robot.arm_model import ArmModel
 from gvla2.robot.backend import ExecutionListener, Judgement, Moment
+from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
 from gvla2.robot.report import ExecutionReport
@@ -173,6 +174,23 @@ class SapienArm:
             measured.append(self._sane_world("played").joints)
             before = target
         return np.array(measured)
+
+    def servo(self, joints: FloatArray, opening: float, seconds: float) -> DriverState:
+        """Drive the arm by joint targets; see :class:`gvla2.robot.playback.Servo`."""
+        world, target = self._sane_world("moved"), np.asarray(joints, dtype=np.float64)
+        if (
+            target.shape != (self._arm.dof,)
+            or not np.isfinite([*target, opening, seconds]).all()
+            or seconds < 0
+        ):
+            raise RobotError(
+                f"{self._cell.robot} is driven to finite joints ({self._arm.dof},) for 0 seconds or more, got shape "
+                f"{target.shape}, an opening of {opening} and {seconds} s."
+            )
+        driver = SapienDriver(world, self._config, self._arm.hand.max_width)
+        driver.servo(np.clip(target, *self._arm.limits), opening, seconds)
+        self._sane_world("moved")
+        return driver.state()
 
     def true_state(self) -> TrueState:
         """What a referee may read; for demonstrations (see :mod:`gvla2.robot.demonstration`)."""

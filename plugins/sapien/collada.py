@@ -42,12 +42,9 @@ def read_collada(path: Path) -> PaintedMesh:
         for instance in node.iterfind("c:instance_geometry", space):
             geometry = root.find(f".//c:geometry[@id='{instance.get('url', '')[1:]}']", space)
             mesh = None if geometry is None else geometry.find("c:mesh", space)
-            parts = (
-                []
-                if mesh is None
-                else [*mesh.iterfind("c:triangles", space), *mesh.iterfind("c:polylist", space)]
-            )
-            for triangles in parts:
+            if mesh is None:
+                continue
+            for triangles in (*mesh.iterfind("c:triangles", space), *mesh.iterfind("c:polylist", space)):
                 points, indices = _triangles(mesh, triangles, space)
                 vertices.append(transform_points(matrix, points))
                 faces.append(indices + count)

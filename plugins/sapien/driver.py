@@ -116,6 +116,19 @@ class SapienDriver:
         pressed = any(min(pair) > PRESSING for pair in self._world.finger_forces().values())
         return GripResult(width, pressed and width - 2 * goal > STOPPED_SHORT, self._contacts())
 
+    def servo(self, joints: FloatArray, gripper: float, seconds: float) -> None:
+        """Drive on to joints (dof,) and an opening in [0, 1] for ``seconds``, arriving or not; nothing settles."""
+        goal = self._travel(gripper)
+        if 2 * goal > self._world.gripper_width:
+            self._world.detach()
+        self._world.drive_fingers(goal)
+        start, steps = self._world.arm_target, self._count(seconds)
+        for share in np.linspace(0.0, 1.0, steps + 1)[1:]:
+            self._world.drive_arm(start + share * (joints - start), (joints - start) / seconds)
+            self._world.step()
+        if self._config.attach and 2 * goal < self._world.gripper_width:
+            self._world.attach()
+
     def hold(self, seconds: float = BRAKE_SECONDS) -> None:
         """Stop where the arm is measured to be and stay there; simulates ``seconds`` of it."""
         joints = self._world.joints

@@ -48,7 +48,7 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
     if material is not None and material.find("color") is None:
         material = paints.get(material.get("name"))
     paint = None if material is None else material.find("color")
-    rgb = GREY if paint is None else tuple(float(v) for v in paint.get("rgba", "").split()[:3])
+    rgb: Any = GREY if paint is None else tuple(float(v) for v in paint.get("rgba", "").split()[:3])
     shape = next(iter(solid.find("geometry") or ()), None)
     mesh = PaintedMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)))
     if shape is not None and shape.tag == "mesh":
@@ -59,7 +59,7 @@ def _shape(solid: ET.Element, paints: Mapping[str | None, ET.Element], thinned: 
     elif shape is not None and shape.tag in ("box", "cylinder", "sphere"):
         size = [float(v) for v in shape.get("size", "").split()] or [2 * float(shape.get("radius", 0.0))] * 3
         kind: Any = shape.tag
-        mesh = _solid(Primitive(kind, (*size[:2], float(shape.get("length", size[2]))), rgb))
+        mesh = _solid(Primitive(kind, (size[0], size[1], float(shape.get("length", size[2]))), rgb))
     return replace(mesh, vertices=transform_points(_origin(solid.find("origin")), mesh.vertices))
 
 

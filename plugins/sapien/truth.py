@@ -28,7 +28,8 @@ _PAINT = 0.002
 
 def true_scene(world: World, layout: Layout, table_height: float, workspace: Box) -> Scene:
     """Every body as an object whose id is the body's name, and its named parts; parts name their parent."""
-    above = {joint.child: joint.parent for joint in (*layout.joints, *layout.threads)}
+    above = {joint.child: joint.parent for joint in layout.joints}
+    above |= {thread.child: thread.parent for thread in layout.threads}
     objects: list[SceneObject] = []
     for body in layout.lit(world.peaks):
         pose = world.body_pose(body.name)

@@ -180,6 +180,11 @@ class World:
         self.drive_arm(joints, np.zeros(len(joints)))
         self.drive_fingers(0.5 * width)
 
+    @property
+    def arm_target(self) -> FloatArray:
+        """(dof,) where the arm's joints are driven to, radians."""
+        return np.array([float(np.ravel(joint.drive_target)[0]) for joint in self._arm_joints])
+
     def drive_arm(self, joints: FloatArray, speeds: FloatArray) -> None:
         """Set the arm's targets: joints (dof,) radians, speeds (dof,) rad/s."""
         for joint, target, speed in zip(self._arm_joints, joints.tolist(), speeds.tolist(), strict=True):
@@ -197,7 +202,9 @@ class World:
     def _finger_joints_at(self, travel: float) -> FloatArray:
         """The fingers' joints (2,), or (0,) for a cup, at half of a width between them, metres."""
         ways = float(np.abs(self._opening).sum()) or 1.0
-        return self._closed + np.clip((2 * travel - self._cell.gap) / ways, 0.0, 1.0) * self._opening
+        return np.asarray(
+            self._closed + np.clip((2 * travel - self._cell.gap) / ways, 0.0, 1.0) * self._opening
+        )
 
     def link_poses(self, names: Sequence[str]) -> dict[str, FloatArray]:
         """world_from_link (4, 4) of the robot's links at its measured joints."""
@@ -245,7 +252,9 @@ class World:
         found = []
         for contact in self._system.get_contacts():
             one, other = contact.bodies
-            impulse = np.sum([point.impulse for point in contact.points], axis=0, dtype=np.float64)
+            impulse = np.asarray(
+                np.sum([point.impulse for point in contact.points], axis=0, dtype=np.float64)
+            )
             found.append((one.entity.name, other.entity.name, impulse))
         return found
 

@@ -44,18 +44,18 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     """The phrase of ``tokens``, from which relations and the given ``selectors`` were taken out before."""
     if "'s" in tokens:  # the lamp's button
         cut = tokens.index("'s")
-        after = read_phrase(tokens[cut + 1 :], selectors)
-        if after.noun or after.unknown:
-            return replace(after, text=" ".join(tokens), owner=read_phrase(tokens[:cut]))
+        part = read_phrase(tokens[cut + 1 :], selectors)
+        if part.noun or part.unknown:
+            return replace(part, text=" ".join(tokens), owner=read_phrase(tokens[:cut]))
         tokens = [*tokens[:cut], *tokens[cut + 1 :]]
     if "of" in tokens:  # the button of the lamp, the centre of the square
         cut = tokens.index("of")
-        before, after = read_phrase(tokens[:cut], selectors), read_phrase(tokens[cut + 1 :], selectors)
-        if before.noun == "object" and after.noun and not before.unknown:  # "the middle one of the pegs"
-            return replace(after, text=" ".join(tokens), colour=before.colour or after.colour)
-        if before.noun and after.noun:
-            return replace(before, text=" ".join(tokens), owner=after)
-        return after if after.noun or not before.noun else before
+        thing, whole = read_phrase(tokens[:cut], selectors), read_phrase(tokens[cut + 1 :], selectors)
+        if thing.noun == "object" and whole.noun and not thing.unknown:  # "the middle one of the pegs"
+            return replace(whole, text=" ".join(tokens), colour=thing.colour or whole.colour)
+        if thing.noun and whole.noun:
+            return replace(thing, text=" ".join(tokens), owner=whole)
+        return whole if whole.noun or not thing.noun else thing
     colour, rest = _colour(tokens)
     nouns = [(i, noun_class(t)) for i, t in enumerate(rest) if _is_noun(rest, i, bool(colour))]
     specific = [pair for pair in nouns if pair[1] != "object"] or nouns
@@ -64,7 +64,8 @@ def read_phrase(tokens: Sequence[str], selectors: Sequence[str] = ()) -> Phrase:
     after = [t for t in after if _is_content(t) and t not in lexicon.WISHING | lexicon.SHINING]
     if after and noun != "object":  # a lamp shade is a shade, and it is not known what that is
         nouns, specific, noun = [], [], ""
-    owner, before = None, specific[:-1]
+    owner: Phrase | None = None
+    before = specific[:-1]
     if before and noun in lexicon.PARTS and before[0][1] != noun:  # the lamp button
         owner = Phrase(rest[before[0][0]], before[0][1])
     taken = {i for i, _ in nouns}

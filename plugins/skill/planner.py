@@ -56,8 +56,9 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     intent = parse(sentence, [o.label for o in scene.objects], spelling)
     if refusal := _not_understood(intent, sentence):
         absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
-        gone = isinstance(absent, Abstention) and absent.kind == "nothing_matches"
-        return _unread(absent, intent.theme, scene) if gone and intent.skill in STANDARD else refusal
+        if isinstance(absent, Abstention) and absent.kind == "nothing_matches" and intent.skill in STANDARD:
+            return _unread(absent, intent.theme, scene)
+        return refusal
     if isinstance(out := _excepted(intent, scene), Abstention):
         return out
     theme = _theme(intent, scene, out)

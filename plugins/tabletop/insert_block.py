@@ -62,7 +62,7 @@ class InsertBlock:
             )
             for i, (place, c) in enumerate(zip(PILLARS_AT, colours, strict=True))
         )  # fmt: skip
-        outer = tuple(k * side for side in RING)
+        outer = k * RING[0], k * RING[1], k * RING[2]
         walls = square_ring(outer, k * (RING[0] - HOLE) / 2, COLOURS[ring_colour], -outer[2] / 2)
         ring = Body("ring", walls, start, MASS, friction=SMOOTH, label=f"{ring_colour} ring", shape="ring")
         pillar = pillars[target]

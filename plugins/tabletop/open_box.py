@@ -43,7 +43,9 @@ class OpenBox:
 
         def draw() -> LidBox | None:
             box = draw_box(rng, site, self._scale)
-            for sign in () if box is None else (1.0, -1.0):
+            if box is None:
+                return None
+            for sign in (1.0, -1.0):
                 path = lip_path(box, angles, LIP_REACH, sign)
                 if site.follows([path[0] @ rigid(translation=(0, 0, -STANDOFF)), *path]):
                     return box

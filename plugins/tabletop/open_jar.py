@@ -127,7 +127,10 @@ class OpenJar:
         """The root and the poses (4, 4) of the jars' undersides."""
         root, radius = sample_root(rng, site, YAW), sizes.lid[0] / 2
         half = 0.5 * np.asarray(SPAWN) - radius
-        jars = [at(root, *rng.uniform(-half, half), 0.0, float(rng.uniform(-np.pi, np.pi))) for _ in range(2)]
+        jars = [
+            at(root, float(x), float(y), 0.0, float(rng.uniform(-np.pi, np.pi)))
+            for x, y in (rng.uniform(-half, half) for _ in range(2))
+        ]
         place = at(root, *PUT_AT)[:2, 3]
         spots = np.stack([*(jar[:2, 3] for jar in jars), place])
         radii = [radius, radius, PATCH / np.sqrt(2)]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2.errors import ConfigurationError
-from gvla2.geometry.transform import FloatArray, transform_points
+from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.colours import COLOURS, colours_in
 from gvla2.robot.placing import (
     in_reach,
@@ -91,7 +91,7 @@ class PickAndLift:
         extents = np.full(3, size)
 
         def eased(world: WorldState) -> bool:
-            offset = transform_points(np.linalg.inv(start), world.pose(body)[:3, 3])
+            offset = transform_points(invert_rigid(start), world.pose(body)[:3, 3])
             low, _ = vertical_span(world.pose(body), extents)
             within = np.abs(offset[:2]) <= 0.5 * np.asarray(START_VOLUME[:2])
             return not (within.all() and low <= site.table_height + START_VOLUME[2])

@@ -85,7 +85,7 @@ class PlayJenga:
 
         def strict(world: WorldState) -> bool:
             moved = [np.linalg.norm(world.pose(b.name)[:3, 3] - b.world_from_body[:3, 3]) for b in others]
-            return eased(world) and world.resting("loose") and max(moved) < k * STAYED
+            return bool(eased(world) and world.resting("loose") and max(moved) < k * STAYED)
 
         return TaskInstance(
             layout,

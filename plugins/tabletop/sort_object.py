@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -89,7 +89,7 @@ class SortObject:
         )
 
     def _solution(self, belongs: list[int]) -> Solution:
-        def solve(world: WorldState, arm: Arm) -> Iterator[list[Waypoint]]:
+        def solve(world: WorldState, arm: Arm) -> Iterator[Sequence[Waypoint]]:
             for i, name in enumerate(("cube", "can", "bar")):
                 shares = belongs.count(belongs[i]) > 1
                 aside = ASIDE * (1 if belongs.index(belongs[i]) == i else -1) * shares

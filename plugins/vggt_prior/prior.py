@@ -99,7 +99,7 @@ class VggtPrior:
             maps = maps[..., 0]
         if maps.ndim != 4 or maps.shape[:2] != (1, count):
             raise PluginError(f"The network's {key} has shape {maps.shape}, expected (1, {count}, h, w).")
-        return maps[0]
+        return np.asarray(maps[0])
 
 
 def _resized(maps: NDArray[np.float32], height: int, width: int) -> NDArray[np.float32]:

@@ -122,7 +122,7 @@ class Field:
 
 
 def _to(points: FloatArray, place: FloatArray) -> FloatArray:
-    return -1e3 * np.linalg.norm(points - place, axis=-1)
+    return np.asarray(-1e3 * np.linalg.norm(points - place, axis=-1))
 
 
 def _distance(points: FloatArray, thing: SceneObject) -> FloatArray:

@@ -43,7 +43,7 @@ class Stop:
 def stops(program: Program, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig) -> list[Stop]:
     """The way of the hand, open at first; raises :class:`ValueError` for maps that mean nothing."""
     scene, arm = request.scene, request.arm
-    low = np.maximum.reduce([scene.workspace.low, arm.workspace.low, [-np.inf, -np.inf, scene.table_height]])
+    low = np.maximum(scene.workspace.low, arm.workspace.low).clip(min=[-np.inf, -np.inf, scene.table_height])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
     grid = VoxelGrid.over(box, c.voxel)
     everywhere = Field(scene, ids, program, grid.centres())
@@ -52,7 +52,7 @@ def stops(program: Program, request: PlanRequest, ids: Mapping[str, str], c: Vox
     for stage in program.stages:
         maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        peak = grid.peak(lambda p, m=stage["affordance"]: Field(scene, ids, program, p).values(m), avoided)
+        peak = grid.peak(lambda p: Field(scene, ids, program, p).values(stage["affordance"]), avoided)  # noqa: B023
         goal = np.clip(peak, box.low, box.high)
         # Not in the way: what the move begins or ends at, what is held, and what a closed, empty hand goes straight to.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)
@@ -67,7 +67,8 @@ def stops(program: Program, request: PlanRequest, ids: Mapping[str, str], c: Vox
             hand = given.get("gripper", gripper) if varied or number == len(way) else gripper
             turn = float(np.radians(given["rotation"])) if "rotation" in given else None
             speed = float(np.clip(given.get("speed", 1.0), SLOWEST, FASTEST))
-            found.append(Stop(tuple(map(float, point)), float(np.clip(hand, 0.0, 1.0)), turn, speed))
+            x, y, z = map(float, point)
+            found.append(Stop((x, y, z), float(np.clip(hand, 0.0, 1.0)), turn, speed))
         if found[-1].gripper >= 0.5 or gripper >= 0.5:
             held = "" if found[-1].gripper >= 0.5 else object_at(goal, scene)
         at, gripper = goal, found[-1].gripper

@@ -9,6 +9,7 @@ import gvla2.gym  # noqa: F401 - registers the environments
 from gvla2.errors import ConfigurationError, Gvla2Error, RobotError, UnknownComponentError
 from gvla2.geometry.transform import rigid
 from gvla2.gym.env import TaskEnv
+from gvla2.gym.joint_stepping import JointStepper
 from gvla2.planning.contracts import PlanRequest
 from gvla2.plugins import Registry
 
@@ -192,6 +193,9 @@ def test_nothing_happens_before_reset(small):
         ({"robot_options": {"imag_size": 8}}, ConfigurationError, "imag_size"),
         ({"profile": "kind"}, ConfigurationError, "eased, strict"),
         ({"speed": 0}, ConfigurationError, "speed is 0"),
+        ({"joint_step": 2}, ConfigurationError, "joint_step is 2"),
+        ({"control": "torque"}, ConfigurationError, "waypoint, joint_delta"),
+        ({"obs_mode": "depth"}, ConfigurationError, "rgbd, state"),
         ({"render_mode": "human"}, ConfigurationError, "rgb_array"),
         ({"task": "none"}, ConfigurationError, "task"),
     ],
@@ -200,3 +204,87 @@ def test_wrong_choices_are_told(options, error, words):
     with pytest.raises(error, match=words) as caught:
         TaskEnv(**{"task": "put_block", **options})
     assert isinstance(caught.value, Gvla2Error)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    env = gymnasium.make(
+        "gvla2/put_block-v0", control="joint_delta", obs_mode="state", max_episode_steps=200, **SMALL
+    )
+    yield env
+    env.close()
+
+
+def test_changes_of_the_joints_pass_gymnasiums_own_check_too():
+    env = gymnasium.make("gvla2/put_block-v0", control="joint_delta", **SMALL)
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+def test_the_state_tells_true_poses_and_no_pictures(driven):
+    observation, info = driven.reset(seed=2)
+    assert set(observation) == {"bodies", "tcp", "gripper", "joints"}
+    state = driven.unwrapped._robot.true_state()
+    for row, name in zip(observation["bodies"], info["bodies"], strict=False):
+        np.testing.assert_allclose(row[:3], state.pose(name)[:3, 3], atol=1e-6)
+    assert (observation["bodies"][len(info["bodies"]) :] == 0).all()
+
+
+def test_twenty_actions_are_a_second_and_move_the_joints(driven):
+    before, _ = driven.reset(seed=2)
+    turn = np.array([0.2, 0, 0, 0, 0, 0, -0.3, 0.5], dtype=np.float32)
+    started = driven.unwrapped._robot._world.time
+    for _ in range(20):
+        after, reward, terminated, truncated, info = driven.step(turn)
+    assert driven.unwrapped._robot._world.time - started == pytest.approx(1.0, abs=0.01)
+    moved = after["joints"] - before["joints"]
+    np.testing.assert_allclose(moved[[0, 6]], (0.4, -0.6), atol=0.03)  # it lags its targets a little
+    np.testing.assert_allclose(moved[1:6], 0, atol=0.02)
+    assert after["gripper"][0] == pytest.approx(0.04, abs=2e-3)
+    assert (reward, terminated, truncated, info["is_success"]) == (0.0, False, False, False)
+
+
+def test_the_same_changes_give_the_same_episode(driven):
+    def episode():
+        driven.reset(seed=5)
+        rng = np.random.default_rng(0)
+        return [driven.step(rng.uniform(-1, 1, 8))[0] for _ in range(12)]
+
+    for one, other in zip(episode(), episode(), strict=True):
+        assert all(np.array_equal(one[key], other[key]) for key in one)
+
+
+def test_a_task_is_solved_by_changes_of_the_joints(driven):
+    """Through inverse kinematics: what a policy would have to learn."""
+    env = driven
+    observation, info = env.reset(seed=1)
+    raw = env.unwrapped
+    names = info["bodies"]
+    block, goal = (
+        observation["bodies"][next(i for i, n in enumerate(names) if word in n)][:3]
+        for word in ("block", "target")
+    )
+    stages = [(block, 0.12, 1.0), (block, 0.0, 1.0), (block, 0.0, 0.0), (block, 0.15, 0.0)]
+    stages += [(goal, 0.15, 0.0), (goal, 0.045, 0.0), (goal, 0.045, 1.0), (goal, 0.2, 1.0)]
+    for point, above, opening in stages:
+        joints = raw.arm.inverse(rigid(DOWN, point + np.array([0, 0, above])), observation["joints"]).joints
+        for _ in range(25):
+            change = np.clip((joints - observation["joints"]) / 0.1, -1, 1)
+            observation, reward, terminated, *_ = env.step(np.append(change, opening))
+            if terminated:
+                assert reward == 1.0
+                return
+    pytest.fail("the block is not on its target")
+
+
+def test_a_robot_that_takes_no_targets_says_so(driven):
+    raw = driven.unwrapped
+    with pytest.raises(ConfigurationError, match="takes no joint targets"):
+        JointStepper(object(), raw.actions, raw._instance, raw._robot.observe())
+
+
+@pytest.mark.parametrize("action", [np.zeros(7), np.full(8, np.nan)])
+def test_an_action_that_is_none_is_refused(driven, action):
+    driven.reset(seed=0)
+    with pytest.raises(RobotError, match="8 finite numbers"):
+        driven.unwrapped.step(action)
