@@ -51,13 +51,17 @@ class CollisionChecker:
             for p in geometry.collisionPairs
         )
         self.checked = 0
+        self._margins = np.zeros(n_world)
 
     def set_margins(self, margins: float | FloatArray) -> None:
         """How far (metres) the parts of each world pair must stay apart: one for all, or (n_world,).
 
         Negative margins tolerate that much penetration; the arm's own parts only must not touch.
         """
-        values = np.broadcast_to(margins, (self.n_world,))
+        values = np.broadcast_to(np.asarray(margins, dtype=np.float64), (self.n_world,))
+        if np.array_equal(values, self._margins):
+            return
+        self._margins = values.copy()
         for request, value in zip(self._geometry_data.collisionRequests, values, strict=False):
             request.security_margin = float(value)
 
@@ -129,6 +133,7 @@ class CollisionModel:
             if a != b and frozenset((one, other)) not in harmless
         ]
         self._checkers: OrderedDict[object, CollisionChecker] = OrderedDict()
+        self._scene: tuple[Scene | None, object] = None, None
         self._kept = kept
 
     def checker(
@@ -139,7 +144,9 @@ class CollisionModel:
         attached: Attachment | None = None,
     ) -> CollisionChecker:
         """A checker with zero margins; see :meth:`gvla2.planning.arm.Arm.clearance` for the arguments."""
-        key = (_scene_key(scene), round(gripper, 4), allowed_contacts, _attachment_key(attached))
+        if self._scene[0] is not scene:
+            self._scene = scene, _scene_key(scene)
+        key = (self._scene[1], round(gripper, 4), allowed_contacts, _attachment_key(attached))
         checker = self._checkers.get(key)
         if checker is None:
             checker = self._build(scene, gripper, allowed_contacts, attached)
