@@ -77,6 +77,48 @@ def chain_of(model: Any, tool: int, low: FloatArray, high: FloatArray) -> Chain:
 
 
 @_compiled
+def _times(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Product of two (3, 3): a call of BLAS costs more than this."""
+    product = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            product[i, j] = one[i, 0] * other[0, j] + one[i, 1] * other[1, j] + one[i, 2] * other[2, j]
+    return product
+
+
+@_compiled
+def _apply(turn: FloatArray, vector: FloatArray) -> FloatArray:
+    """(3, 3) times (3,)."""
+    product = np.empty(3)
+    for i in range(3):
+        product[i] = turn[i, 0] * vector[0] + turn[i, 1] * vector[1] + turn[i, 2] * vector[2]
+    return product
+
+
+@_compiled
+def _across(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product of two (3,)."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+@_compiled
+def _about(spin: FloatArray, value: float) -> FloatArray:
+    """(3, 3) the turn by ``value`` radians about a unit axis (3,); an axis of length 0 turns nothing."""
+    c, s = np.cos(value), np.sin(value)
+    if spin @ spin < 0.5:
+        c, s = 1.0, 0.0
+    x, y, z = spin
+    k = 1.0 - c
+    return np.array(
+        [
+            [c + k * x * x, k * x * y - s * z, k * x * z + s * y],
+            [k * y * x + s * z, c + k * y * y, k * y * z - s * x],
+            [k * z * x - s * y, k * z * y + s * x, c + k * z * z],
+        ]
+    )
+
+
+@_compiled
 def _tool(chain: Chain, joints: FloatArray, pose: FloatArray, jacobian: FloatArray) -> None:
     """Writes world_from_tool (4, 4) and its Jacobian (6, dof) in the tool frame, metres before radians."""
     count = len(chain.column)
@@ -84,46 +126,64 @@ def _tool(chain: Chain, joints: FloatArray, pose: FloatArray, jacobian: FloatArr
     spins, slides, hinges = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     for k in range(count):
         value = joints[chain.column[k]]
-        for i in range(3):
-            place[i] += turn[i] @ chain.places[k]
-        turn = turn @ chain.turns[k]
-        spin, slide = chain.spin[k], chain.slide[k]
-        for i in range(3):
-            spins[k, i], slides[k, i] = turn[i] @ spin, turn[i] @ slide
-        place += value * slides[k]
+        place = place + _apply(turn, chain.places[k])
+        turn = _times(turn, chain.turns[k])
+        spins[k], slides[k] = _apply(turn, chain.spin[k]), _apply(turn, chain.slide[k])
+        place = place + value * slides[k]
         hinges[k] = place
-        # Rodrigues' formula; an axis of length 0 turns nothing.
-        own = np.empty((3, 3))
-        c, s = np.cos(value), np.sin(value)
-        squared = spin @ spin
-        for i in range(3):
-            for j in range(3):
-                own[i, j] = (1.0 - c) * spin[i] * spin[j] + ((c if squared > 0.5 else 1.0) if i == j else 0.0)
-        own[0, 1] -= s * spin[2]
-        own[1, 0] += s * spin[2]
-        own[0, 2] += s * spin[1]
-        own[2, 0] -= s * spin[1]
-        own[1, 2] -= s * spin[0]
-        own[2, 1] += s * spin[0]
-        turn = turn @ own
-    for i in range(3):
-        place[i] += turn[i] @ chain.tool_place
-    turn = turn @ chain.tool_turn
+        turn = _times(turn, _about(chain.spin[k], value))
+    place = place + _apply(turn, chain.tool_place)
+    turn = _times(turn, chain.tool_turn)
     pose[:3, :3], pose[:3, 3], pose[3] = turn, place, np.array([0.0, 0.0, 0.0, 1.0])
     jacobian[:] = 0.0
-    back = np.ascontiguousarray(turn.T)
     for k in range(count):
+        moves = slides[k] + _across(spins[k], place - hinges[k])
         column = chain.column[k]
-        jacobian[:3, column] = back @ (slides[k] + np.cross(spins[k], place - hinges[k]))
-        jacobian[3:, column] = back @ spins[k]
+        for i in range(3):
+            for j in range(3):
+                jacobian[i, column] += turn[j, i] * moves[j]
+                jacobian[3 + i, column] += turn[j, i] * spins[k, j]
+
+
+@_compiled
+def _solved(matrix: FloatArray, vector: FloatArray) -> tuple[FloatArray, float]:
+    """X (n,) of A x = b for a symmetric positive (n, n), which is overwritten, and the least pivot over the largest
+    diagonal entry: 0 where there is no such x.
+    """
+    size, largest, least = len(vector), 0.0, np.inf
+    for k in range(size):
+        largest = max(largest, matrix[k, k])
+    found = vector.copy()
+    for j in range(size):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= matrix[j, k] * matrix[j, k]
+        least = min(least, pivot)
+        if not pivot > 0.0:
+            return found, 0.0
+        root = np.sqrt(pivot)
+        matrix[j, j] = root
+        for i in range(j + 1, size):
+            value = matrix[i, j]
+            for k in range(j):
+                value -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = value / root
+        for k in range(j):
+            found[j] -= matrix[j, k] * found[k]
+        found[j] /= root
+    for j in range(size - 1, -1, -1):
+        for k in range(j + 1, size):
+            found[j] -= matrix[k, j] * found[k]
+        found[j] /= matrix[j, j]
+    return found, least / largest
 
 
 @_compiled
 def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
     """(6,) the motion from a pose (4, 4) to the target (4, 4) as a twist in the pose's frame: log of their quotient."""
-    back = np.ascontiguousarray(pose[:3, :3].T)
-    turn = back @ np.ascontiguousarray(target[:3, :3])
-    shift = back @ (target[:3, 3] - pose[:3, 3])
+    back = pose[:3, :3].T
+    turn = _times(back, target[:3, :3])
+    shift = _apply(back, target[:3, 3] - pose[:3, 3])
     # By the quaternion, which tells small turns and half turns alike; its largest part comes first.
     diagonal = np.array([turn[0, 0], turn[1, 1], turn[2, 2]])
     trace = diagonal.sum()
@@ -149,9 +209,9 @@ def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
         share = 1.0 / 12.0 + angle * angle / 720.0
     else:
         share = (1.0 - 0.5 * angle * real / sine) / (angle * angle)
-    across = np.cross(rotation, shift)
+    across = _across(rotation, shift)
     twist = np.empty(6)
-    twist[:3] = shift - 0.5 * across + share * np.cross(rotation, across)
+    twist[:3] = shift - 0.5 * across + share * _across(rotation, across)
     twist[3:] = rotation
     return twist
 
@@ -159,7 +219,10 @@ def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
 @_compiled
 def _margin(chain: Chain, joints: FloatArray) -> float:
     """Smallest distance to a joint limit; negative outside."""
-    return float(np.minimum(joints - chain.low, chain.high - joints).min())
+    least = np.inf
+    for k in range(len(joints)):
+        least = min(least, joints[k] - chain.low[k], chain.high[k] - joints[k])
+    return least
 
 
 @_compiled
@@ -169,7 +232,10 @@ def _away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float) -
         return np.zeros(len(joints))
     push = np.maximum(0.0, 2 * COMFORT - (joints - chain.low))
     push -= np.maximum(0.0, 2 * COMFORT - (chain.high - joints))
-    toward = np.linalg.lstsq(jacobian, jacobian @ push, 1e-4)[0]
+    # What of the push moves the tool: its share in the Jacobian's rows; by least squares where those nearly depend.
+    across = np.ascontiguousarray(jacobian.T)
+    rates, sound = _solved(jacobian @ across, jacobian @ push)
+    toward = across @ rates if sound > 1e-6 else np.linalg.lstsq(jacobian, jacobian @ push, 1e-4)[0]
     return gain * (push - toward)
 
 
@@ -200,7 +266,7 @@ def descend(
         normal = across @ jacobian
         for k in range(dof):
             normal[k, k] += 1e-2 * squared + 1e-9
-        step = np.linalg.solve(normal, across @ error)
+        step, _ = _solved(normal, across @ error)
         if spare:
             step += _away(chain, joints, jacobian, 0.2)
         largest = np.abs(step).max()

@@ -27,10 +27,14 @@ def trace_line(
     begin = kinematics.forward(start)
     shift = target[:3, 3] - begin[:3, 3]
     turn = Rotation.from_matrix(target[:3, :3] @ begin[:3, :3].T).as_rotvec()
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn / max(angle, 1e-12)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    once, twice = across @ begin[:3, :3], across @ across @ begin[:3, :3]
 
     def along(share: float) -> FloatArray:
-        rotation = Rotation.from_rotvec(share * turn).as_matrix()
-        return rigid(rotation @ begin[:3, :3], begin[:3, 3] + share * shift)
+        sine, versine = np.sin(share * angle), 1.0 - np.cos(share * angle)
+        return rigid(begin[:3, :3] + sine * once + versine * twice, begin[:3, 3] + share * shift)
 
     steps = max(np.linalg.norm(shift) / step, np.linalg.norm(turn) / _TURN_STEP)
     count = max(1, int(np.ceil(steps - 1e-9)))

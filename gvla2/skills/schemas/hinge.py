@@ -6,6 +6,9 @@ The free edge moves on a circle about the hinge. The hand follows it through a h
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache, partial
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -15,6 +18,7 @@ from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.mechanisms import CLOSED, UP, Hinge, hinge_for
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
 
+HandAt = Callable[[float, float, float], tuple[FloatArray, FloatArray]]
 STEP = 0.22
 GRIP_OPENING = 0.6
 """Of the hand before a lip is grasped: the fingers then fit between the lip and what stands near it."""
@@ -39,15 +43,16 @@ def propose_open(job: Job) -> list[Proposal] | Abstention:
         return Abstention("too_wide", f"The {hinge.lid.label} is too thick for the hand.")
     whole = job.theta["open_angle"]
     less = 0.5 * (whole + 0.5 * np.pi)
+    hand_at = cache(partial(_hand_at, hinge))  # the same for every place along the lip
     straight = [
-        _open(job, hinge, sign, lean, end, shift)
+        _open(job, hinge, hand_at, sign, lean, end, shift)
         for end, leans in ((whole, TURNED), (less, TURNED[:1]))
         for lean in leans
         for shift in SHIFTS
         for sign in (1.0, -1.0)
     ]
     askew = [
-        _open(job, hinge, sign, lean, less, shift, yaw)
+        _open(job, hinge, hand_at, sign, lean, less, shift, yaw)
         for yaw in YAWS
         for lean in TURNED
         for shift in SHIFTS[:3]
@@ -56,8 +61,21 @@ def propose_open(job: Job) -> list[Proposal] | Abstention:
     return [*straight, *askew]
 
 
+def _hand_at(hinge: Hinge, angle: float, lean: float, yaw: float) -> tuple[FloatArray, FloatArray]:
+    """Approach and closing direction, (3,) each, of a hand that holds the lip of a lid open by ``angle``."""
+    tilt = Rotation.from_rotvec(lean * hinge.axis) * Rotation.from_rotvec(yaw * hinge.normal(angle))
+    return tilt.apply(-hinge.out(angle)), tilt.apply(hinge.normal(angle))
+
+
 def _open(
-    job: Job, hinge: Hinge, sign: float, lean: float, end: float, shift: float, yaw: float = 0.0
+    job: Job,
+    hinge: Hinge,
+    hand_at: HandAt,
+    sign: float,
+    lean: float,
+    end: float,
+    shift: float,
+    yaw: float = 0.0,
 ) -> Proposal:
     def way() -> Trajectory:
         theta, near = job.theta, hinge.parts
@@ -67,9 +85,8 @@ def _open(
         path = Path(theta["speed"], theta["contact_speed"])
 
         def turn(angle: float) -> FloatArray:
-            tilt = Rotation.from_rotvec(lean * hinge.axis) * Rotation.from_rotvec(yaw * hinge.normal(angle))
-            approach, closing = tilt.apply(-hinge.out(angle)), tilt.apply(sign * hinge.normal(angle))
-            path.orientation = pointing(closing, approach)
+            approach, closing = hand_at(angle, lean, yaw)
+            path.orientation = pointing(sign * closing, approach)
             return approach
 
         lip = hinge.edge(float(angles[0]), theta["lip_depth"]) + aside
