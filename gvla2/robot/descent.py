@@ -236,7 +236,7 @@ def _away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float) -
     across = np.ascontiguousarray(jacobian.T)
     rates, sound = _solved(jacobian @ across, jacobian @ push)
     toward = across @ rates if sound > 1e-6 else np.linalg.lstsq(jacobian, jacobian @ push, 1e-4)[0]
-    return gain * (push - toward)
+    return np.asarray(gain * (push - toward))
 
 
 @_compiled
@@ -255,7 +255,7 @@ def descend(
     for _ in range(iterations):
         _tool(chain, joints, pose, jacobian)
         error = _error(pose, target)
-        squared = error @ error
+        squared = float(error @ error)
         if squared < 1e-11:
             return True, joints
         stalled = 0 if squared < 0.9 * best else stalled + 1
@@ -274,8 +274,8 @@ def descend(
         joints = np.minimum(np.maximum(joints, chain.low), chain.high)
     _tool(chain, joints, pose, jacobian)
     error = _error(pose, target)
-    reached = np.sqrt(error[:3] @ error[:3]) < 0.2 * POSITION_TOLERANCE
-    return reached and np.sqrt(error[3:] @ error[3:]) < 0.2 * ROTATION_TOLERANCE, joints
+    shift, turn = float(np.sqrt(error[:3] @ error[:3])), float(np.sqrt(error[3:] @ error[3:]))
+    return shift < 0.2 * POSITION_TOLERANCE and turn < 0.2 * ROTATION_TOLERANCE, joints
 
 
 @_compiled
@@ -300,6 +300,6 @@ def settle(
             best, margin = joints, _margin(chain, joints)
     _tool(chain, best, pose, jacobian)
     error = _error(pose, target)
-    volume = np.linalg.det(jacobian @ np.ascontiguousarray(jacobian.T))
-    misses = np.sqrt(error[:3] @ error[:3]), np.sqrt(error[3:] @ error[3:])
-    return reached, best, margin, np.sqrt(max(0.0, volume)), misses[0], misses[1]
+    volume = float(np.linalg.det(jacobian @ np.ascontiguousarray(jacobian.T)))
+    shift, turn = float(np.sqrt(error[:3] @ error[:3])), float(np.sqrt(error[3:] @ error[3:]))
+    return reached, best, margin, float(np.sqrt(max(0.0, volume))), shift, turn
