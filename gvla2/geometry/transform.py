@@ -44,9 +44,15 @@ def check_rigid(matrix: ArrayLike, what: str = "pose", tolerance: float = 1e-4) 
     if not np.isfinite(array).all():
         raise GeometryError(f"{what} has entries that are not finite.")
     rotation = array[:3, :3]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance):
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > tolerance:
         raise GeometryError(f"{what}: the rotation is not orthonormal; a scale or shear is in it.")
-    if np.linalg.det(rotation) < 0:
+    x, y, z = rotation.tolist()
+    if (
+        x[0] * (y[1] * z[2] - y[2] * z[1])
+        + x[1] * (y[2] * z[0] - y[0] * z[2])
+        + x[2] * (y[0] * z[1] - y[1] * z[0])
+        < 0
+    ):
         raise GeometryError(
             f"{what} is mirrored (determinant -1): one axis is flipped. An OpenGL camera becomes an OpenCV "
             "one by diag(1, -1, -1), which has determinant +1."

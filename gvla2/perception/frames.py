@@ -127,7 +127,8 @@ def why_not(view: View, points: FloatArray) -> str:
 def _near(points: FloatArray, workspace: Box) -> FloatArray:
     """Those of points (N, 3) that lie over and a little under the workspace."""
     low = workspace.low - [0.0, 0.0, BELOW]
-    return np.asarray(points[((points >= low) & (points <= workspace.high)).all(axis=1)])
+    inside = (points >= low) & (points <= workspace.high)
+    return np.asarray(points[inside[:, 0] & inside[:, 1] & inside[:, 2]])
 
 
 def find_table(clouds: Sequence[FloatArray], workspace: Box) -> Table:

@@ -99,7 +99,7 @@ def _points(view: View) -> FloatArray:
 
 def _sight(origin: FloatArray, points: FloatArray, half: FloatArray) -> _Sight:
     with np.errstate(invalid="ignore"):
-        inside = (np.abs(points[..., :2]) < half).all(axis=-1)
+        inside = (np.abs(points[..., 0]) < half[0]) & (np.abs(points[..., 1]) < half[1])
         table = points[inside & (np.abs(points[..., 2]) < BAND)]
         up = inside & (points[..., 2] > OFF_TABLE) & (points[..., 2] < TALL)
     things = points[up]
@@ -120,8 +120,9 @@ def _plane(points: FloatArray) -> tuple[FloatArray, FloatArray]:
     kept = points
     for _ in range(4):
         middle = kept.mean(axis=0)
-        normal = np.linalg.eigh(np.cov((kept - middle).T))[1][:, 0]
-        off = np.abs((points - middle) @ normal)
+        spread = kept - middle
+        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
+        off = np.abs(points @ normal - middle @ normal)
         kept = points[off <= max(0.002, 1.5 * float(np.median(off)))]
     return normal * np.sign(normal[2] or 1.0), middle
 
@@ -135,10 +136,10 @@ def _slope(points: FloatArray) -> float:
 
 def _normals(points: FloatArray, chosen: NDArray[np.bool_]) -> FloatArray:
     """(N, 3) unit normals at the chosen pixels, from neighbours two apart; NaN beside an edge."""
-    across, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
-    across[:, 2:-2] = points[:, 4:] - points[:, :-4]
-    down[2:-2] = points[4:] - points[:-4]
-    a, b = across[chosen], down[chosen]
+    rows, columns = np.nonzero(chosen)
+    framed = np.pad(points, ((2, 2), (2, 2), (0, 0)), constant_values=np.nan)
+    a = framed[rows + 2, columns + 4] - framed[rows + 2, columns]
+    b = framed[rows + 4, columns + 2] - framed[rows, columns + 2]
     normal = np.cross(a, b)
     with np.errstate(invalid="ignore", divide="ignore"):
         smooth = (np.linalg.norm(a, axis=1) < 0.05) & (np.linalg.norm(b, axis=1) < 0.05)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.arm import Arm, Attachment, Clearance, Hand, IKSolution
@@ -113,7 +112,7 @@ def _can_follow(arm: Arm, joints: FloatArray, poses: Sequence[FloatArray]) -> bo
 
 
 def _still(a: FloatArray, b: FloatArray) -> bool:
-    turn = Rotation.from_matrix(a[:3, :3].T @ b[:3, :3]).magnitude()
+    turn = np.linalg.norm(a[:3, :3] - b[:3, :3]) / np.sqrt(2.0)  # radians, where it is small
     return bool(np.linalg.norm(a[:3, 3] - b[:3, 3]) < STILL and turn < STILL)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -87,12 +88,12 @@ class SceneObject:
         """(3,) centre of the oriented box, metres."""
         return self.world_from_object[:3, 3]
 
-    @property
+    @cached_property
     def top(self) -> float:
         """Height of the highest corner of the oriented box, world z in metres."""
         return float(self.corners()[:, 2].max())
 
-    @property
+    @cached_property
     def bottom(self) -> float:
         """Height of the lowest corner of the oriented box, world z in metres."""
         return float(self.corners()[:, 2].min())

@@ -61,7 +61,8 @@ def grasp_rotation(approach: FloatArray, closing: FloatArray) -> FloatArray:
     if length < 1e-6:
         raise ValueError("The closing direction is parallel to the approach direction.")
     y = y / length
-    return np.stack([np.cross(y, z), y, z], axis=1)
+    x = [y[1] * z[2] - y[2] * z[1], y[2] * z[0] - y[0] * z[2], y[0] * z[1] - y[1] * z[0]]  # y cross z
+    return np.array([x, y, z]).T
 
 
 @dataclass(frozen=True)
@@ -123,11 +124,14 @@ class Trajectory:
 
     def poses(self, start: FloatArray) -> list[FloatArray]:
         """World tool poses (4, 4) of all waypoints, orientations resolved from the pose ``start`` (4, 4)."""
-        rotation, poses = start[:3, :3], []
+        return list(self.each_pose(start))
+
+    def each_pose(self, start: FloatArray) -> Iterator[FloatArray]:
+        """:meth:`poses`, one at a time: who stops early resolves no more than that."""
+        rotation = start[:3, :3]
         for waypoint in self.waypoints:
             rotation = waypoint.orientation.resolve(rotation)
-            poses.append(rigid(rotation, waypoint.xyz))
-        return poses
+            yield rigid(rotation, waypoint.xyz)
 
     def xyzg(self) -> FloatArray:
         """(N, 4) the paper's view: x, y, z in metres and the gripper state."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -35,29 +36,36 @@ def import_coal() -> Any:
 class CollisionChecker:
     """Checks configurations of one hand opening against one scene. Made by :meth:`CollisionModel.checker`.
 
-    ``pairs`` names what is checked against what; the first ``n_world`` pairs have a scene part as the second.
     Not safe to share between threads.
     """
 
-    def __init__(self, kinematics: Kinematics, geometry: Any, gripper: float, n_world: int) -> None:
+    def __init__(
+        self, kinematics: Kinematics, data: Any, geometry: Any, gripper: float, n_world: int
+    ) -> None:
         self._pin = import_pinocchio()
         self._kinematics, self._geometry = kinematics, geometry
         self._q = kinematics.full(np.zeros(kinematics.dof), gripper)
         self._index = kinematics.arm_index
-        self._data, self._geometry_data = kinematics.model.createData(), geometry.createData()
+        self._data, self._geometry_data = data, geometry.createData()
         self.n_world = n_world
-        self.pairs: tuple[tuple[str, str], ...] = tuple(
-            (_part(geometry.geometryObjects[p.first]), _part(geometry.geometryObjects[p.second]))
-            for p in geometry.collisionPairs
-        )
         self.checked = 0
+        self._margins = np.zeros(n_world)
+
+    @cached_property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """What is checked against what; the first ``n_world`` have a part of the scene as the second."""
+        names = [_part(o) for o in self._geometry.geometryObjects]
+        return tuple((names[p.first], names[p.second]) for p in self._geometry.collisionPairs)
 
     def set_margins(self, margins: float | FloatArray) -> None:
         """How far (metres) the parts of each world pair must stay apart: one for all, or (n_world,).
 
         Negative margins tolerate that much penetration; the arm's own parts only must not touch.
         """
-        values = np.broadcast_to(margins, (self.n_world,))
+        values = np.broadcast_to(np.asarray(margins, dtype=np.float64), (self.n_world,))
+        if np.array_equal(values, self._margins):
+            return
+        self._margins = values.copy()
         for request, value in zip(self._geometry_data.collisionRequests, values, strict=False):
             request.security_margin = float(value)
 
@@ -78,7 +86,7 @@ class CollisionChecker:
 
     def distances(self, joints: FloatArray) -> FloatArray:
         """(pairs,) signed distances in metres, negative where the parts overlap."""
-        if not self.pairs:
+        if not len(self._geometry.collisionPairs):
             return np.empty(0)
         self._q[self._index] = joints
         self._pin.computeDistances(
@@ -128,7 +136,9 @@ class CollisionModel:
             for (i, (one, a)), (j, (other, b)) in combinations(enumerate(solids), 2)
             if a != b and frozenset((one, other)) not in harmless
         ]
+        self._data = kinematics.model.createData()  # of one configuration: whichever checker asks
         self._checkers: OrderedDict[object, CollisionChecker] = OrderedDict()
+        self._scene: tuple[Scene | None, object] = None, None
         self._kept = kept
 
     def checker(
@@ -139,7 +149,9 @@ class CollisionModel:
         attached: Attachment | None = None,
     ) -> CollisionChecker:
         """A checker with zero margins; see :meth:`gvla2.planning.arm.Arm.clearance` for the arguments."""
-        key = (_scene_key(scene), round(gripper, 4), allowed_contacts, _attachment_key(attached))
+        if self._scene[0] is not scene:
+            self._scene = scene, _scene_key(scene)
+        key = (self._scene[1], round(gripper, 4), allowed_contacts, _attachment_key(attached))
         checker = self._checkers.get(key)
         if checker is None:
             checker = self._build(scene, gripper, allowed_contacts, attached)
@@ -186,7 +198,7 @@ class CollisionModel:
                 n_world += 1
         for first, second in self_pairs:
             geometry.addCollisionPair(pin.CollisionPair(first, second))
-        return CollisionChecker(self._kinematics, geometry, gripper, n_world)
+        return CollisionChecker(self._kinematics, self._data, geometry, gripper, n_world)
 
 
 def _part(solid: Any) -> str:

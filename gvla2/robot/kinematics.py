@@ -11,6 +11,7 @@ import numpy as np
 
 from gvla2.errors import MissingDependencyError, RobotError
 from gvla2.geometry.transform import FloatArray, check_rigid
+from gvla2.robot.descent import chain_of
 
 
 def import_pinocchio() -> Any:
@@ -90,6 +91,7 @@ class Kinematics:
         self.velocity: FloatArray = np.array(self._arm.velocityLimit)
         if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low < self.high)).all():
             raise RobotError(f"{urdf.name} has joints without usable limits.")
+        self.chain = chain_of(self._arm, self._tcp, self.low, self.high)
 
     def _column(self, name: str) -> int:
         return int(self.model.joints[self.model.getJointId(name)].idx_q)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -91,10 +91,20 @@ class Antipodal:
 
 @dataclass(frozen=True)
 class Skin:
-    """Points (N, 3) of a surface in the world, metres, and their normals (N, 3), of either sign."""
+    """Points (N, 3) of a surface in the world, metres; ``known`` are their normals (N, 3) where a scan tells them."""
 
     points: FloatArray
-    normals: FloatArray
+    known: FloatArray | None = None
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """(N, 3) unit normals of either sign: the scan's, else by what is around each point."""
+        if self.known is not None:
+            return self.known
+        _, near = cKDTree(self.points).query(self.points, min(NEIGHBOURS, len(self.points)))
+        around = self.points[near] - self.points[near].mean(axis=1, keepdims=True)  # (N, K, 3)
+        _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+        return np.asarray(axes[:, :, 0])
 
 
 def skin_of(thing: SceneObject) -> Skin | None:
@@ -108,10 +118,7 @@ def skin_of(thing: SceneObject) -> Skin | None:
         return None
     if len(points) > MOST:
         points = points[np.random.default_rng(0).choice(len(points), MOST, replace=False)]
-    _, near = cKDTree(points).query(points, min(NEIGHBOURS, len(points)))
-    around = points[near] - points[near].mean(axis=1, keepdims=True)  # (N, K, 3)
-    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
-    return Skin(points, axes[:, :, 0])
+    return Skin(points)
 
 
 @lru_cache(maxsize=64)

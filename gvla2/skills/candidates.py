@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import heapq
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -49,6 +51,10 @@ def choose(
     waypoint, relative to what is comfortable and capped there.
     After a rejection by the checks, the candidate that was answered then is passed over. Proposals kept in reserve
     are ranked by themselves when none of the others passed.
+
+    The arm is asked no further than it takes to know the best. What was not followed to its end says so, with the
+    score that it would have at most; but one that works by another approach is looked for among the next ``tries``:
+    memory forbids an approach only where another will do.
     """
     forbidden = _forbidden(request.advice.effects, skill)
     reach = _Reach(request)
@@ -59,33 +65,38 @@ def choose(
     for reserve in (False, True):
         if chosen is not None:
             break  # the arm is asked about what is kept in reserve only when nothing else will do
-        scored = [(*_ease(p, request, reach), p) for p in proposals if p.reserve == reserve]
-        scored.sort(key=lambda item: -item[0])  # stable: equal scores keep the schema's order
+        walks = [_Walk(p, request, reach, forbidden) for p in proposals if p.reserve == reserve]
         tried = 0
-        for score, trouble, proposal in scored:
-            rejected = next(
-                (f"memory forbids {a} ({forbidden[a]})" for a in proposal.approaches if a in forbidden), ""
-            )
-            rejected = rejected or trouble
-            poses = b"".join(pose.tobytes() for pose in proposal.trajectory.poses(request.start))
-            rejected = rejected or unreached.get(poses, "")
-            if not rejected and chosen is None:
+        for walk in _ranked(walks):
+            rejected = walk.trouble or unreached.get(walk.poses(), "")
+            if not rejected:
                 if tried < tries:
                     tried += 1
-                    report = _check(proposal, request, skill, parameters, lengths)
+                    report = _check(walk.proposal, request, skill, parameters, lengths)
                     rejected = " ".join(report.reasons)
                     failed = {f.check for f in report.findings if not f.passed}
                     if failed == {"kinematics"}:  # nor will the same poses with the hand opened otherwise do
-                        unreached[poses] = rejected
+                        unreached[walk.poses()] = rejected
                 else:
                     rejected = f"not checked: {tries} better ones were"
                 if not rejected and not passed_over:
                     passed_over, rejected = True, "rejected by the checks: " + "; ".join(request.rejections)
-                if not rejected:
-                    chosen = proposal
-            candidates.append(
-                Candidate(proposal.description, round(float(score), 4), rejected, proposal.approaches)
-            )
+            candidates.append(walk.candidate(rejected))
+            if not rejected:
+                chosen = walk.proposal
+                break
+        left = [walk for walk in walks if not walk.ranked]
+        if chosen is not None:
+            others = [walk for walk in left if _instead_of(chosen, walk.proposal)]
+            for walk in islice(_ranked(others), tries):
+                candidates.append(walk.candidate(walk.trouble))
+                if not walk.trouble:
+                    break
+            left = [walk for walk in left if not walk.ranked]
+        left.sort(key=lambda walk: -walk.score)
+        candidates += [
+            walk.candidate(walk.trouble or "not followed to its end: it is no better") for walk in left
+        ]
     return Ranking(tuple(candidates), chosen)
 
 
@@ -97,12 +108,18 @@ def _forbidden(effects: Sequence[Effect], skill: str) -> dict[str, str]:
     }
 
 
+def _instead_of(chosen: Proposal, other: Proposal) -> bool:
+    """Whether the other does without an approach of the chosen one; those that name none are told apart by nothing."""
+    return not chosen.approaches or not set(chosen.approaches) <= set(other.approaches)
+
+
 class _Reach:
-    """Inverse kinematics that remembers: candidates share poses."""
+    """Inverse kinematics and clearance that remember: candidates share poses."""
 
     def __init__(self, request: PlanRequest) -> None:
         self._arm, self._scene = request.arm, request.scene
         self._known: dict[tuple[bytes, bytes], IKSolution | None] = {}
+        self._room: dict[tuple[bytes, float, frozenset[str]], float] = {}
 
     def inside(self, xyz: FloatArray) -> bool:
         """Whether both workspaces have the point (3,)."""
@@ -114,32 +131,93 @@ class _Reach:
             self._known[key] = self._arm.inverse(pose, near=near) if self.inside(pose[:3, 3]) else None
         return self._known[key]
 
+    def room(self, joints: FloatArray, opening: float, touching: frozenset[str]) -> float:
+        """Clearance at joints (dof,), metres, but for what may be touched."""
+        key = (joints.tobytes(), opening, touching)
+        if key not in self._room:
+            self._room[key] = self._arm.clearance(joints, opening, self._scene, touching).distance
+        return self._room[key]
 
-def _ease(proposal: Proposal, request: PlanRequest, reach: _Reach) -> tuple[float, str]:
-    """The score, and why the arm cannot do it at all ("" when it can get to every waypoint)."""
-    arm, scene = request.arm, request.scene
-    margin, manipulability, room = LIMIT_COMFORT, EASE, ROOM
-    near, opening = request.joints, 1.0
-    for waypoint, pose in zip(proposal.trajectory, proposal.trajectory.poses(request.start), strict=True):
-        solution = reach(pose, near)
-        if solution is None:
-            xyz = ", ".join(f"{v:.2f}" for v in waypoint.xyz)
-            why = "out of the arm's reach" if reach.inside(pose[:3, 3]) else "outside the workspace"
-            return round(proposal.preference - 1.0, 4), f"{waypoint.stage} at ({xyz}) is {why}"
-        if waypoint.motion == "linear" and np.abs(solution.joints - near).max() > LEAP:
-            why = "the arm gets there in another posture only, not in a straight line"
-            return round(proposal.preference - 1.0, 4), f"{waypoint.stage}: {why}"
-        margin, manipulability = (
-            min(margin, solution.limit_margin),
-            min(manipulability, solution.manipulability),
-        )
-        touching = waypoint.allowed_contacts | ({waypoint.carries} if waypoint.carries else set())
-        room = min(room, arm.clearance(solution.joints, opening, scene, frozenset(touching)).distance)
-        near, opening = solution.joints, waypoint.gripper
-    ease = (
-        0.2 * max(0.0, margin) / LIMIT_COMFORT + 0.1 * manipulability / EASE + 0.2 * max(-ROOM, room) / ROOM
-    )
-    return round(float(proposal.preference + ease), 4), ""
+
+class _Walk:
+    """A proposal as far as the arm was asked about its waypoints.
+
+    ``score`` is what it comes to at most, exact at its end; ``trouble`` why it cannot be done at all, "" where nothing
+    is known to be in the way; ``ranked``: it was told to be the best of what was left.
+    """
+
+    def __init__(
+        self, proposal: Proposal, request: PlanRequest, reach: _Reach, forbidden: Mapping[str, str]
+    ) -> None:
+        self.proposal, self.ranked = proposal, False
+        names = (f"memory forbids {a} ({forbidden[a]})" for a in proposal.approaches if a in forbidden)
+        self.trouble = next(names, "")
+        self._poses: list[FloatArray] = []
+        self._rate(LIMIT_COMFORT, EASE, ROOM)
+        self._steps = self._ways(request, reach)
+
+    def step(self) -> bool:
+        """Go on to the next waypoint; False at the end."""
+        return not self.trouble and next(self._steps, False)
+
+    def poses(self) -> bytes:
+        """All tool poses so far."""
+        return b"".join(pose.tobytes() for pose in self._poses)
+
+    def candidate(self, rejected: str) -> Candidate:
+        """What a plan tells of it."""
+        return Candidate(self.proposal.description, self.score, rejected, self.proposal.approaches)
+
+    def _rate(self, margin: float, manipulability: float, room: float) -> None:
+        ease = 0.2 * max(0.0, margin) / LIMIT_COMFORT + 0.1 * manipulability / EASE
+        ease += 0.2 * max(-ROOM, room) / ROOM
+        self.score = round(float(self.proposal.preference + ease), 4)
+
+    def _fails(self, why: str) -> None:
+        self.trouble, self.score = why, round(self.proposal.preference - 1.0, 4)
+
+    def _ways(self, request: PlanRequest, reach: _Reach) -> Iterator[bool]:
+        """Rates the proposal by one more waypoint each time."""
+        margin, manipulability, room = LIMIT_COMFORT, EASE, ROOM
+        near, opening = request.joints, 1.0
+        for waypoint, pose in zip(
+            self.proposal.trajectory, self.proposal.trajectory.each_pose(request.start), strict=True
+        ):
+            self._poses.append(pose)
+            solution = reach(pose, near)
+            if solution is None:
+                xyz = ", ".join(f"{v:.2f}" for v in waypoint.xyz)
+                why = "out of the arm's reach" if reach.inside(pose[:3, 3]) else "outside the workspace"
+                self._fails(f"{waypoint.stage} at ({xyz}) is {why}")
+                return
+            if waypoint.motion == "linear" and np.abs(solution.joints - near).max() > LEAP:
+                why = "the arm gets there in another posture only, not in a straight line"
+                self._fails(f"{waypoint.stage}: {why}")
+                return
+            margin = min(margin, solution.limit_margin)
+            manipulability = min(manipulability, solution.manipulability)
+            touching = waypoint.allowed_contacts | ({waypoint.carries} if waypoint.carries else set())
+            room = min(room, reach.room(solution.joints, opening, touching))
+            self._rate(margin, manipulability, room)
+            near, opening = solution.joints, waypoint.gripper
+            yield True
+
+
+def _ranked(walks: Iterable[_Walk]) -> Iterator[_Walk]:
+    """The walks, best first, as they were at equal scores; each goes only as far as it takes to tell.
+
+    A walk's score only falls on its way, so that one at its end above what all others may come to is the best of them.
+    """
+    waiting = [(-walk.score, k, walk) for k, walk in enumerate(walks)]
+    heapq.heapify(waiting)
+    while waiting:
+        _, k, walk = waiting[0]
+        if walk.step() or -walk.score > waiting[0][0]:
+            heapq.heapreplace(waiting, (-walk.score, k, walk))
+        else:
+            heapq.heappop(waiting)
+            walk.ranked = True
+            yield walk
 
 
 def _check(

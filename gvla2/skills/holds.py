@@ -26,6 +26,8 @@ SLIMMER = 0.012
 """The top of a thing counts as a part of its own where it is slimmer than the whole by this much, metres."""
 FEWEST = 25
 """Points of which the outline of a part is believed."""
+STRAYS = (0.01, 0.99)
+"""What is beyond these shares of a thing's points says nothing of how wide it is."""
 SHALLOW = 0.006
 """The least depth of the tool below the top, metres: the pads of the fingers then overlap the thing by 15 mm."""
 
@@ -97,13 +99,14 @@ def _around(theme: SceneObject, band: FloatArray, depth: float, hand: Hand) -> l
     turns = (
         np.arctan2(theme.world_from_object[1, 0], theme.world_from_object[0, 0]) + np.pi * np.arange(36) / 36
     )
-    yaw = float(min(turns, key=lambda a: np.ptp(span(band @ horizontal(a)[:2])) + 1e-9))
+    yaw = float(turns[np.ptp(_spans(band, turns), axis=0).argmin()])
     found = []
-    for k in range(2 * YAWS):
+    yaws = yaw + np.pi * np.arange(2 * YAWS) / YAWS
+    ends, sides = _spans(band, yaws).T, _spans(band, yaws + 0.5 * np.pi).T
+    for k, ((low, high), (left, right)) in enumerate(zip(ends, sides, strict=True)):
         closing = horizontal(yaw + np.pi * k / YAWS)
         beside = np.array([-closing[1], closing[0], 0.0])
-        (low, high), (left, right) = (span(band @ way[:2]) for way in (closing, beside))
-        width = high - low
+        width = float(high - low)
         if width + GRASP_PLAY > hand.max_width:
             continue
         xy = closing[:2] * 0.5 * (low + high) + beside[:2] * 0.5 * (left + right)
@@ -136,7 +139,13 @@ def wall(theme: SceneObject, hand: Hand) -> list[Hold]:
     return found
 
 
+def _spans(points: FloatArray, angles: FloatArray) -> FloatArray:
+    """(2, A) lowest and highest value but for strays of points (N, 2) along each of the level ways (A,), radians."""
+    ways = np.stack([np.cos(angles), np.sin(angles)])
+    return np.asarray(np.quantile(ways.T @ points.T, STRAYS, axis=1))
+
+
 def span(values: FloatArray) -> tuple[float, float]:
     """Lowest and highest value but for strays."""
-    low, high = np.quantile(values, (0.01, 0.99))
+    low, high = np.quantile(values, STRAYS)
     return float(low), float(high)

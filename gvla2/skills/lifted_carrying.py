@@ -14,7 +14,6 @@ from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.schemas.insert import aligning_turns, lower_over
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
 from gvla2.skills.schemas.place import TURNS, over_spot, put_down
-from gvla2.skills.wholes import rise
 
 if TYPE_CHECKING:
     from gvla2.skills.lifting import PathPoint
@@ -69,7 +68,7 @@ def _along(
     path.waypoints[:0] = [w for each in on_the_way for w in each]
     touching = job.own() | job.resting()
     here = draw_out(job, path, grasp)
-    clear = max(rise(job.theme, job.scene) - float(here[2] - grasp.centre[2]), 0.0)
+    clear = max(job.rise - float(here[2] - grasp.centre[2]), 0.0)
     end = len(points) if opened is None else opened
     for k, point in enumerate(points[at + 1 : end]):
         there = np.minimum(point.array, [np.inf, np.inf, job.ceiling()])

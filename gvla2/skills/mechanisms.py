@@ -8,6 +8,7 @@ taken to open towards the robot, as things are put before somebody who is to ope
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Hinge:
     thickness: float
     guessed: bool = False
 
-    @property
+    @cached_property
     def axis(self) -> FloatArray:
         """(3,) unit; a right-hand turn about it opens the lid."""
         return np.cross(self.level, UP)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from gvla2.planning.arm import Hand
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation, Trajectory, Waypoint
 from gvla2.skills.parameters import TABLE_GAP
-from gvla2.skills.wholes import holders, parts_of
+from gvla2.skills.wholes import holders, parts_of, rise, way_out
 
 LONGEST_LINE = 0.5
 """Longer straight moves are written as several, metres."""
@@ -39,10 +41,34 @@ class Job:
 
     def own(self) -> frozenset[str]:
         """Ids of the theme and its parts: what the hand that takes hold of it may touch."""
-        return frozenset({self.theme.id, *(p.id for p in parts_of(self.theme, self.scene))})
+        return self._own
 
     def resting(self) -> frozenset[str]:
         """Ids of what the theme stands in or on, with their parts, and the table: it touches them until lifted."""
+        return self._resting
+
+    @cached_property
+    def rise(self) -> float:
+        """How far the theme is to be lifted to be clear of what it stands in, metres."""
+        return rise(self.theme, self.scene)
+
+    @cached_property
+    def way_out(self) -> FloatArray:
+        """(3,) unit: the way by which the theme leaves what it stands in."""
+        return way_out(self.theme, self.scene)
+
+    @cached_property
+    def highest(self) -> float:
+        """Height of the highest thing but the theme and its parts, or of the table, metres."""
+        return max((o.top for o in self.scene.obstacles(self._own)), default=self.scene.table_height)
+
+    # Dozens of proposals ask one job for the same.
+    @cached_property
+    def _own(self) -> frozenset[str]:
+        return frozenset({self.theme.id, *(p.id for p in parts_of(self.theme, self.scene))})
+
+    @cached_property
+    def _resting(self) -> frozenset[str]:
         held = holders(self.theme, self.scene)
         within = {p.id for h in held for p in parts_of(h, self.scene)}
         return frozenset({"table", *(h.id for h in held), *within})
@@ -65,15 +91,21 @@ class Job:
 class Proposal:
     """One way to do it. ``approaches`` are the names by which memory may forbid it ("approach:top");
     ``preference`` in [0, 1] how much the geometry speaks for it, before the arm is asked. One in ``reserve`` is looked
-    at only when all others failed.
+    at only when all others failed. ``way`` is the trajectory, or what writes it: of dozens of proposals the arm is
+    asked about a few.
     """
 
     description: str
     approaches: tuple[str, ...]
     preference: float
-    trajectory: Trajectory
+    way: Trajectory | Callable[[], Trajectory]
     notes: tuple[str, ...] = ()
     reserve: bool = False
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The trajectory, written when it is first asked for."""
+        return self.way if isinstance(self.way, Trajectory) else self.way()
 
 
 @dataclass
@@ -113,7 +145,7 @@ class Path:
         speed = self.contact_speed if slow else self.speed
         if self.waypoints:
             begin = np.asarray(self.waypoints[-1].xyz)
-            parts = int(np.ceil(float(np.linalg.norm(xyz - begin)) / LONGEST_LINE - 1e-9))
+            parts = math.ceil(math.dist(xyz, begin) / LONGEST_LINE - 1e-9)
             for k in range(1, parts):
                 self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed, guard)
         return self._add(stage, xyz, "linear", speed, gripper, allowed, guard)

@@ -90,9 +90,12 @@ def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple
 
 def _support(depth: FloatArray) -> IntArray:
     """(H, W) how many of a pixel's eight neighbours are at its depth: few on edges, and where most depth was lost."""
-    shifts = [(down, right) for down in (-1, 0, 1) for right in (-1, 0, 1) if down or right]
-    near = [np.abs(np.roll(depth, shift, axis=(0, 1)) - depth) < ONE_SURFACE for shift in shifts]
-    return np.sum(near, axis=0, dtype=np.int64)
+    count = np.zeros(depth.shape, dtype=np.int64)
+    for shift in ((0, 1), (1, -1), (1, 0), (1, 1)):  # each neighbour is the other's neighbour
+        near = np.abs(np.roll(depth, shift, axis=(0, 1)) - depth) < ONE_SURFACE
+        count += near
+        count += np.roll(near, np.negative(shift), axis=(0, 1))
+    return count
 
 
 def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:

@@ -97,7 +97,7 @@ class ClassicalPerceiver:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
         with np.errstate(invalid="ignore"):
-            inside = [(np.abs(frame.points) < room).all(axis=-1) for frame in frames]
+            inside = [np.logical_and.reduce(np.moveaxis(np.abs(f.points) < room, -1, 0)) for f in frames]
             above = [frame.points[..., 2] > rise for frame in frames]
         raised = [without_specks(near & high) for near, high in zip(inside, above, strict=True)]
         flat = [

@@ -81,7 +81,7 @@ def plane_crossings(frame: Frame, rows: IntArray, columns: IntArray) -> FloatArr
 
 def appearance_of(rgb: FloatArray) -> FloatArray:
     """``appearance`` (N, 3) of colours (N, 3), worked out once a distinct colour."""
-    packed = np.rint(rgb * 255).astype(np.int64) @ [65536, 256, 1]
+    packed = np.ravel_multi_index(tuple(np.rint(rgb * 255).astype(np.int64).T), (256, 256, 256))
     distinct, inverse = np.unique(packed, return_inverse=True)
     table = np.stack([distinct >> 16, (distinct >> 8) & 255, distinct & 255], axis=1) / 255.0
     return np.asarray(appearance(table)[inverse])

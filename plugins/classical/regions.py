@@ -29,10 +29,10 @@ def unlike_table(frame: Frame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
     if not plane.any():
         return plane
     colours = frame.image[plane]
-    bins = (colours >> 4).astype(np.int64) @ [256, 16, 1]
+    bins = np.ravel_multi_index(tuple((colours >> 4).T), (16, 16, 16))
     common = colours[bins == np.bincount(bins).argmax()]
     table = np.median(evenly(common, 5000), axis=0)
-    near = np.abs(colours - table).max(axis=1) <= 16  # the mode may straddle two bins
+    near = np.logical_and.reduce(np.abs(colours - table).T <= 16)  # the mode may straddle two bins
     table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
     different = plane & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
     look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)

@@ -22,6 +22,17 @@ def test_there_are_twenty_words_and_each_is_nearest_to_itself():
         assert nearest_colours(rgb, 1) == ((name, pytest.approx(0.0)),)
 
 
+@pytest.mark.parametrize(
+    ("seen", "name"),
+    [
+        ((0.80, 0.09, 0.09), "red"), ((0.09, 0.19, 0.79), "blue"),  # bright, in slightly white light
+        ((0.45, 0.04, 0.05), "maroon"), ((0.04, 0.05, 0.45), "navy"), ((0.06, 0.03, 0.03), "black"),
+    ],
+)  # fmt: skip
+def test_dark_shades_are_told_from_bright_ones_by_brightness(seen, name):
+    assert nearest_colours(seen, 1)[0][0] == name
+
+
 def test_lab_of_known_colours():
     np.testing.assert_allclose(lab((1.0, 0.0, 0.0)), (53.24, 80.09, 67.20), atol=0.1)
     np.testing.assert_allclose(lab((1.0, 1.0, 1.0)), (100.0, 0.0, 0.0), atol=0.1)

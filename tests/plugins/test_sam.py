@@ -54,7 +54,7 @@ def test_it_conforms(perceiver):
 
 def test_one_encode_a_picture_one_prompt_a_thing(perceiver):
     scene = perceiver.perceive(inputs.observation(), "", inputs.WORKSPACE)
-    assert [o.label for o in scene.objects] == ["maroon cube", "navy cube"]
+    assert [o.label for o in scene.objects] == ["red cube", "blue cube"]
     assert perceiver._segmenter.encodes == 3
     assert 4 <= perceiver._segmenter.prompts <= 6
     assert scene["o1"].extents == pytest.approx([0.052] * 3, abs=0.006)

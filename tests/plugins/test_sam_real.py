@@ -47,7 +47,7 @@ def test_a_scene_is_seen_and_more_prompts_cost_no_encode(weights):
     started = time.perf_counter()
     scene = perceiver.perceive(inputs.observation(128), "", inputs.WORKSPACE)
     assert time.perf_counter() - started < 90.0  # a machine under load; the figure is docs/perception.md's
-    assert [o.label for o in scene.objects] == ["maroon cube", "navy cube"]
+    assert [o.label for o in scene.objects] == ["red cube", "blue cube"]
 
 
 def test_files_of_another_model_are_told_by_their_inputs(weights, tmp_path):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
-from gvla2.planning.trajectory import Guard
+from gvla2.planning.trajectory import Guard, Trajectory
 from gvla2.skills.holds import ROUND
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.schemas.pick import Grasp, grasps, take
@@ -53,22 +53,22 @@ def aligning_turns(theme: SceneObject, post: SceneObject) -> list[float]:
 
 
 def _insert(job: Job, grasp: Grasp, post: SceneObject, turn: float) -> Proposal:
-    theta, theme = job.theta, job.theme
-    own = job.own()
-    path = take(job, grasp)
-    hangs = grasp.centre[2] - theme.bottom
-    highest = max((o.top for o in job.scene.obstacles(own)), default=job.scene.table_height)
-    height = min(highest + theta["transit_clearance"] + hangs, job.ceiling())
-    path.line("lift", np.array([*grasp.centre[:2], height]), allowed=own | job.resting())
-    rotation = Rotation.from_euler("z", turn)
-    over = post.centre + rotation.apply(grasp.centre - theme.centre)
-    above = np.array([*over[:2], height])
-    path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
-    path.go("transit", above)
-    lower_over(job, path, grasp, above)
+    def way() -> Trajectory:
+        path = take(job, grasp)
+        hangs = grasp.centre[2] - job.theme.bottom
+        height = min(job.highest + job.theta["transit_clearance"] + hangs, job.ceiling())
+        path.line("lift", np.array([*grasp.centre[:2], height]), allowed=job.own() | job.resting())
+        rotation = Rotation.from_euler("z", turn)
+        over = post.centre + rotation.apply(grasp.centre - job.theme.centre)
+        above = np.array([*over[:2], height])
+        path.orientation = pointing(rotation.apply(grasp.closing), rotation.apply(grasp.approach))
+        path.go("transit", above)
+        lower_over(job, path, grasp, above)
+        return path.trajectory()
+
     how = f"{grasp.description}; over the {post.label}, turned {np.degrees(turn):.0f}°"
     preference = grasp.preference - 0.05 * abs(turn) / np.pi
-    return Proposal(how, grasp.approaches, preference, path.trajectory())
+    return Proposal(how, grasp.approaches, preference, way)
 
 
 def lower_over(job: Job, path: Path, grasp: Grasp, above: FloatArray) -> None:

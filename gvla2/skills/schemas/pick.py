@@ -8,11 +8,11 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
-from gvla2.planning.trajectory import Orientation, grasp_rotation
+from gvla2.planning.trajectory import Orientation, Trajectory, grasp_rotation
 from gvla2.skills.antipodal import antipodal, held_between, skin_of
 from gvla2.skills.holds import GRASP_PLAY, SNUG, Hold, holds, whole
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
-from gvla2.skills.wholes import CLEAR, holders, inside, rise, way_out
+from gvla2.skills.wholes import CLEAR, holders, inside
 
 LEANS = {"top": 0.0, "leaning": 0.35, "side": 0.9}
 """Further lean of each family of approaches, radians: none; enough for the wrist's limits; and enough to come from
@@ -69,23 +69,27 @@ def _pick(job: Job, grasp: Grasp, straight: bool) -> Proposal:
     """Lifted in one straight move; or, close to the arm's foot where such a line is short, out straight and then
     by a planned move.
     """
-    path, touching = take(job, grasp), job.own() | job.resting()
-    free_at = rise(job.theme, job.scene) + CLEAR
+    free_at = job.rise + CLEAR
     drawn = free_at > CLEAR  # out of something: no higher than that takes, it starts high enough
     lift = min(job.theta["lift_height"], free_at) if drawn else job.theta["lift_height"]
     wanted = grasp.centre[2] + lift
     height = min(wanted, job.ceiling())
-    start = draw_out(job, path, grasp)
-    up = np.array([*start[:2], max(height, start[2])])
-    if straight:
-        path.line("lift", up, allowed=touching)
-    else:
-        out = np.array([*up[:2], min(grasp.centre[2] + max(job.theta["standoff"], free_at), height)])
-        path.line("lift", out, allowed=touching).go("raise", up)
+
+    def way() -> Trajectory:
+        path, touching = take(job, grasp), job.own() | job.resting()
+        start = draw_out(job, path, grasp)
+        up = np.array([*start[:2], max(height, start[2])])
+        if straight:
+            path.line("lift", up, allowed=touching)
+        else:
+            out = np.array([*up[:2], min(grasp.centre[2] + max(job.theta["standoff"], free_at), height)])
+            path.line("lift", out, allowed=touching).go("raise", up)
+        return path.trajectory()
+
     notes = () if height > wanted - 1e-6 else (f"The lift ends at the workspace's ceiling, {height:.3f} m.",)
     how = grasp.description + ("" if straight else ", raised by a planned move")
     preference = grasp.preference - (0.0 if straight else BENT)
-    return Proposal(how, grasp.approaches, preference, path.trajectory(), notes)
+    return Proposal(how, grasp.approaches, preference, way, notes)
 
 
 def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None) -> Path:
@@ -104,7 +108,7 @@ def take(job: Job, grasp: Grasp, touching: frozenset[str] | None = None) -> Path
 
 def draw_out(job: Job, path: Path, grasp: Grasp) -> FloatArray:
     """Where the tool is (3,) when the theme has left what it is stuck in, by a straight move along itself."""
-    way, far = way_out(job.theme, job.scene), rise(job.theme, job.scene)
+    way, far = job.way_out, job.rise
     if far == 0.0 or np.hypot(*way[:2]) < LEANING:
         return grasp.centre
     out = grasp.centre + way * far / way[2]

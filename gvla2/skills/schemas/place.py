@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from gvla2.geometry.transform import FloatArray, invert_rigid, transform_points
 from gvla2.planning.contracts import Abstention
 from gvla2.planning.scene import SceneObject
+from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.proposals import Job, Path, Proposal, pointing
 from gvla2.skills.schemas.pick import Grasp, draw_out, grasps, take
 from gvla2.skills.wholes import parts_of
@@ -27,13 +28,8 @@ def propose_place(job: Job) -> list[Proposal] | Abstention:
     found = grasps(job)
     if isinstance(found, Abstention):
         return found
-    turns = _turns(job)
-    return [
-        _place(job, grasp, spot, name, turn)
-        for grasp in found
-        for spot, name in goal_spots(job)
-        for turn in turns
-    ]
+    turns, spots = _turns(job), goal_spots(job)
+    return [_place(job, grasp, spot, name, turn) for grasp in found for spot, name in spots for turn in turns]
 
 
 def _turns(job: Job) -> list[float]:
@@ -112,18 +108,22 @@ def support_along(world_from_object: FloatArray, extents: FloatArray, way: Float
 
 
 def _place(job: Job, grasp: Grasp, spot: FloatArray, where: str, turn: float) -> Proposal:
-    path = take(job, grasp)
-    xyz, closing, approach = over = over_spot(job, grasp, spot, turn)
-    out = draw_out(job, path, grasp)
-    path.line("lift", np.array([*out[:2], xyz[2]]), allowed=job.own() | job.resting())
-    path.orientation = pointing(closing, approach)
-    path.go("transit", xyz)
-    put_down(job, path, grasp, over, spot)
+    def way() -> Trajectory:
+        path = take(job, grasp)
+        xyz, closing, approach = over = over_spot(job, grasp, spot, turn)
+        out = draw_out(job, path, grasp)
+        path.line("lift", np.array([*out[:2], xyz[2]]), allowed=job.own() | job.resting())
+        path.orientation = pointing(closing, approach)
+        path.go("transit", xyz)
+        put_down(job, path, grasp, over, spot)
+        return path.trajectory()
+
     how = f"{grasp.description}; put down {where}" + (f", turned {np.degrees(turn):.0f}°" if turn else "")
     preference = grasp.preference - 0.05 * (turn != 0.0)
     if job.share[1] > 1 and job.goal is not None:  # fingers between the things would want room of their own
+        closing = Rotation.from_euler("z", turn).apply(grasp.closing)
         preference -= 0.1 * abs(float(closing @ job.goal.world_from_object[:3, 0]))
-    return Proposal(how, grasp.approaches, preference, path.trajectory())
+    return Proposal(how, grasp.approaches, preference, way)
 
 
 def over_spot(
@@ -134,8 +134,7 @@ def over_spot(
     """
     theme = job.theme
     hangs = grasp.centre[2] - theme.bottom  # from the tool down to the object's underside
-    highest = max((o.top for o in job.scene.obstacles(job.own())), default=job.scene.table_height)
-    height = min(max(highest, theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
+    height = min(max(job.highest, theme.bottom) + job.theta["transit_clearance"] + hangs, job.ceiling())
     rotation = Rotation.from_euler("z", turn)
     offset = rotation.apply(grasp.centre - theme.centre)
     over = np.array([*(spot + offset)[:2], height])

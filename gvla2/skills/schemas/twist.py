@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.contracts import Abstention
+from gvla2.planning.trajectory import Trajectory
 from gvla2.skills.holds import span
 from gvla2.skills.proposals import Job, Path, Proposal, horizontal, pointing
 from gvla2.skills.schemas.pick import Grasp, grasps, take
@@ -66,28 +67,30 @@ def _twist(
     job: Job, grasp: Grasp, spot: FloatArray | None = None, where: str = "", turn: float = 0.0
 ) -> Proposal:
     theta, theme = job.theta, job.theme
-    touching = job.own() | job.resting() | ({theme.parent} - {""})
-    path = take(job, grasp, touching)
-    path.carries = ""  # it stays where it is until it is loose
     rest = theta["turn"] - job.done.get("turn", 0.0)
-    steps = int(np.ceil(abs(rest) / STEP - 1e-9))
-    closing = grasp.closing
-    for k in range(1, steps + 1):
-        closing = Rotation.from_euler("z", rest * k / steps).apply(grasp.closing)
-        path.orientation = pointing(closing, grasp.approach)
-        path.line("turn", grasp.centre, allowed=touching, slow=True)
-    path.carries = theme.id
-    up = grasp.centre + np.array([0.0, 0.0, theta["lift_height"]])
-    path.line("lift", np.minimum(up, [np.inf, np.inf, job.ceiling()]), allowed=touching)
-    how = f"{grasp.description}, turned by {np.degrees(rest):.0f}°"
-    if spot is None:
-        return Proposal(how, grasp.approaches, grasp.preference, path.trajectory())
-    turned = replace(grasp, closing=closing)
-    over = over_spot(job, turned, spot, turn)
-    _carry(path, over)
-    put_down(job, path, turned, over, spot)
-    preference = grasp.preference - 0.02 * (turn != 0.0)
-    return Proposal(f"{how}; put down {where}", grasp.approaches, preference, path.trajectory())
+
+    def way() -> Trajectory:
+        touching = job.own() | job.resting() | ({theme.parent} - {""})
+        path = take(job, grasp, touching)
+        path.carries = ""  # it stays where it is until it is loose
+        steps = int(np.ceil(abs(rest) / STEP - 1e-9))
+        closing = grasp.closing
+        for k in range(1, steps + 1):
+            closing = Rotation.from_euler("z", rest * k / steps).apply(grasp.closing)
+            path.orientation = pointing(closing, grasp.approach)
+            path.line("turn", grasp.centre, allowed=touching, slow=True)
+        path.carries = theme.id
+        up = grasp.centre + np.array([0.0, 0.0, theta["lift_height"]])
+        path.line("lift", np.minimum(up, [np.inf, np.inf, job.ceiling()]), allowed=touching)
+        if spot is not None:
+            turned = replace(grasp, closing=closing)
+            over = over_spot(job, turned, spot, turn)
+            _carry(path, over)
+            put_down(job, path, turned, over, spot)
+        return path.trajectory()
+
+    how = f"{grasp.description}, turned by {np.degrees(rest):.0f}°" + (f"; put down {where}" if where else "")
+    return Proposal(how, grasp.approaches, grasp.preference - 0.02 * (turn != 0.0), way)
 
 
 def _carry(path: Path, over: tuple[FloatArray, FloatArray, FloatArray]) -> None:
