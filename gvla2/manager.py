@@ -8,7 +8,7 @@ plugin, whose functions answer with nothing instead and leave a :class:`~gvla2.d
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -20,7 +20,7 @@ from gvla2 import hookspecs
 from gvla2.discovery import Plugin, Problem, closest, describe, stdout_kept_clean
 from gvla2.fitness import fault_of_item, fault_of_kind
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, specifications
-from gvla2.kinds import KINDS, Kind
+from gvla2.kinds import KINDS, SLOTS, Kind
 from gvla2.markers import PROJECT
 
 _MARK = f"{PROJECT}_impl"
@@ -39,8 +39,12 @@ class Collected:
     search_paths: list[str] = field(default_factory=list)
 
 
-def collect(found: Iterable[tuple[Plugin, object]], problems: list[Problem]) -> Collected:
-    """Register the plugins, the first of which is to be called first, and call every hook."""
+def collect(
+    found: Iterable[tuple[Plugin, object]], problems: list[Problem], groups: Collection[str] | None = None
+) -> Collected:
+    """Register the plugins, the first of which is to be called first, and call every hook, or those of the kinds that
+    ``groups`` choose from, and of what these need.
+    """
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(hookspecs)
     manager.add_hookspecs(specifications())
@@ -59,11 +63,17 @@ def collect(found: Iterable[tuple[Plugin, object]], problems: list[Problem]) -> 
         guard.kinds[kind.name] = kind
         manager.add_hookspecs(specifications([kind]))
     guard.tell_unknown_hooks(unmarked)
+    wanted = list(guard.kinds) if groups is None else list(dict.fromkeys(SLOTS.get(g, g) for g in groups))
+    components: dict[str, list[tuple[Any, Plugin]]] = {}
+    for name in wanted:  # grows by what is needed
+        components[name] = guard.call(guard.kinds[name].hook)
+        needed = {need for item, _ in components[name] for need in item.needs}
+        wanted += sorted(needed.difference(wanted))
     return Collected(
         manager,
         guard.kinds,
         [plugin for plugin, _ in loaded],
-        {kind.name: guard.call(kind.hook) for kind in guard.kinds.values()},
+        components,
         guard.call(SKILL_HOOK),
         [path for path, _ in guard.call(SEARCH_PATH_HOOK)],
     )

@@ -30,6 +30,7 @@ from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
 from gvla2.commands.printable import printable
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
+from gvla2.kinds import KINDS, SLOTS
 
 JobFunction = Callable[[Any, Registry], object]
 """Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
@@ -113,10 +114,11 @@ def launch(
     if silent := _silent_cluster(argv):
         print(f"gvla2: {printable(silent)}", file=sys.stderr)
         return 1
-    registry = load_plugins()
-    own = [group for group in registry.groups if group in {f.name for f in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
-    register(registry, PRIMARY, own if config_name == "memory" else None)
+    schema = PRIMARY[config_name]
+    own = {f.name for f in fields(schema)} & {*KINDS, *SLOTS} if config_name == "memory" else None
+    registry = load_plugins(own)
+    register(registry, {config_name: schema}, own)
     # Hydra composes twice, and brings logging and folders, which a command that only looks has no use for.
     plain = config_name == "memory" and not any(word.lstrip("+~").startswith(("-", "hydra")) for word in argv)
     decorated = hydra.main(
