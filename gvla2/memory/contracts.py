@@ -244,7 +244,7 @@ class Inducer(Protocol):
 class Suspects:
     """Two lessons of which one may contradict the other, each with the instructions that it comes from, one a line.
 
-    ``suspicion`` in [0, 1] is the probability by which they were suspected.
+    ``suspicion`` in [0, 1] is the probability that they do, as rules read them; .5 where these cannot tell.
     """
 
     first: str

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gvla2.memory.contracts import Judge, Judgement, Suspects
+from gvla2.memory.curation.contesting import compare
 from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.ledger import deciding
 from gvla2.memory.indexing.candidates import SERVED
@@ -90,4 +91,6 @@ def decide(
 
 
 def _suspects(first: Record, second: Record) -> Suspects:
-    return Suspects(first.content, second.content, first.query, second.query)
+    found = compare(first, second).suspicion
+    told = (first.content, second.content, first.query, second.query)
+    return Suspects(*told) if found is None else Suspects(*told, suspicion=found)

@@ -9,6 +9,7 @@ import pytest
 
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Judgement, Suspects
+from gvla2.memory.curation.contesting import SUSPECT
 from gvla2.memory.curation.judging import BATCH, Judged, decide, judge
 from gvla2.memory.records import Record
 from gvla2.memory.storage.writing import Put
@@ -57,9 +58,18 @@ def test_pairs_are_asked_in_batches_and_their_cost_is_counted() -> None:
     asked, done = Fixed(False), Judged()
     rulings = decide(asked, pairs, records, done)
     assert [len(batch) for batch in asked.batches] == [BATCH, 4]
-    assert asked.batches[0][0] == Suspects("text of r00", "text of r01", "task of r00", "task of r01")
+    assert asked.batches[0][0] == Suspects("text of r00", "text of r01", "task of r00", "task of r01", 0.0)
     assert {answer.contradicts for _, answer in rulings} == {False}
     assert (len(done.dismissed), done.usage["calls"]) == (BATCH + 4, 2 * (BATCH + 4))
+
+
+def test_a_judge_hears_how_likely_the_suspicion_is() -> None:
+    english, german = ("Lift the cup slowly.", "Lift the cup quickly."), ("Hebe sie nicht an.", "Hebe sie an.")
+    for texts, low, high in ((english, SUSPECT, 1.0), (german, 0.5, 0.5)):
+        records = {id: record(id, query="lift", content=text) for id, text in zip("ab", texts, strict=True)}
+        asked = Fixed(None)
+        decide(asked, [("a", "b")], records, Judged())
+        assert low <= asked.batches[0][0].suspicion <= high
 
 
 def test_what_is_gone_or_beyond_the_limit_is_not_asked() -> None:
