@@ -21,9 +21,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """Compile on the first call and keep the result on disk.
 
-    Sums may be reordered, but NaN and infinity keep their meaning.
+    Sums may be reordered, but NaN and infinity keep their meaning; division by zero gives them, as in numpy.
     """
-    return cast(F, numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp"})(function))
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc", "arcp"}}
+    return cast(F, numba.njit(cache=True, nogil=True, **options)(function))
 
 
 def cores() -> int:
