@@ -99,9 +99,9 @@ def align(
         spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(UNKNOWNS - LOW, field)])
         pairs = linked(looks, theta, gate)
         theta, covariance = _Problem(looks, pairs, sigma, max(pixel, sigma), spread).solved(theta)
-        if not pairs:
+        if pairs is None:
             break
-        rows, gaps = len(pairs), pairs.gaps(theta)[0]
+        rows, gaps = len(pairs.at), pairs.gaps(theta)[0]
         left = float(1.4826 * np.median(np.abs(gaps)) / np.sqrt(2))
         if number == STIFF - 1:
             field = max(left, 1e-4)  # what stiff terms leave over is the field's
@@ -173,11 +173,8 @@ class _Problem:
 
     def _rows(self, theta: FloatArray) -> Iterator[Rows]:
         if self._pairs is not None:
-            gaps, by_i, by_j = self._pairs.gaps(theta)
-            i, j = self._pairs.design
-            values = np.concatenate([i.values * by_i[:, None], j.values * by_j[:, None]], axis=1)
-            slopes = Design(np.concatenate([i.columns, j.columns], axis=1), values / self._sigma)
-            yield gaps / self._sigma, CAUCHY**2, slopes
+            gaps, slopes = self._pairs.gaps(theta)
+            yield gaps / self._sigma, CAUCHY**2, Design(slopes.columns, slopes.values / self._sigma)
         for look in self._looks:
             now = look.at + look.design @ theta
             # Little may lie before the hull's front, much behind it.

@@ -38,9 +38,6 @@ class Design:
     def __matmul__(self, theta: FloatArray) -> FloatArray:
         return np.asarray(np.einsum("nk,nk->n", self.values, theta.ravel()[self.columns]))
 
-    def __getitem__(self, kept: NDArray[Any]) -> Design:
-        return Design(self.columns[kept], self.values[kept])
-
     def scaled(self, factor: FloatArray) -> Design:
         """Each row times its factor (N,)."""
         return Design(self.columns, self.values * factor[:, None])
@@ -184,45 +181,37 @@ def _cross(depth: FloatArray, rays: FloatArray, normals: FloatArray) -> None:
 class Pairs:
     """N samples of views i, each with a point of another view j and the plane through it.
 
-    Of both: log depth ``at`` (N,), ``design``, how far a point of depth 1 lies ``along`` (N,) the plane's normal;
-    ``between`` (N,) metres along it from j's camera to i's.
+    Of both, i and j: log depth ``at`` (N, 2), ``design`` (the unknowns of i, then those of j), how far a point of depth
+    1 lies ``along`` (N, 2) the plane's normal; ``between`` (N,) metres along it from j's camera to i's.
     """
 
-    at: tuple[FloatArray, FloatArray]
-    design: tuple[Design, Design]
-    along: tuple[FloatArray, FloatArray]
+    at: FloatArray
+    design: Design
+    along: FloatArray
     between: FloatArray
 
-    def __len__(self) -> int:
-        return len(self.between)
-
-    def gaps(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(N,) distances from the planes in units of relative depth, and their derivatives by both log depths."""
-        depths = [np.exp(at + design @ theta) for at, design in zip(self.at, self.design, strict=True)]
-        of_i, of_j = (a * d for a, d in zip(self.along, depths, strict=True))
-        steep = [np.maximum(of**2, (STEEP * d) ** 2) for of, d in zip((of_i, of_j), depths, strict=True)]
-        unit = np.sqrt(0.5 * (steep[0] + steep[1]))
-        return (of_i - of_j + self.between) / unit, of_i / unit, -of_j / unit
+    def gaps(self, theta: FloatArray) -> tuple[FloatArray, Design]:
+        """(N,) distances from the planes in units of relative depth, and their slopes."""
+        count, width = len(self.at), self.design.columns.shape[1] // 2
+        wrong = self.design.values * theta.ravel()[self.design.columns]
+        depth = np.exp(self.at + wrong.reshape(count, 2, width).sum(axis=2))
+        reach = self.along * depth
+        unit = np.sqrt(0.5 * np.maximum(reach**2, (STEEP * depth) ** 2).sum(axis=1))
+        by = np.repeat(reach * [1, -1] / unit[:, None], width, axis=1)
+        slopes = Design(self.design.columns, self.design.values * by)
+        return (reach[:, 0] - reach[:, 1] + self.between) / unit, slopes
 
 
 def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pairs | None:
     """All samples that see a surface of another view, normals alike and no more than ``gate`` apart; None: none."""
-    found = []
-    for i, a in enumerate(looks):
-        for j, b in enumerate(looks):
-            if i != j and a is not None and b is not None:
-                found.append(_link(a, b, theta))
+    shown = [look for look in looks if look is not None]
+    found = [_link(a, b, theta) for a in shown for b in shown if a is not b]
     if not found:
         return None
-    at_i, at_j, ci, vi, cj, vj, along_i, along_j, between = map(np.concatenate, zip(*found, strict=True))
-    every = Pairs((at_i, at_j), (Design(ci, vi), Design(cj, vj)), (along_i, along_j), between)
-    near = np.abs(every.gaps(theta)[0]) < gate
-    return Pairs(
-        (at_i[near], at_j[near]),
-        (every.design[0][near], every.design[1][near]),
-        (along_i[near], along_j[near]),
-        between[near],
-    )
+    at, columns, values, along, between = (np.concatenate(each) for each in zip(*found, strict=True))
+    near = np.abs(Pairs(at, Design(columns, values), along, between).gaps(theta)[0]) < gate
+    pairs = Pairs(at[near], Design(columns[near], values[near]), along[near], between[near])
+    return pairs if near.any() else None
 
 
 def _link(a: Look, b: Look, theta: FloatArray) -> tuple[NDArray[Any], ...]:
@@ -232,13 +221,17 @@ def _link(a: Look, b: Look, theta: FloatArray) -> tuple[NDArray[Any], ...]:
     uv, z = b.camera.project(points)
     inside = b.camera.inside(uv) & (z > 0)
     column, row = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp).T
-    normal = b.normals[row, column]
     # A comparison with NaN, where one has no normal, is false.
-    alike = np.einsum("nk,nk->n", normals, normal) > ALIKE
+    alike = np.einsum("nk,nk->n", normals, b.normals[row, column]) > ALIKE
     known = inside & np.isfinite(b.log_depth[row, column]) & alike
-    row, column, normal = row[known], column[known], normal[known]
-    at, mine = b.log_depth[row, column], a.design[known]
+    row, column = row[known], column[known]
+    normal, at = b.normals[row, column], b.log_depth[row, column]
     theirs = b.basis.at(np.stack([column, row], axis=1) + 0.5, at)
-    along = (np.einsum("nk,nk->n", normal, r) for r in (rays[known], b.rays[row, column]))
-    between = normal @ (a.camera.position - b.camera.position)
-    return a.at[known], at, mine.columns, mine.values, theirs.columns, theirs.values, *along, between
+    along = [np.einsum("nk,nk->n", normal, r) for r in (rays[known], b.rays[row, column])]
+    return (
+        np.stack([a.at[known], at], axis=1),
+        np.concatenate([a.design.columns[known], theirs.columns], axis=1),
+        np.concatenate([a.design.values[known], theirs.values], axis=1),
+        np.stack(along, axis=1),
+        normal @ (a.camera.position - b.camera.position),
+    )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.silhouette import coverage
+from gvla2.reconstruction.silhouette import mean_iou
 from gvla2.reconstruction.support import as_points, mask_support
 
 Outcome = Literal["kept", "not_finite", "no_silhouette", "iou_fell", "support_fell"]
@@ -57,7 +57,7 @@ def accept(
     measured = [
         {
             "support": float(mask_support(points, views).mean()),
-            "symmetric_iou": coverage(points, views, faces=faces).mean_iou,
+            "symmetric_iou": mean_iou(points, views, faces=faces),
         }
         for points in (old, new)
     ]

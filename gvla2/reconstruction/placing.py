@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.compiled import compiled, cores, run_chunks
+from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.mask_distance import Silhouette
-from gvla2.reconstruction.support import projection
+from gvla2.reconstruction.outline import projected
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.zbuffer import depth_map
 
@@ -120,32 +120,7 @@ def _visible(
     points: FloatArray, s: Silhouette, depth: NDArray[np.float32], tolerance: float
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Pixels (N, 2) of points and which of them (N,) lie no more than ``tolerance`` behind ``depth`` (H, W)."""
-    uv, seen = np.empty((len(points), 2), dtype=np.float32), np.empty(len(points), dtype=np.bool_)
-
-    def part(start: int, stop: int) -> None:
-        _look(points, projection(s.camera), depth, tolerance, uv, seen, start, stop)
-
-    run_chunks(part, len(points))
-    return uv, seen
-
-
-@compiled
-def _look(
-    points: FloatArray,
-    P: FloatArray,
-    depth: NDArray[np.float32],
-    tolerance: float,
-    uv: NDArray[np.float32],
-    seen: NDArray[np.bool_],
-    start: int,
-    stop: int,
-) -> None:
-    height, width = depth.shape
-    for n in range(start, stop):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        far = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
-        u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / far
-        v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / far
-        uv[n, 0], uv[n, 1] = u, v
-        inside = far > 0 and u >= 0 and v >= 0 and u < width and v < height
-        seen[n] = inside and far <= depth[int(v), int(u)] + tolerance
+    uvz = projected(points, s.camera)
+    inside = s.camera.inside(uvz)
+    column, row = np.where(inside[:, None], uvz[:, :2], 0).astype(np.intp).T
+    return uvz[:, :2], np.asarray(inside & (uvz[:, 2] <= depth[row, column] + tolerance))

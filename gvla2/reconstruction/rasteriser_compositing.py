@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled
 from gvla2.reconstruction.rasteriser_projection import (
     BLUE,
     CONIC_A,
@@ -37,7 +37,7 @@ SUMS = 9
 p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
 
 
-@kernel
+@compiled
 def composite(
     part: int,
     parts: int,
@@ -121,7 +121,7 @@ def composite(
                     image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
-@kernel
+@compiled
 def composite_back(
     part: int,
     parts: int,
