@@ -61,12 +61,11 @@ class Aligned:
     """Depth after correction, and how far to trust it.
 
     ``depth`` (S, H, W) metres, NaN where unknown or where a view could not be used; ``std`` (S, H, W) relative standard
-    deviation; ``theta`` (S, P) what was wrong: log scale, two tilts, relief, field.
+    deviation.
     """
 
     depth: FloatArray
     std: FloatArray
-    theta: FloatArray
 
 
 def align(
@@ -128,7 +127,7 @@ def _corrected(
         own = covariance[design.columns[:, :, None], design.columns[:, None, :]]
         corrected[s][known] = np.exp(log + design @ theta)
         std[s][known] = np.sqrt(np.einsum("np,npq,nq->n", design.values, own, design.values) + sigma**2)
-    return Aligned(corrected, std, theta)
+    return Aligned(corrected, std)
 
 
 Rows = tuple[FloatArray, float, Design]

@@ -77,7 +77,7 @@ def gather(
     if usable.sum() < 2:
         # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
         depth = depth / np.where(usable, rough, 1.0)[:, None, None]
-        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan), np.zeros((len(depth), 1)))
+        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan))
         refuted = np.zeros(depth.shape, dtype=np.bool_)
     else:
         solid = solid_pixels(depth, jump)
