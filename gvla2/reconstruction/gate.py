@@ -21,7 +21,8 @@ IOU_TOLERANCE, SUPPORT_TOLERANCE = 1e-3, 0.02
 class Gate:
     """Whether the new geometry is kept, and what was measured.
 
-    ``reason`` says why, as a sentence; ``before`` and ``after`` hold ``support`` (mean mask support) and ``symmetric_iou`` of the old and the new points, NaN where every mask is empty.
+    ``reason`` says why, as a sentence; ``before`` and ``after`` hold ``support`` (mean mask support) and
+    ``symmetric_iou`` of the old and the new points, NaN where every mask is empty.
     """
 
     accepted: bool

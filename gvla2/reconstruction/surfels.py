@@ -72,7 +72,7 @@ def scattered(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64], Fl
     ends = np.cumsum(areas[solid])
     chance = np.random.default_rng(0).random((_ROUNDS, count, 3))
     distance = _PACKING * float(np.sqrt(ends[-1] / count))
-    table = np.full(1 << int(np.ceil(np.log2(2 * count))), -1, dtype=np.int32)
+    table = np.full(1 << int(np.ceil(np.log2(count + 1))), -1, dtype=np.int32)
     points, face, weights = _throw(
         mesh.vertices[mesh.faces[solid]], ends, chance, mesh.vertices.min(axis=0), distance, table
     )
@@ -93,32 +93,28 @@ def _throw(
     points, weights = np.empty((rounds * count, 3)), np.empty((rounds * count, 3))
     face = np.empty(rounds * count, dtype=np.int64)
     following = np.empty(rounds * count, dtype=np.int32)
-    last, kept = len(table) - 1, 0
-    for r in range(rounds):
+    last, kept, side = len(table) - 1, 0, 2 * distance
+    for turn in range(rounds):
         f = 0
         for i in range(count):
-            at = ends[-1] * (i + chance[r, i, 0]) / count
+            at = ends[-1] * (i + chance[turn, i, 0]) / count
             while ends[f] <= at and f < len(ends) - 1:
                 f += 1
             # The square root makes the triangle's far side as dense as its tip (Osada et al. 2002, eq. 1).
-            u, v = np.sqrt(chance[r, i, 1]), chance[r, i, 2]
+            u, v = np.sqrt(chance[turn, i, 1]), chance[turn, i, 2]
             wa, wb, wc = 1 - u, u * (1 - v), u * v
             x = wa * corners[f, 0, 0] + wb * corners[f, 1, 0] + wc * corners[f, 2, 0]
             y = wa * corners[f, 0, 1] + wb * corners[f, 1, 1] + wc * corners[f, 2, 1]
             z = wa * corners[f, 0, 2] + wb * corners[f, 1, 2] + wc * corners[f, 2, 2]
-            cx, cy, cz = (
-                int((x - low[0]) / distance),
-                int((y - low[1]) / distance),
-                int((z - low[2]) / distance),
-            )
+            # Of cells twice as wide as the distance, the own one and on each axis the nearer of its neighbours will do.
+            p, q, r = (x - low[0]) / side, (y - low[1]) / side, (z - low[2]) / side
+            px, qy, rz = int(p), int(q), int(r)
             free, own = True, 0
-            for n in range(27):  # the point's own cell first: most darts fall near one of its own
-                m = (n + 13) % 27
-                place = (
-                    (cx + m // 9 - 1) * 73856093
-                    ^ (cy + m // 3 % 3 - 1) * 19349663
-                    ^ (cz + m % 3 - 1) * 83492791
-                ) & last
+            for n in range(8):
+                cx = 2 * int(p + 0.5) - 1 - px if n & 1 else px
+                cy = 2 * int(q + 0.5) - 1 - qy if n & 2 else qy
+                cz = 2 * int(r + 0.5) - 1 - rz if n & 4 else rz
+                place = (cx * 73856093 ^ cy * 19349663 ^ cz * 83492791) & last
                 own = place if n == 0 else own
                 # Two cells may share a place; the distance tells their points apart.
                 j = table[place]
