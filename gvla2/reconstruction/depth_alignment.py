@@ -161,7 +161,7 @@ class _Problem:
             cost, slope, curvature = now
             step = -_inverse(curvature) @ slope
             now = self._at(z + step)
-            while now[0] > cost and np.abs(step).max() > 1e-6:
+            while not now[0] <= cost and np.abs(step).max() > 1e-6:  # nor where depth has overflown
                 step *= 0.5
                 now = self._at(z + step)
             z = z + step

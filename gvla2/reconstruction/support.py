@@ -17,7 +17,7 @@ from gvla2.reconstruction.compiled import compiled, run_chunks
 Compat = Literal["none", "official"]
 NEAR = 1e-6
 """Metres in front of a camera where projection begins."""
-_BLOCK = 512
+_BLOCK = 512  # points at a time: what is known of them stays in the nearest cache
 
 
 def mask_support(points: ArrayLike, views: Views, *, compat: Compat = "none") -> FloatArray:
