@@ -184,9 +184,8 @@ def main(arguments: list[str]) -> None:
     points = np.ascontiguousarray(trimesh.sample.sample_surface(mesh, count, seed=0)[0])
     centre = object_centre(points)
     drifted = centre + (points - centre) * [1.04, 0.96, 1.03] + [0.01, -0.008, 0.012]
-    print(
-        f"{count} points, {len(views)} views of {SIZE} x {SIZE}, {cores()} cores; ms ({options.get('clock', 'wall')}), median [fastest]"
-    )
+    setting = f"{count} points, {len(views)} views of {SIZE} x {SIZE}, {cores()} cores"
+    print(f"{setting}; ms of {options.get('clock', 'wall')}, median [fastest]")
     print(f"{'':44s} {'gvla2':>20} {'released code':>20}")
 
     theirs = theirs_hull = None
