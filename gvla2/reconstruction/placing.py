@@ -106,10 +106,10 @@ def _sources(
         facing = np.einsum("nk,nk->n", across, towards) / np.linalg.norm(towards, axis=1)
         better = seen & (facing > best)
         view[better], best[better], pixels[better] = number, facing[better], uv[better]
-    for number, (uv, seen) in enumerate(candidates):
+    for number, (uv, shows) in enumerate(candidates):
         mine = np.flatnonzero(view == number)
         if len(mine):
-            source[mine] = seen[cKDTree(uv[seen]).query(pixels[mine], workers=cores())[1]]
+            source[mine] = shows[cKDTree(uv[shows]).query(pixels[mine], workers=cores())[1]]
     hidden = view < 0
     if hidden.any():
         source[hidden] = cKDTree(there).query(points[hidden], workers=cores())[1]
