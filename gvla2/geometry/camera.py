@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
@@ -69,7 +70,7 @@ class Camera:
             uv = np.where(depth[..., None] > 0, image[..., :2] / image[..., 2:3], np.nan)
         return uv, depth
 
-    def inside(self, uv: FloatArray) -> np.ndarray:
+    def inside(self, uv: NDArray[np.floating]) -> np.ndarray:
         """(...,) bool: which pixels (..., 2) fall inside the image; NaN is outside."""
         u, v = uv[..., 0], uv[..., 1]
         return np.asarray((u >= 0) & (u < self.width) & (v >= 0) & (v < self.height))

@@ -229,8 +229,10 @@ class _Branch:
         began = time.perf_counter()
         if out.gaussians is not None and g0.gaussians is not None:
             judges = largest(self._views)
-            was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
             now = alpha_iou(out.gaussians, judges, self._parts.renderer) if painted is None else painted
+            if now >= 1 - MUCH:  # no G0 can be so much better
+                return out
+            was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
         else:
             now, was = self._iou(out), self._iou(g0)
         if not now < was - MUCH:

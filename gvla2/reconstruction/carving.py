@@ -37,17 +37,14 @@ _GAIN = 0.08  # what dropping a view must bring
 class Carving:
     """A carved object: ``mesh`` with colours, ``normals`` (V, 3) smooth, unit and outward, ``seen`` (V,) bool.
 
-    ``seen`` tells which vertices took their colour from a view; the others took their neighbours'. ``views`` names
-    the views that were used and ``iou`` (one a used view) says how well the mesh covers each mask. ``voxel`` is the
-    grid's spacing in metres. ``status`` is ``"ok"`` or what was done otherwise, and why.
+    ``seen`` tells which vertices took their colour from a view; the others took their neighbours'. ``iou`` (one a used
+    view) says how well the mesh covers each mask. ``status`` is ``"ok"`` or what was done otherwise, and why.
     """
 
     mesh: Mesh
     normals: FloatArray
     seen: NDArray[np.bool_]
-    views: tuple[str, ...]
     iou: tuple[float, ...]
-    voxel: float
     status: str = "ok"
 
     def to_reconstruction(self, count: int = 15_000) -> Reconstruction:
@@ -55,12 +52,11 @@ class Carving:
         return Reconstruction(surfels(self.mesh, self.normals, count), self.mesh, self.status)
 
 
-def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) -> Carving:
+def carve(views: Views, resolution: int = 96) -> Carving:
     """Carve the object that the views' masks show.
 
-    The grid has about ``resolution`` cubed voxels and lies in ``bounds`` (2, 3), metres, world, which are found from
-    the masks when they are not given. Views without a mask and views with an empty one are ignored; when the
-    others' silhouettes have no point in common, the worst of them is dropped, again and again. With one view the
+    The grid has about ``resolution`` cubed voxels. Views without a mask and views with an empty one are ignored; when
+    the others' silhouettes have no point in common, the worst of them is dropped, again and again. With one view the
     object is as deep as it is wide. Each of these is told in the status. Deterministic.
 
     Raises :class:`GeometryError` when no mask shows anything, when two views contradict each other, and for a
@@ -68,7 +64,7 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
     """
     if resolution < 8:
         raise GeometryError(f"Carving needs a resolution of at least 8 voxels a side, got {resolution}.")
-    used, dropped, notes, region = _evidence(views, bounds)
+    used, dropped, notes, region = _evidence(views)
     field = _without_crumbs(_field(used, region, resolution), used)
     vertices, faces, normals = surface_of(field)
     mesh = Mesh(vertices, faces)
@@ -76,25 +72,21 @@ def carve(views: Views, resolution: int = 96, bounds: FloatArray | None = None) 
     colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
     status = _status(notes, used, dropped, region)
     iou = tuple(mask_iou(np.isfinite(d), s) for d, s in zip(depths, used, strict=True))
-    return Carving(
-        Mesh(vertices, faces, colours), normals, seen, tuple(s.name for s in used), iou, field.step, status
-    )
+    return Carving(Mesh(vertices, faces, colours), normals, seen, iou, status)
 
 
 def hull_field(views: Views, resolution: int = 96) -> Field:
     """The visual hull of the views' masks as :func:`carve` makes it, before a surface is taken."""
-    used, _, _, region = _evidence(views, None)
+    used, _, _, region = _evidence(views)
     return _field(used, region, resolution)
 
 
-def _evidence(
-    views: Views, bounds: FloatArray | None
-) -> tuple[tuple[Silhouette, ...], list[str], tuple[str, ...], Region]:
+def _evidence(views: Views) -> tuple[tuple[Silhouette, ...], list[str], tuple[str, ...], Region]:
     """The silhouettes that agree, the names of those that were dropped, notes, and where the object can be."""
     shown, notes = silhouettes(views)
     depth = _measured_depth(views, shown[0])
-    used, dropped = _agreeing(shown, bounds, depth)
-    region = _region(used, bounds, depth)
+    used, dropped = _agreeing(shown, depth)
+    region = frusta_region(used, depth)
     assert region is not None  # or the views would not agree
     return used, dropped, notes, region
 
@@ -120,23 +112,12 @@ def _measured_depth(views: Views, first: Silhouette) -> float | None:
     return float(np.quantile(measured, 0.02)) if len(measured) else None
 
 
-def _region(used: Sequence[Silhouette], bounds: FloatArray | None, depth: float | None) -> Region | None:
-    if bounds is None:
-        return frusta_region(used, depth)
-    given = np.asarray(bounds, dtype=np.float64)
-    if given.shape != (2, 3) or not np.isfinite(given).all() or not (given[0] < given[1]).all():
-        raise GeometryError(f"Bounds must be (2, 3), finite, the lower corner first; got {given.tolist()}.")
-    return Region(given, np.tile([0.0, np.inf], (len(used), 1)), True)
-
-
-def _agreeing(
-    shown: tuple[Silhouette, ...], bounds: FloatArray | None, depth: float | None
-) -> tuple[tuple[Silhouette, ...], list[str]]:
+def _agreeing(shown: tuple[Silhouette, ...], depth: float | None) -> tuple[tuple[Silhouette, ...], list[str]]:
     """The silhouettes that have an object in common, and the names of those that were dropped to get there."""
     dropped: list[str] = []
     used = shown
     while True:
-        now = _coarse_agreement(used, bounds, depth)
+        now = _coarse_agreement(used, depth)
         if now >= _AGREEMENT or len(used) == 1 or (now > 0 and len(used) < 4):
             return used, dropped
         if len(used) == 2:
@@ -145,7 +126,7 @@ def _agreeing(
                 "silhouettes. Check the cameras' poses and that the masks show the same object."
             )
         without = [used[:i] + used[i + 1 :] for i in range(len(used))]
-        scores = [_coarse_agreement(rest, bounds, depth) for rest in without]
+        scores = [_coarse_agreement(rest, depth) for rest in without]
         best = int(np.argmax(scores))
         if now > 0 and scores[best] < now + _GAIN:
             return used, dropped
@@ -153,9 +134,9 @@ def _agreeing(
         used = without[best]
 
 
-def _coarse_agreement(used: Sequence[Silhouette], bounds: FloatArray | None, depth: float | None) -> float:
+def _coarse_agreement(used: Sequence[Silhouette], depth: float | None) -> float:
     """Mean IoU of a coarse hull with the masks that it was carved from; 0 when there is no hull."""
-    region = _region(used, bounds, depth)
+    region = frusta_region(used, depth)
     if region is None:
         return 0.0
     found = _tighten(pack(used, region.depths), region.bounds)

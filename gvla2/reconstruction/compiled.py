@@ -14,16 +14,23 @@ from itertools import pairwise
 from typing import Any, TypeVar, cast
 
 import numba
+import numpy as np
+from numpy.typing import NDArray
 
+Floats = NDArray[np.float32]
+Real = Any  # float32 in the compiled code, for which Python has no type of its own
+Ints = NDArray[np.int32] | NDArray[np.int64]
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def compiled(function: F) -> F:
     """Compile on the first call and keep the result on disk.
 
-    Sums may be reordered, but NaN and infinity keep their meaning.
+    Division by zero gives infinity, as in numpy; products and sums may be fused but never reordered, so that an
+    answer depends on the machine at most in the last bit.
     """
-    return cast(F, numba.njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "arcp"})(function))
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "nsz"}}
+    return cast(F, numba.njit(cache=True, nogil=True, **options)(function))
 
 
 def cores() -> int:

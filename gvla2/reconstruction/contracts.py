@@ -84,8 +84,8 @@ class AxisFit:
         """T(p) of world points (N, 3), metres, for Gaussians and mesh alike; the points themselves if not accepted."""
         if not self.accepted:
             return points
-        moved = self.centre + ((points - self.centre) @ self.axes * self.scale + self.shift) @ self.axes.T
-        return np.ascontiguousarray(moved)
+        stretch = self.axes * self.scale @ self.axes.T
+        return np.asarray(points @ stretch + (self.centre + self.axes @ self.shift - stretch @ self.centre))
 
 
 class Reconstructor(Protocol):

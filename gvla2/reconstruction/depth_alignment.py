@@ -1,7 +1,7 @@
 """Depth maps as evidence with errors of their own: one joint, robust solve of what each view has wrong.
 
 Depth of view i is believed up to a smooth factor exp(B_i(u) theta_i): a scale, a tilt across the object, its relief,
-and a coarse field. The unknowns of all views are found together (scipy's dogleg, Cauchy loss) from
+and a coarse field. The unknowns of all views are found together (Gauss-Newton, Cauchy loss) from
 
     r_pair   = n . (p_i - q_j) / sigma          samples of one view against planes through another's points
     r_hull   = log d - log d_front, d_back      surfaces lie within the visual hull, most of them near its front
@@ -17,15 +17,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.depth_looks import KNOTS, LOW, Link, Look, linked, look_at, turned
+from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.depth_looks import (
+    KNOTS,
+    LOW,
+    UNKNOWNS,
+    Design,
+    Look,
+    Pairs,
+    linked,
+    look_at,
+    turned,
+)
 
 ROUNDS, STIFF = 8, 4
 """Rounds of matching and solving, and how many of them keep the field still."""
@@ -41,6 +50,8 @@ GATE = 0.10
 """Largest relative distance of a pair at first."""
 STEPS = 8
 """Steps of a solve, between two rounds of matching."""
+LITTLE = 0.05
+"""A gain of the log posterior that is not worth another step."""
 UNEVEN = 0.5
 """The field's knots leave at least this share of its size unexplained."""
 
@@ -50,12 +61,11 @@ class Aligned:
     """Depth after correction, and how far to trust it.
 
     ``depth`` (S, H, W) metres, NaN where unknown or where a view could not be used; ``std`` (S, H, W) relative standard
-    deviation; ``theta`` (S, P) what was wrong: log scale, two tilts, relief, field.
+    deviation.
     """
 
     depth: FloatArray
     std: FloatArray
-    theta: FloatArray
 
 
 def align(
@@ -72,9 +82,10 @@ def align(
     between which the visual hull lies, NaN outside it; ``caps`` (S, H, W) depths behind which no surface can begin,
     NaN where nobody knows.
     """
-    looks = [look_at(*each) for each in zip(views, depth, solid, front, back, caps, strict=True)]
-    size = LOW + KNOTS * KNOTS
-    theta = np.zeros((len(looks), size))
+    looks = [
+        look_at(s, *each) for s, each in enumerate(zip(views, depth, solid, front, back, caps, strict=True))
+    ]
+    theta = np.zeros((len(looks), UNKNOWNS))
     for s, look in enumerate(looks):
         if look is not None:
             theta[s, 0] = look.scale_within_hull()
@@ -83,13 +94,13 @@ def align(
     covariance, rows = np.eye(theta.size), 0
     for number in range(ROUNDS):
         if 0 < number <= STIFF:
-            looks = [None if look is None else turned(look, theta[s]) for s, look in enumerate(looks)]
-        spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(size - LOW, field)])
-        problem = _Problem(looks, linked(looks, theta, gate), sigma, max(pixel, sigma), spread)
-        theta, covariance = problem.solved(theta)
-        rows, gaps = problem.rows, problem.gaps(theta)
-        if len(gaps) == 0:
+            looks = [None if look is None else turned(look, theta) for look in looks]
+        spread = np.concatenate([[SCALE, tilt, tilt, RELIEF], np.full(UNKNOWNS - LOW, field)])
+        pairs = linked(looks, theta, gate)
+        theta, covariance = _Problem(looks, pairs, sigma, max(pixel, sigma), spread).solved(theta)
+        if pairs is None:
             break
+        rows, gaps = len(pairs.at), pairs.gaps(theta)[0]
         left = float(1.4826 * np.median(np.abs(gaps)) / np.sqrt(2))
         if number == STIFF - 1:
             field = max(left, 1e-4)  # what stiff terms leave over is the field's
@@ -107,21 +118,20 @@ def _corrected(
     depth: FloatArray, looks: Sequence[Look | None], theta: FloatArray, covariance: FloatArray, sigma: float
 ) -> Aligned:
     corrected, std = np.full(depth.shape, np.nan), np.full(depth.shape, np.nan)
-    size = theta.shape[1]
     for s, look in enumerate(looks):
         if look is None:
             continue
         known = np.isfinite(depth[s])
         log = np.log(depth[s][known])
         design = look.basis.at(look.camera.pixel_centres()[known], log)
-        own = covariance[s * size : (s + 1) * size, s * size : (s + 1) * size]
-        corrected[s][known] = np.exp(log + design @ theta[s])
-        std[s][known] = np.sqrt(np.einsum("np,np->n", design @ own, design) + sigma**2)
-    return Aligned(corrected, std, theta)
+        own = covariance[design.columns[:, :, None], design.columns[:, None, :]]
+        corrected[s][known] = np.exp(log + design @ theta)
+        std[s][known] = np.sqrt(np.einsum("np,npq,nq->n", design.values, own, design.values) + sigma**2)
+    return Aligned(corrected, std)
 
 
-Rows = tuple[FloatArray, float, tuple[tuple[int, FloatArray], ...]]
-"""Residuals (N,), the square of the Cauchy loss's width, and their slopes (N, P) by the views that they are of."""
+Rows = tuple[FloatArray, float, Design]
+"""Residuals (N,), the square of the Cauchy loss's width, and their slopes."""
 
 
 class _Problem:
@@ -134,66 +144,97 @@ class _Problem:
     def __init__(
         self,
         looks: Sequence[Look | None],
-        links: Sequence[Link],
+        pairs: Pairs | None,
         sigma: float,
         edge: float,
         spread: FloatArray,
     ) -> None:
-        self._looks = [(s, look) for s, look in enumerate(looks) if look is not None]
-        self._links, self._sigma, self._edge = links, np.sqrt(2) * sigma, edge
-        self._spread = np.tile(spread, len(looks)).reshape(len(looks), -1)
-        self.rows = sum(len(link.which) for link in links)
+        self._looks = [look for look in looks if look is not None]
+        self._pairs, self._sigma, self._edge = pairs, np.sqrt(2) * sigma, edge
+        self._spread = np.tile(spread, len(looks))
 
     def solved(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The likeliest theta near the given one, and its covariance (S P, S P)."""
-        bounds: dict[str, Any] = {"initial_trust_radius": 10.0, "max_trust_radius": 1000.0, "maxiter": STEPS}
-        answer = minimize(  # type: ignore[call-overload]  # jac=True: the cost brings its slope
-            self._cost, (theta / self._spread).ravel(), method="dogleg", jac=True, hess=self._curvature,
-            options=bounds,
-        )  # fmt: skip
-        scale = self._spread.ravel()
-        covariance = np.linalg.inv(self._curvature(answer.x)) * np.outer(scale, scale)
-        return (answer.x * scale).reshape(theta.shape), covariance
+        z = theta.ravel() / self._spread
+        now = self._at(z)
+        for _ in range(STEPS):
+            cost, slope, curvature = now
+            step = -_inverse(curvature) @ slope
+            now = self._at(z + step)
+            while not now[0] <= cost and np.abs(step).max() > 1e-6:  # nor where depth has overflown
+                step *= 0.5
+                now = self._at(z + step)
+            z = z + step
+            if cost - now[0] < LITTLE:
+                break
+        covariance = _inverse(now[2]) * np.outer(self._spread, self._spread)
+        return (z * self._spread).reshape(theta.shape), covariance
 
     def _rows(self, theta: FloatArray) -> Iterator[Rows]:
-        for link in self._links:
-            of_i, of_j = link.slopes(theta)
-            slopes = (link.i, of_i / self._sigma), (link.j, of_j / self._sigma)
-            yield link.gap(theta) / self._sigma, CAUCHY**2, slopes
-        for s, look in self._looks:
-            now = look.at + look.design @ theta[s]
+        if self._pairs is not None:
+            gaps, slopes = self._pairs.gaps(theta)
+            yield gaps / self._sigma, CAUCHY**2, Design(slopes.columns, slopes.values / self._sigma)
+        for look in self._looks:
+            now = look.at + look.design @ theta
             # Little may lie before the hull's front, much behind it.
             behind = np.maximum(GAP * (look.farthest - look.nearest), self._edge) / DRAW
             width = np.where(now < look.nearest, self._edge, behind)
-            yield (now - look.nearest) / width, 1.0, ((s, look.design / width[:, None]),)
+            yield (now - look.nearest) / width, 1.0, look.design.scaled(1 / width)
             past = np.maximum(now - look.farthest, 0) / self._edge
-            yield past, 1.0, ((s, look.design * ((past > 0) / self._edge)[:, None]),)
+            yield past, 1.0, look.design.scaled((past > 0) / self._edge)
             at, design, cap = look.capped
-            past = np.maximum(at + design @ theta[s] - cap, 0) / self._edge
-            yield past, 1.0, ((s, design * ((past > 0) / self._edge)[:, None]),)
+            past = np.maximum(at + design @ theta - cap, 0) / self._edge
+            yield past, 1.0, design.scaled((past > 0) / self._edge)
 
-    def _cost(self, z: FloatArray) -> tuple[float, FloatArray]:
-        """Cauchy for what pairs and hull say, squares for what errors are like; and the slope by z."""
-        z = z.reshape(self._spread.shape)
-        cost, slope = 0.5 * float((z * z).sum()), z.copy()
+    def _at(self, z: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        """The cost at z, its slope (S P,), and the curvature (S P, S P) of a reweighted least squares.
+
+        Cauchy for what pairs and hull say, squares for what errors are like. The curvature is positive definite.
+        """
+        cost, slope, curvature = 0.0, np.zeros(len(z)), np.zeros((len(z), len(z)))
         for r, width, slopes in self._rows(z * self._spread):
-            cost += 0.5 * width * float(np.log1p(r * r / width).sum())
-            for s, by in slopes:
-                slope[s] += self._spread[s] * ((r / (1 + r * r / width)) @ by)
-        return cost, slope.ravel()
-
-    def _curvature(self, z: FloatArray) -> FloatArray:
-        """(S P, S P) second derivative of a reweighted least squares: positive definite, so that no step overshoots."""
-        views, size = self._spread.shape
-        made = np.zeros((views, size, views, size))
-        for r, width, slopes in self._rows(z.reshape(views, size) * self._spread):
             weight = 1 / (1 + r * r / width)
-            for s, by in slopes:
-                for t, other in slopes:
-                    made[s, :, t] += (weight[:, None] * by).T @ other
-        scale = self._spread.ravel()
-        return np.asarray(made.reshape(len(scale), -1) * np.outer(scale, scale) + np.eye(len(scale)))
+            cost += 0.5 * width * float(np.log1p(r * r / width).sum())
+            _gather(slopes.columns, slopes.values, weight, weight * r, slope, curvature)
+        curvature *= np.outer(self._spread, self._spread)
+        return cost + 0.5 * float(z @ z), slope * self._spread + z, curvature + np.eye(len(z))
 
-    def gaps(self, theta: FloatArray) -> FloatArray:
-        """Relative distances of all pairs."""
-        return np.concatenate([link.gap(theta) for link in self._links] or [np.zeros(0)])
+
+@compiled
+def _gather(
+    columns: NDArray[np.intp],
+    values: FloatArray,
+    weight: FloatArray,
+    pull: FloatArray,
+    slope: FloatArray,
+    curvature: FloatArray,
+) -> None:
+    """Add J^T pull and J^T diag(weight) J of rows (N, K) that have few columns each."""
+    for n in range(len(columns)):
+        for a in range(columns.shape[1]):
+            i, value = columns[n, a], values[n, a]
+            slope[i] += value * pull[n]
+            for b in range(columns.shape[1]):
+                curvature[i, columns[n, b]] += value * weight[n] * values[n, b]
+
+
+@compiled
+def _inverse(matrix: FloatArray) -> FloatArray:
+    """Of a positive definite matrix, by Gauss and Jordan.
+
+    So small a matrix gains nothing from the threads of numpy's, which wait for one another busily: with other work on
+    the cores they take a hundred times as long.
+    """
+    inverse, size = matrix.copy(), len(matrix)
+    for k in range(size):
+        pivot = 1 / inverse[k, k]
+        inverse[k, k] = 1.0
+        for j in range(size):
+            inverse[k, j] *= pivot
+        for i in range(size):
+            if i != k:
+                factor = inverse[i, k]
+                inverse[i, k] = 0.0
+                for j in range(size):
+                    inverse[i, j] -= factor * inverse[k, j]
+    return inverse

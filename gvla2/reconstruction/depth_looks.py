@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from scipy.ndimage import minimum_filter
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
+from gvla2.reconstruction.compiled import compiled
 
 SAMPLES = 300
 """Pixels of each view that are compared with every other view."""
@@ -21,26 +23,50 @@ ALIKE = 0.8
 """Cosine between two normals of one surface, at least."""
 STEEP = 0.3
 """Cosine below which a surface is too steep for its plane to be trusted to the noise alone."""
+UNKNOWNS = LOW + KNOTS * KNOTS
+"""Of each view."""
 _FEWEST = 30
 
 
-class Basis:
-    """B_i(u): the columns by which one view's depth may be wrong."""
+@dataclass(frozen=True)
+class Design:
+    """N rows of a matrix over all unknowns, of which few are not 0: ``values`` (N, K) in ``columns`` (N, K)."""
 
-    def __init__(self, depth: FloatArray) -> None:
+    columns: NDArray[np.intp]
+    values: FloatArray
+
+    def __matmul__(self, theta: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("nk,nk->n", self.values, theta.ravel()[self.columns]))
+
+    def scaled(self, factor: FloatArray) -> Design:
+        """Each row times its factor (N,)."""
+        return Design(self.columns, self.values * factor[:, None])
+
+
+class Basis:
+    """B_i(u): how one view's depth may be wrong; view ``number``'s unknowns stand behind those of the views before."""
+
+    def __init__(self, depth: FloatArray, number: int) -> None:
         rows, columns = np.nonzero(np.isfinite(depth))
         self._low = np.array([columns.min(), rows.min()]) + 0.5
         self._size = np.maximum(np.array([np.ptp(columns), np.ptp(rows)]), 1)
         self._middle = float(np.median(np.log(depth[rows, columns])))
+        self._first = number * UNKNOWNS
 
-    def at(self, uv: FloatArray, log_depth: FloatArray) -> FloatArray:
-        """(N, P) at pixels (N, 2) of log depth (N,)."""
+    def at(self, uv: FloatArray, log_depth: FloatArray) -> Design:
+        """N rows at pixels (N, 2) of log depth (N,): the stiff terms, and the four knots around each pixel."""
         t = np.clip((uv - self._low) / self._size, 0, 1)
-        stiff = [np.ones(len(uv)), 2 * t[:, 0] - 1, 2 * t[:, 1] - 1, log_depth - self._middle]
-        hats = [np.maximum(0, 1 - np.abs(t[:, a, None] * (KNOTS - 1) - np.arange(KNOTS))) for a in (0, 1)]
-        across, down = (hat * hat * (3 - 2 * hat) for hat in hats)
-        field = (across[:, :, None] * down[:, None, :]).reshape(len(uv), KNOTS * KNOTS)
-        return np.concatenate([np.stack(stiff, axis=1), field], axis=1)
+        knot = np.minimum((t * (KNOTS - 1)).astype(np.intp), KNOTS - 2)
+        past = t * (KNOTS - 1) - knot
+        past = past * past * (3 - 2 * past)
+        columns, values = np.empty((len(uv), LOW + 4), np.intp), np.empty((len(uv), LOW + 4))
+        columns[:, :LOW] = self._first + np.arange(LOW)
+        values[:, 0], values[:, 1:3], values[:, 3] = 1, 2 * t - 1, log_depth - self._middle
+        for n, (right, down) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
+            columns[:, LOW + n] = self._first + LOW + (knot[:, 0] + right) * KNOTS + knot[:, 1] + down
+            across, along = np.abs(1 - right - past[:, 0]), np.abs(1 - down - past[:, 1])
+            values[:, LOW + n] = across * along
+        return Design(columns, values)
 
 
 @dataclass(frozen=True)
@@ -48,8 +74,8 @@ class Look:
     """One view's solid depth and N samples of it.
 
     ``log_depth`` (H, W) NaN where not solid; ``rays`` (H, W, 3) of depth 1; ``normals`` (H, W, 3); of the samples
-    ``pixels`` (N, 2), log depth ``at`` (N,), ``design`` (N, P), and log depth of the hull's front and back. ``capped``:
-    log depth (M,), design (M, P) and log cap (M,) of the pixels behind whose cap nothing can lie.
+    ``pixels`` (N, 2), log depth ``at`` (N,), ``design``, and log depth of the hull's front and back. ``capped``:
+    log depth (M,), design and log cap (M,) of the pixels behind whose cap nothing can lie.
     """
 
     camera: Camera
@@ -59,10 +85,10 @@ class Look:
     normals: FloatArray
     pixels: NDArray[np.intp]
     at: FloatArray
-    design: FloatArray
+    design: Design
     nearest: FloatArray
     farthest: FloatArray
-    capped: tuple[FloatArray, FloatArray, FloatArray]
+    capped: tuple[FloatArray, Design, FloatArray]
 
     def picked(self, image: FloatArray) -> FloatArray:
         """An image's values (N, ...) at the samples."""
@@ -79,6 +105,7 @@ class Look:
 
 
 def look_at(
+    number: int,
     view: View,
     depth: FloatArray,
     solid: NDArray[np.bool_],
@@ -92,7 +119,7 @@ def look_at(
         return None
     chosen = np.linspace(0, len(rows) - 1, min(SAMPLES, len(rows))).astype(int)
     rows, columns = rows[chosen], columns[chosen]
-    pixels, basis = np.stack([columns, rows], axis=1), Basis(depth)
+    pixels, basis = np.stack([columns, rows], axis=1), Basis(depth, number)
     at = np.log(depth[rows, columns])
     _, rays = view.camera.rays()
     under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
@@ -129,80 +156,82 @@ def turned(look: Look, theta: FloatArray) -> Look:
 
 def surface_normals(depth: FloatArray, rays: FloatArray) -> FloatArray:
     """(H, W, 3) unit normals towards the camera of depth (H, W) on ``rays`` (H, W, 3); NaN where there is none."""
-    points = rays * depth[..., None]
-    across, down = np.full_like(points, np.nan), np.full_like(points, np.nan)
-    across[:, 1:-1] = points[:, 2:] - points[:, :-2]
-    down[1:-1] = points[2:] - points[:-2]
-    normals = np.cross(down, across)  # v points down: this one looks back at the camera
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+    normals = np.full(rays.shape, np.nan)
+    _cross(np.ascontiguousarray(depth, dtype=np.float64), np.ascontiguousarray(rays), normals)
+    return normals
+
+
+@compiled
+def _cross(depth: FloatArray, rays: FloatArray, normals: FloatArray) -> None:
+    across, down = np.empty(3), np.empty(3)
+    for i in range(1, depth.shape[0] - 1):
+        for j in range(1, depth.shape[1] - 1):
+            for k in range(3):
+                across[k] = depth[i, j + 1] * rays[i, j + 1, k] - depth[i, j - 1] * rays[i, j - 1, k]
+                down[k] = depth[i + 1, j] * rays[i + 1, j, k] - depth[i - 1, j] * rays[i - 1, j, k]
+            # v points down: this one looks back at the camera.
+            x = down[1] * across[2] - down[2] * across[1]
+            y = down[2] * across[0] - down[0] * across[2]
+            z = down[0] * across[1] - down[1] * across[0]
+            length = np.sqrt(x * x + y * y + z * z)
+            normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = x / length, y / length, z / length
 
 
 @dataclass(frozen=True)
-class Link:
-    """Samples ``which`` (N,) of view i, and planes with ``normal`` (N, 3) through points of view j.
+class Pairs:
+    """N samples of views i, each with a point of another view j and the plane through it.
 
-    The points lie on ``rays`` (N, 3) of j at log depth ``at`` (N,) with ``design`` (N, P).
+    Of both, i and j: log depth ``at`` (N, 2), ``design`` (the unknowns of i, then those of j), how far a point of depth
+    1 lies ``along`` (N, 2) the plane's normal; ``between`` (N,) metres along it from j's camera to i's.
     """
 
-    i: int
-    j: int
-    look: Look
-    which: NDArray[np.intp]
     at: FloatArray
-    rays: FloatArray
-    design: FloatArray
-    normal: FloatArray
-    between: FloatArray  # (3,) from j's camera to i's
+    design: Design
+    along: FloatArray
+    between: FloatArray
 
-    def _along(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """How far both points lie along the normal, from their cameras, and the length of one relative error."""
-        a = self.look
-        far = np.exp(a.at[self.which] + a.design[self.which] @ theta[self.i])
-        near = np.exp(self.at + self.design @ theta[self.j])
-        of_i = np.einsum("nk,nk->n", self.normal, a.picked(a.rays)[self.which]) * far
-        of_j = np.einsum("nk,nk->n", self.normal, self.rays) * near
-        steep = np.maximum(of_i**2, (STEEP * far) ** 2) + np.maximum(of_j**2, (STEEP * near) ** 2)
-        return of_i, of_j, np.sqrt(0.5 * steep)
-
-    def gap(self, theta: FloatArray) -> FloatArray:
-        """(N,) distances from the planes in units of relative depth."""
-        of_i, of_j, unit = self._along(theta)
-        return np.asarray((of_i - of_j + self.normal @ self.between) / unit)
-
-    def slopes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (N, P) of the gaps by theta_i and theta_j."""
-        of_i, of_j, unit = self._along(theta)
-        return (of_i / unit)[:, None] * self.look.design[self.which], -(of_j / unit)[:, None] * self.design
+    def gaps(self, theta: FloatArray) -> tuple[FloatArray, Design]:
+        """(N,) distances from the planes in units of relative depth, and their slopes."""
+        count, width = len(self.at), self.design.columns.shape[1] // 2
+        wrong = self.design.values * theta.ravel()[self.design.columns]
+        depth = np.exp(self.at + wrong.reshape(count, 2, width).sum(axis=2))
+        reach = self.along * depth
+        unit = np.sqrt(0.5 * np.maximum(reach**2, (STEEP * depth) ** 2).sum(axis=1))
+        by = np.repeat(reach * [1, -1] / unit[:, None], width, axis=1)
+        slopes = Design(self.design.columns, self.design.values * by)
+        return (reach[:, 0] - reach[:, 1] + self.between) / unit, slopes
 
 
-def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> list[Link]:
-    """All pairs of views that see one surface: normals alike, and no more than ``gate`` apart."""
-    links = []
-    for i, a in enumerate(looks):
-        for j, b in enumerate(looks):
-            if i == j or a is None or b is None:
-                continue
-            link = _link(i, j, a, b, theta)
-            alike = np.einsum("nk,nk->n", a.picked(a.normals)[link.which], link.normal)
-            kept = (np.abs(link.gap(theta)) < gate) & (alike > ALIKE)
-            if kept.any():
-                names = ("which", "at", "rays", "design", "normal")
-                links.append(replace(link, **{name: getattr(link, name)[kept] for name in names}))
-    return links
+def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pairs | None:
+    """All samples that see a surface of another view, normals alike and no more than ``gate`` apart; None: none."""
+    shown = [look for look in looks if look is not None]
+    found = [_link(a, b, theta) for a in shown for b in shown if a is not b]
+    if not found:
+        return None
+    at, columns, values, along, between = (np.concatenate(each) for each in zip(*found, strict=True))
+    near = np.abs(Pairs(at, Design(columns, values), along, between).gaps(theta)[0]) < gate
+    pairs = Pairs(at[near], Design(columns[near], values[near]), along[near], between[near])
+    return pairs if near.any() else None
 
 
-def _link(i: int, j: int, a: Look, b: Look, theta: FloatArray) -> Link:
-    """The pixels of b on which the samples of a fall."""
-    points = a.camera.position + a.picked(a.rays) * np.exp(a.at + a.design @ theta[i])[:, None]
+def _link(a: Look, b: Look, theta: FloatArray) -> tuple[NDArray[Any], ...]:
+    """The pixels of b on which the samples of a fall, where both have the same normal: the arrays of :class:`Pairs`."""
+    rays, normals = a.picked(a.rays), a.picked(a.normals)
+    points = a.camera.position + rays * np.exp(a.at + a.design @ theta)[:, None]
     uv, z = b.camera.project(points)
     inside = b.camera.inside(uv) & (z > 0)
     column, row = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp).T
-    known = inside & np.isfinite(b.log_depth[row, column]) & np.isfinite(b.normals[row, column, 0])
-    known &= np.isfinite(a.picked(a.normals)[:, 0])
+    # A comparison with NaN, where one has no normal, is false.
+    alike = np.einsum("nk,nk->n", normals, b.normals[row, column]) > ALIKE
+    known = inside & np.isfinite(b.log_depth[row, column]) & alike
     row, column = row[known], column[known]
-    at = b.log_depth[row, column]
-    design = b.basis.at(np.stack([column, row], axis=1) + 0.5, at)
-    between = a.camera.position - b.camera.position
-    which = np.flatnonzero(known)
-    return Link(i, j, a, which, at, b.rays[row, column], design, b.normals[row, column], between)
+    normal, at = b.normals[row, column], b.log_depth[row, column]
+    theirs = b.basis.at(np.stack([column, row], axis=1) + 0.5, at)
+    along = [np.einsum("nk,nk->n", normal, r) for r in (rays[known], b.rays[row, column])]
+    return (
+        np.stack([a.at[known], at], axis=1),
+        np.concatenate([a.design.columns[known], theirs.columns], axis=1),
+        np.concatenate([a.design.values[known], theirs.values], axis=1),
+        np.stack(along, axis=1),
+        normal @ (a.camera.position - b.camera.position),
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_erosion, maximum_filter, minimum_filter, uniform_filter
+from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
@@ -77,7 +77,7 @@ def gather(
     if usable.sum() < 2:
         # A single view has nobody to disagree with, and its hull is as much a guess as its scale.
         depth = depth / np.where(usable, rough, 1.0)[:, None, None]
-        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan), np.zeros((len(depth), 1)))
+        aligned = Aligned(depth, np.where(np.isfinite(depth), 1e-3, np.nan))
         refuted = np.zeros(depth.shape, dtype=np.bool_)
     else:
         solid = solid_pixels(depth, jump)
@@ -147,7 +147,7 @@ def solid_pixels(depth: FloatArray, jump: float) -> NDArray[np.bool_]:
     bend[:, :, 1:-1] = np.abs(depth[:, :, 2:] + depth[:, :, :-2] - 2 * depth[:, :, 1:-1])
     bend[:, 1:-1] = np.fmax(bend[:, 1:-1], np.abs(depth[:, 2:] + depth[:, :-2] - 2 * depth[:, 1:-1]))
     known = np.isfinite(depth)
-    inner = np.stack([binary_erosion(k, np.ones((3, 3), dtype=np.bool_)) for k in known])
+    inner = minimum_filter(known, (1, 3, 3), mode="constant", cval=False)
     return np.asarray(inner & ~(bend >= jump))
 
 
@@ -216,15 +216,18 @@ def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> Float
     Sure depth stays as it is; unsure depth comes near the hull, so that what nobody knows is left as the masks
     have it. Pixels that the hull misses keep what was told.
     """
-    far = np.maximum(back - front, 1e-9)
-    told, sigma = aligned.depth - front, np.maximum(aligned.std * aligned.depth, 1e-9)
+    believed = aligned.depth.copy()
+    known = np.isfinite(believed) & np.isfinite(front)
+    nearest, depth = front[known], believed[known]
+    far = np.maximum(back[known] - nearest, 1e-9)
+    told, sigma = depth - nearest, np.maximum(aligned.std[known] * depth, 1e-9)
     top, bottom = np.zeros_like(told), np.zeros_like(told)
-    with np.errstate(invalid="ignore"):
-        for node in _NODES:
-            gap = told + sigma * node
-            share = np.exp(-0.5 * node * node) / (1 + (gap / (GAP * far)) ** 2)
-            share = np.where((gap >= 0) & (gap <= far), share, 0.0)
-            top += share * np.nan_to_num(gap)
-            bottom += share
-        mean = np.where(bottom > 1e-9, top / np.maximum(bottom, 1e-12), np.clip(told, 0, far))
-    return np.where(np.isfinite(front), front + mean, aligned.depth)
+    for node in _NODES:
+        gap = told + sigma * node
+        share = np.exp(-0.5 * node * node) / (1 + (gap / (GAP * far)) ** 2)
+        share = np.where((gap >= 0) & (gap <= far), share, 0.0)
+        top += share * gap
+        bottom += share
+    mean = np.where(bottom > 1e-9, top / np.maximum(bottom, 1e-12), np.clip(told, 0, far))
+    believed[known] = nearest + mean
+    return believed

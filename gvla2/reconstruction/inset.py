@@ -23,7 +23,7 @@ from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction, Renderer, StageReport
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_of
-from gvla2.reconstruction.surfels import barycentric
+from gvla2.reconstruction.surfels import scattered
 
 STAGE = "inset"
 LEAST_GAIN = 0.002
@@ -44,8 +44,8 @@ def normals_at(centres: FloatArray, mesh: Mesh) -> FloatArray:
     surface, normals = mesh.vertices, outward_normals(mesh)
     if len(surface) < min(len(centres), _ENOUGH) and mesh.areas.sum() > 0:
         # Where the vertices lie far apart, points between them.
-        surface, face = mesh.sample(_ENOUGH, np.random.default_rng(0))
-        normals = np.einsum("pk,pkc->pc", barycentric(surface, mesh, face), normals[mesh.faces[face]])
+        surface, face, weights = scattered(mesh, _ENOUGH)
+        normals = np.einsum("pk,pkc->pc", weights, normals[mesh.faces[face]])
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     _, near = cKDTree(surface).query(centres, workers=cores())
     return np.asarray(normals[near])

@@ -8,6 +8,7 @@ closing). Both steps use real-valued distances, so that the outline is right to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from scipy.ndimage import binary_erosion
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.compiled import compiled, run_chunks
 from gvla2.reconstruction.support import NEAR, projection
 
 Field = NDArray[np.float32]
@@ -50,8 +51,7 @@ def outline(points: FloatArray, camera: Camera, radius: float | None = None) -> 
     ``radius`` of the closing in pixels, chosen by the points' density (:func:`closing_radius`) if None.
     """
     height, width = camera.height, camera.width
-    uv = np.empty((len(points), 2), dtype=np.float32)
-    _project(points, projection(camera), uv)
+    uv = projected(points, camera)
     if radius is None:
         radius = closing_radius(uv, width, height)
     distance = np.full((height, width), np.inf, dtype=np.float32)
@@ -81,22 +81,24 @@ def closing_radius(uv: NDArray[np.float32], width: int, height: int) -> float:
     return float(np.clip(np.sqrt(expected / (np.pi * density)), _LEAST_RADIUS, _MOST_RADIUS))
 
 
+def projected(points: FloatArray, camera: Camera) -> NDArray[np.float32]:
+    """Pixels and depth (N, 3) of contiguous world points (N, 3), NaN for those that are not in front."""
+    uvz = np.empty((len(points), 3), dtype=np.float32)
+    run_chunks(partial(_project, points, projection(camera), uvz), len(points))
+    return uvz
+
+
 @compiled
-def _project(
-    points: FloatArray,
-    P: FloatArray,
-    uv: NDArray[np.float32],
-) -> None:
-    """Pixels uv (N, 2), NaN for points that are not in front."""
-    for n in range(len(points)):
+def _project(points: FloatArray, P: FloatArray, uvz: NDArray[np.float32], start: int, stop: int) -> None:
+    for n in range(start, stop):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         depth = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
         if not depth > NEAR:
-            uv[n, 0] = np.nan
-            uv[n, 1] = np.nan
+            uvz[n] = np.nan
             continue
-        uv[n, 0] = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth
-        uv[n, 1] = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth
+        uvz[n, 0] = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth
+        uvz[n, 1] = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth
+        uvz[n, 2] = depth
 
 
 @compiled

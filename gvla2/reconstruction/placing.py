@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.mask_distance import Silhouette
-from gvla2.reconstruction.surfels import surfels, turned_to
+from gvla2.reconstruction.outline import projected
+from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.zbuffer import depth_map
 
 _SLANT = 0.15
@@ -28,75 +28,99 @@ def place(
     mesh: Mesh,
     normals: FloatArray,
     shown: Sequence[Silhouette],
+    depths: Sequence[NDArray[np.float32]],
     tolerance: float,
 ) -> Gaussians:
     """As many Gaussians as ``old``, within a few per cent, evenly spread over ``mesh``.
 
     Each takes opacity, scales, rotation and harmonics of the old one that the view which faces it best saw on the
     same pixel, for there it belongs; where no view looks, of the nearest. ``worn`` is the mesh that the old ones lie
-    on, if any; ``normals`` (V, 3) are ``mesh``'s; ``tolerance`` metres decides what is hidden. Scales grow or shrink
-    with the spacing, rotations follow the surface, colours seen from everywhere are the mesh's where it has any.
+    on, if any; ``normals`` (V, 3) are ``mesh``'s, ``depths`` (H, W) its depth maps in the views ``shown``;
+    ``tolerance`` metres decides what is hidden. Scales grow or shrink with the spacing, rotations turn with the surface
+    by the shortest way, colours seen from everywhere are the mesh's where it has any.
     """
     spread = surfels(mesh, normals, len(old))
     points = spread.centres.astype(np.float64)
-    across = Rotation.from_quat(spread.rotations.astype(np.float64), scalar_first=True).apply([0.0, 0.0, 1.0])
-    source = _sources(points, across, old, worn, mesh, shown, tolerance)
+    across = _column(spread.rotations, np.full(len(points), 2))
+    source = _sources(points, across, old, worn, shown, depths, tolerance)
     spacing = np.sqrt(mesh.areas.sum() / len(points))
     before = np.sqrt(worn.areas.sum() / len(old)) if worn is not None and worn.areas.sum() > 0 else spacing
-    own = Rotation.from_quat(old.rotations[source].astype(np.float64), scalar_first=True)
-    thin = np.argmin(old.log_scales[source], axis=1)
-    was = own.as_matrix()[np.arange(len(points)), :, thin]
-    was *= np.where(np.einsum("nk,nk->n", was, across) < 0, -1.0, 1.0)[:, None]
-    turn = Rotation.from_quat(turned_to(across).astype(np.float64), scalar_first=True) * (
-        Rotation.from_quat(turned_to(was).astype(np.float64), scalar_first=True).inv()
-    )
+    own = old.rotations[source]
+    own = own / np.maximum(np.linalg.norm(own, axis=1, keepdims=True), np.float32(1e-12))
+    was = _column(own, np.argmin(old.log_scales[source], axis=1))
+    was *= np.where(np.einsum("nk,nk->n", was, across) < 0, -1, 1)[:, None]
     placed = replace(
         spread,
         log_scales=old.log_scales[source] + np.float32(np.log(spacing / before)),
-        rotations=(turn * own).as_quat(scalar_first=True).astype(np.float32),
+        rotations=_turned(own, was, across),
         opacity_logits=old.opacity_logits[source],
         sh_rest=None if old.sh_rest is None else old.sh_rest[source],
     )
     return placed if mesh.colours is not None else replace(placed, sh_dc=old.sh_dc[source])
 
 
+def _column(quaternions: NDArray[np.float32], axis: NDArray[np.intp]) -> NDArray[np.float32]:
+    """(N, 3) where unit quaternions wxyz (N, 4) turn the unit vectors along ``axis`` (N,) of x, y, z."""
+    n, scalar, vector = np.arange(len(axis)), quaternions[:, 0], quaternions[:, 1:]
+    # Column k of 2 (q q^T + w [q]x) + (2 w^2 - 1) I, the turn's matrix.
+    column = 2 * vector * vector[n, axis][:, None]
+    column[n, axis] += 2 * scalar * scalar - 1
+    column[n, (axis + 1) % 3] += 2 * scalar * vector[n, (axis + 2) % 3]
+    column[n, (axis + 2) % 3] -= 2 * scalar * vector[n, (axis + 1) % 3]
+    return column
+
+
+def _turned(
+    own: NDArray[np.float32], was: NDArray[np.float32], across: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Quaternions wxyz (N, 4) turned by the shortest way from ``was`` to ``across`` (N, 3), less than half a turn."""
+    a, u = 1 + np.einsum("nk,nk->n", was, across), np.cross(was, across)
+    b, v = own[:, 0], own[:, 1:]
+    scalar = a * b - np.einsum("nk,nk->n", u, v)
+    turned = np.column_stack([scalar, a[:, None] * v + b[:, None] * u + np.cross(u, v)])
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True), dtype=np.float32)
+
+
 def _sources(
     points: FloatArray,
-    across: FloatArray,
+    across: NDArray[np.float32],
     old: Gaussians,
     worn: Mesh | None,
-    mesh: Mesh,
     shown: Sequence[Silhouette],
+    depths: Sequence[NDArray[np.float32]],
     tolerance: float,
 ) -> NDArray[np.int64]:
     """(N,) the old Gaussian whose attributes each point takes."""
     there = old.centres.astype(np.float64)
-    source, best = np.zeros(len(points), dtype=np.int64), np.full(len(points), _SLANT)
-    for s in shown if worn is not None and len(worn.faces) else ():
+    source, view = np.zeros(len(points), dtype=np.int64), np.full(len(points), -1)
+    best, pixels = np.full(len(points), _SLANT), np.empty((len(points), 2), dtype=np.float32)
+    candidates = []
+    for number, s in enumerate(shown if worn is not None and len(worn.faces) else ()):
         assert worn is not None
+        uv, seen = _visible(there, s, depth_map(worn, s.camera), 2 * tolerance)
+        candidates.append((uv, np.flatnonzero(seen)))
+        if not seen.any():
+            continue
+        uv, seen = _visible(points, s, depths[number], tolerance)
         towards = s.camera.position - points
         facing = np.einsum("nk,nk->n", across, towards) / np.linalg.norm(towards, axis=1)
-        uv, seen = _visible(points, mesh, s, tolerance)
-        old_uv, old_seen = _visible(there, worn, s, 2 * tolerance)
-        if not old_seen.any():
-            continue
-        chosen = seen & (facing > best)
-        candidates = np.flatnonzero(old_seen)
-        _, near = cKDTree(old_uv[candidates]).query(uv[chosen], workers=cores())
-        source[chosen] = candidates[near]
-        best[chosen] = facing[chosen]
-    hidden = best == _SLANT
+        better = seen & (facing > best)
+        view[better], best[better], pixels[better] = number, facing[better], uv[better]
+    for number, (uv, shows) in enumerate(candidates):
+        mine = np.flatnonzero(view == number)
+        if len(mine):
+            source[mine] = shows[cKDTree(uv[shows]).query(pixels[mine], workers=cores())[1]]
+    hidden = view < 0
     if hidden.any():
         source[hidden] = cKDTree(there).query(points[hidden], workers=cores())[1]
     return source
 
 
 def _visible(
-    points: FloatArray, mesh: Mesh, s: Silhouette, tolerance: float
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Pixels (N, 2) of points and which of them (N,) the mesh does not hide."""
-    uv, z = s.camera.project(points)
-    inside = s.camera.inside(uv)
-    pixel = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp)
-    depth = depth_map(mesh, s.camera)[pixel[:, 1], pixel[:, 0]]
-    return uv, np.asarray(inside & (z <= depth + tolerance))
+    points: FloatArray, s: Silhouette, depth: NDArray[np.float32], tolerance: float
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Pixels (N, 2) of points and which of them (N,) lie no more than ``tolerance`` behind ``depth`` (H, W)."""
+    uvz = projected(points, s.camera)
+    inside = s.camera.inside(uvz)
+    column, row = np.where(inside[:, None], uvz[:, :2], 0).astype(np.intp).T
+    return uvz[:, :2], np.asarray(inside & (uvz[:, 2] <= depth[row, column] + tolerance))

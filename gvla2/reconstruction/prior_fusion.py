@@ -75,7 +75,7 @@ def fuse_prior(
     mesh = Mesh(vertices, faces, colours)
     gaussians = thing.gaussians
     if gaussians is not None and len(gaussians):
-        gaussians = place(gaussians, thing.mesh, mesh, normals, seen.silhouettes, step)
+        gaussians = place(gaussians, thing.mesh, mesh, normals, seen.silhouettes, depths, step)
     told = float((posterior.confidence > 0).mean())
     report = StageReport(
         STAGE, "applied", evidence.told, {}, {"voxels_told": told}, time.perf_counter() - began

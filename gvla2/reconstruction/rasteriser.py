@@ -24,8 +24,7 @@ from gvla2.reconstruction import (
     rasteriser_projection,
     rasteriser_tiles,
 )
-from gvla2.reconstruction.compiled import cores, run_together
-from gvla2.reconstruction.rasteriser_kernel import Floats
+from gvla2.reconstruction.compiled import Floats, cores, run_together
 from gvla2.reconstruction.rasteriser_projection import CAMERA_ENTRIES, SPLAT_COLUMNS, TILE
 
 _FRUSTUM_MARGIN = 1.3  # as in 3DGS: beyond it the projection's linearisation is taken at the margin

@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled
 from gvla2.reconstruction.rasteriser_projection import (
     BLUE,
     CONIC_A,
@@ -37,7 +37,7 @@ SUMS = 9
 p dx dx, p dx dy, p dy dy, then the gradients of red, green, blue."""
 
 
-@kernel
+@compiled
 def composite(
     part: int,
     parts: int,
@@ -62,7 +62,7 @@ def composite(
     other_keys, other_values = np.empty(longest, np.uint32), np.empty(longest, np.int32)
     # Unsigned indices spare numba the test for negative ones.
     light, colour = np.empty(TILE * TILE, np.float32), np.empty((TILE * TILE, 3), np.float32)
-    open_in_row = np.empty(TILE, np.int32)
+    open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
     for tile in range(part, len(offsets) - 1, parts):
         x0, y0 = (tile % across) * TILE, (tile // across) * TILE
         x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
@@ -71,7 +71,7 @@ def composite(
         sort_by_key(keys[begin:end], members[begin:end], other_keys[:count], other_values[:count])
         light[:] = one
         colour[:] = np.float32(0.0)
-        open_in_row[:] = x1 - x0
+        open_in_row[:] = (np.uint32(1) << np.uint32(x1 - x0)) - np.uint32(1)
         still_open = (x1 - x0) * (y1 - y0)
         for entry in range(begin, end):
             if still_open == 0:
@@ -91,12 +91,14 @@ def composite(
                 if not down < reach:
                     continue
                 first, last, t = row_span(u, reach - down, lean * dy, inverse_a, x0, x1)
-                if first > last:
+                if first > last or not (open_in_row[y - y0] >> np.uint32(first - x0)) & (
+                    (np.uint32(2) << np.uint32(last - first)) - np.uint32(1)
+                ):
                     continue
                 alpha = opacity * math.exp(-half * a * t * t - down)
                 ratio = math.exp(-a * (t + half))
-                start = np.uint64((y - y0) * TILE + first - x0)
-                closed = 0
+                row = np.uint64((y - y0) * TILE)
+                start = row + np.uint64(first - x0)
                 for k in range(start, start + np.uint64(last + 1 - first)):
                     passing = light[k]
                     if passing > stop:
@@ -106,11 +108,11 @@ def composite(
                         colour[k, 2] += weight * blue
                         passing -= weight
                         light[k] = passing
-                        closed += passing <= stop
+                        if passing <= stop:
+                            open_in_row[y - y0] &= ~(np.uint32(1) << np.uint32(k - row))
+                            still_open -= 1
                     alpha *= ratio
                     ratio *= shrink
-                open_in_row[y - y0] -= closed
-                still_open -= closed
         for y in range(y0, y1):
             for x in range(x0, x1):
                 k = (y - y0) * TILE + x - x0
@@ -119,7 +121,7 @@ def composite(
                     image[y, x, channel] = colour[k, channel] + light[k] * background[channel]
 
 
-@kernel
+@compiled
 def composite_back(
     part: int,
     parts: int,
@@ -145,7 +147,7 @@ def composite_back(
     one, half, zero = np.float32(1.0), np.float32(0.5), np.float32(0.0)
     light, rest = np.empty(TILE * TILE, np.float32), np.empty(TILE * TILE, np.float32)
     slope = np.empty((TILE * TILE, 3), np.float32)
-    open_in_row = np.empty(TILE, np.int32)
+    open_in_row = np.empty(TILE, np.uint32)  # a bit for each pixel that still lets light pass
     for tile in range(part, len(offsets) - 1, parts):
         begin, end = offsets[tile], offsets[tile + 1]
         if begin == end:
@@ -154,7 +156,7 @@ def composite_back(
         x0, y0 = tile_column * TILE, tile_row * TILE
         x1, y1 = min(x0 + TILE, width), min(y0 + TILE, height)
         light[:] = one
-        open_in_row[:] = x1 - x0
+        open_in_row[:] = (np.uint32(1) << np.uint32(x1 - x0)) - np.uint32(1)
         still_open = (x1 - x0) * (y1 - y0)
         for y in range(y0, y1):
             for x in range(x0, x1):
@@ -183,14 +185,16 @@ def composite_back(
                 if not down < reach:
                     continue
                 first, last, t = row_span(u, reach - down, lean * dy, inverse_a, x0, x1)
-                if first > last:
+                if first > last or not (open_in_row[y - y0] >> np.uint32(first - x0)) & (
+                    (np.uint32(2) << np.uint32(last - first)) - np.uint32(1)
+                ):
                     continue
                 alpha = opacity * math.exp(-half * a * t * t - down)
                 ratio = math.exp(-a * (t + half))
                 dx = t - lean * dy
                 r0 = rx = rxx = zero
-                start = np.uint64((y - y0) * TILE + first - x0)
-                closed = 0
+                row = np.uint64((y - y0) * TILE)
+                start = row + np.uint64(first - x0)
                 for k in range(start, start + np.uint64(last + 1 - first)):
                     passing = light[k]
                     if passing > stop:
@@ -210,12 +214,12 @@ def composite_back(
                             rxx += p * dx * dx
                         passing -= weight
                         light[k] = passing
-                        closed += passing <= stop
+                        if passing <= stop:
+                            open_in_row[y - y0] &= ~(np.uint32(1) << np.uint32(k - row))
+                            still_open -= 1
                     alpha *= ratio
                     ratio *= shrink
                     dx += one
-                open_in_row[y - y0] -= closed
-                still_open -= closed
                 s0 += r0
                 sx += rx
                 sy += r0 * dy

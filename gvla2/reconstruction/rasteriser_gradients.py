@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled
 from gvla2.reconstruction.rasteriser_projection import (
     CONIC_A,
     CONIC_B,
@@ -21,7 +21,7 @@ from gvla2.reconstruction.rasteriser_projection import (
 )
 
 
-@kernel
+@compiled
 def project_back(
     start: int,
     stop: int,
@@ -79,7 +79,7 @@ def project_back(
         _to_centre(camera, x, y, z, slope_x, slope_y, axes, frame, to_image, to_u, to_v, to_centres[i])
 
 
-@kernel
+@compiled
 def _to_shape(
     log_scale: Floats,
     rotation: Floats,
@@ -111,7 +111,7 @@ def _to_shape(
     to_rotation[3] = (to_z - z * along) / length
 
 
-@kernel
+@compiled
 def _to_centre(
     camera: Floats,
     x: Real,

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled
 from gvla2.reconstruction.harmonics import harmonics
-from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
 
 TILE = 16
 """Side of the square tiles in pixels."""
@@ -33,7 +33,7 @@ MOST_SPREAD = np.float32(1e3)
 SH_C0 = np.float32(0.2820948)
 
 
-@kernel
+@compiled
 def to_camera(
     camera: Floats,
     centre: Floats,
@@ -45,7 +45,7 @@ def to_camera(
     return x, y, z
 
 
-@kernel
+@compiled
 def gaussian_axes(
     log_scale: Floats,
     rotation: Floats,
@@ -74,7 +74,7 @@ def gaussian_axes(
     axes[2, 2] = (one - two * (x * x + y * y)) * c
 
 
-@kernel
+@compiled
 def image_axes(
     camera: Floats,
     x: Real,
@@ -105,7 +105,7 @@ def image_axes(
     return slope_x, slope_y
 
 
-@kernel
+@compiled
 def ellipse(
     image: Floats,
     low_pass: Real,
@@ -121,7 +121,7 @@ def ellipse(
     return xx + low_pass, xy, yy + low_pass, det
 
 
-@kernel
+@compiled
 def project(
     start: int,
     stop: int,
@@ -185,10 +185,10 @@ def project(
         _colour(camera, centres[i], sh_dc[i], sh_rest, i, splats[i])
 
 
-_harmonics = kernel(harmonics)
+_harmonics = compiled(harmonics)
 
 
-@kernel
+@compiled
 def _colour(
     camera: Floats,
     centre: Floats,

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.reconstruction.rasteriser_kernel import Floats, Ints, Real, kernel
+from gvla2.reconstruction.compiled import Floats, Ints, Real, compiled
 from gvla2.reconstruction.rasteriser_projection import CONIC_A, CONIC_DET, DEPTH, REACH, V
 
 
-@kernel
+@compiled
 def scatter(
     start: int,
     stop: int,
@@ -33,7 +33,7 @@ def scatter(
                 cursors[tile] = at + 1
 
 
-@kernel
+@compiled
 def sort_by_key(
     keys: NDArray[np.uint32],
     values: Ints,
@@ -67,7 +67,7 @@ def sort_by_key(
         shift += 8
 
 
-@kernel
+@compiled
 def row_range(
     splat: Floats,
     low: int,
@@ -81,7 +81,7 @@ def row_range(
     return first, last
 
 
-@kernel
+@compiled
 def row_span(
     u: Real,
     room: Real,

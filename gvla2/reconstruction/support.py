@@ -17,6 +17,7 @@ from gvla2.reconstruction.compiled import compiled, run_chunks
 Compat = Literal["none", "official"]
 NEAR = 1e-6
 """Metres in front of a camera where projection begins."""
+_BLOCK = 512  # points at a time: what is known of them stays in the nearest cache
 
 
 def mask_support(points: ArrayLike, views: Views, *, compat: Compat = "none") -> FloatArray:
@@ -134,34 +135,44 @@ def _score(
     start: int,
     stop: int,
 ) -> None:
-    for n in range(start, stop):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        if not np.isfinite(x + y + z):
-            out[n] = 0.0
-            continue
-        total, seen = 0.0, 0
+    # Blocks of points, and no branches within a loop: so that the compiler takes several points at once.
+    x, y, z = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    right, down = np.empty(_BLOCK), np.empty(_BLOCK)
+    corner = np.empty(_BLOCK, dtype=np.uint64)  # unsigned: an index that needs no test for below 0
+    total, views, shown = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
+    for first in range(start, stop, _BLOCK):
+        count = min(_BLOCK, stop - first)
+        for k in range(count):
+            x[k], y[k], z[k] = points[first + k, 0], points[first + k, 1], points[first + k, 2]
+            total[k], views[k] = 0.0, 0.0
         for s in range(len(projections)):
             P = projections[s]
-            depth = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
-            if not depth > NEAR:
-                continue
-            inverse = 1.0 / depth
-            u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) * inverse
-            v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) * inverse
-            if not (u >= 0.0 and v >= 0.0 and u < limits[s, 0] and v < limits[s, 1]):
-                continue
-            u = u * zoom[s, 0] + offset
-            v = v * zoom[s, 1] + offset
-            column, row = int(u), int(v)
-            right, down = u - column, v - row
-            width = layout[s, 1]
-            corner = layout[s, 0] + row * width + column
-            above = texels[corner] + right * (texels[corner + 1] - texels[corner])
-            corner += width
-            below = texels[corner] + right * (texels[corner + 1] - texels[corner])
-            total += above + down * (below - above)
-            seen += 1
-        if seen < least_views:
-            out[n] = 1.0
-        else:
-            out[n] = min(max(total / max(seen, 1), 0.0), 1.0)
+            ux, uy, uz, u1 = P[0, 0], P[0, 1], P[0, 2], P[0, 3]
+            vx, vy, vz, v1 = P[1, 0], P[1, 1], P[1, 2], P[1, 3]
+            wx, wy, wz, w1 = P[2, 0], P[2, 1], P[2, 2], P[2, 3]
+            most_u, most_v, zoom_u, zoom_v = limits[s, 0], limits[s, 1], zoom[s, 0], zoom[s, 1]
+            begin, width = layout[s, 0], layout[s, 1]
+            stride, one = np.uint64(width), np.uint64(1)
+            for k in range(count):
+                depth = wx * x[k] + wy * y[k] + wz * z[k] + w1
+                inverse = 1.0 / depth
+                u = (ux * x[k] + uy * y[k] + uz * z[k] + u1) * inverse
+                v = (vx * x[k] + vy * y[k] + vz * z[k] + v1) * inverse
+                seen = (depth > NEAR) & (u >= 0.0) & (v >= 0.0) & (u < most_u) & (v < most_v)
+                u = u * zoom_u + offset if seen else 0.0
+                v = v * zoom_v + offset if seen else 0.0
+                column, row = np.int32(u), np.int32(v)
+                right[k], down[k] = u - column, v - row
+                corner[k] = np.uint64(begin + row * width + column)
+                shown[k] = 1.0 if seen else 0.0
+            for k in range(count):
+                at = corner[k]
+                above = texels[at] + right[k] * (texels[at + one] - texels[at])
+                at += stride
+                below = texels[at] + right[k] * (texels[at + one] - texels[at])
+                total[k] += shown[k] * (above + down[k] * (below - above))
+                views[k] += shown[k]
+        for k in range(count):
+            mean = min(max(total[k] / max(views[k], 1.0), 0.0), 1.0)
+            known = np.isfinite(x[k] + y[k] + z[k])
+            out[first + k] = (1.0 if views[k] < least_views else mean) if known else 0.0

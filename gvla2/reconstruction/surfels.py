@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.triangles import points_to_barycentric
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import SH_C0, Gaussians
@@ -12,7 +11,7 @@ from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled
 
-_CANDIDATES = 6  # for each Gaussian wanted
+_ROUNDS = 6  # of darts, each as many as Gaussians are wanted
 _PACKING = 0.715  # least distance of darts over sqrt(area / count): gives that count within a few per cent
 _WIDTH = 0.50  # standard deviation over the mean spacing: the least that leaves no hole
 _FLATNESS = 0.15  # thickness over width
@@ -29,12 +28,7 @@ def surfels(mesh: Mesh, normals: FloatArray | None = None, count: int = 15_000) 
     """
     if count < 1:
         raise GeometryError(f"At least one Gaussian is needed, got a count of {count}.")
-    rng = np.random.default_rng(0)
-    candidates, face = mesh.sample(_CANDIDATES * count, rng)
-    spacing = float(np.sqrt(mesh.areas.sum() / count))
-    kept = _darts(candidates, _PACKING * spacing)
-    points, face = candidates[kept], face[kept]
-    weights = barycentric(points, mesh, face)
+    points, face, weights = scattered(mesh, count)
     corners = mesh.faces[face]
     across = mesh.normals[face] if normals is None else _mix(weights, normals[corners])
     colours = _GREY if mesh.colours is None else _mix(weights, mesh.colours[corners])
@@ -56,12 +50,6 @@ def _mix(weights: FloatArray, values: FloatArray) -> FloatArray:
     return mixed
 
 
-def barycentric(points: FloatArray, mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
-    """(N, 3) weights of the corners of the face (N,) that each point (N, 3) lies on."""
-    weights = points_to_barycentric(mesh.vertices[mesh.faces[face]], points)
-    return np.asarray(np.clip(weights, 0.0, 1.0), dtype=np.float64)
-
-
 def turned_to(normals: FloatArray) -> NDArray[np.float32]:
     """(N, 4) quaternions wxyz that turn z to the normals (N, 3) by the shortest way."""
     x, y, z = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).T
@@ -70,46 +58,76 @@ def turned_to(normals: FloatArray) -> NDArray[np.float32]:
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True), dtype=np.float32)
 
 
-def _darts(points: FloatArray, distance: float) -> NDArray[np.int64]:
-    """Indices of points (N, 3), taken in their order, none nearer than ``distance`` to one taken before."""
-    cells = np.floor((points - points.min(axis=0)) / distance).astype(np.int32)
-    table = np.full(1 << int(np.ceil(np.log2(len(points) + 1))), -1, dtype=np.int32)
-    return _throw(points, cells, distance * distance, table, np.full(len(points), -1, dtype=np.int32))
+def scattered(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+    """About ``count`` points (N, 3) on a mesh, no two too close, their faces (N,) and weights of the corners (N, 3).
+
+    Darts are thrown in rounds, each with one dart for each ``count``-th of the surface: it goes over the surface in the
+    faces' order, so that a dart's neighbours are still at hand, and the next round fills the gaps.
+    Raises :class:`GeometryError` when no face has an area.
+    """
+    areas = mesh.areas
+    solid = np.flatnonzero(areas > 0)
+    if len(solid) == 0:
+        raise GeometryError(f"No face of the mesh has an area ({len(areas)} faces): nothing to sample.")
+    ends = np.cumsum(areas[solid])
+    chance = np.random.default_rng(0).random((_ROUNDS, count, 3))
+    distance = _PACKING * float(np.sqrt(ends[-1] / count))
+    table = np.full(1 << int(np.ceil(np.log2(count + 1))), -1, dtype=np.int32)
+    points, face, weights = _throw(
+        mesh.vertices[mesh.faces[solid]], ends, chance, mesh.vertices.min(axis=0), distance, table
+    )
+    return points, solid[face], weights
 
 
 @compiled
 def _throw(
-    points: FloatArray,
-    cells: NDArray[np.int32],
-    least: float,
+    corners: FloatArray,
+    ends: FloatArray,
+    chance: FloatArray,
+    low: FloatArray,
+    distance: float,
     table: NDArray[np.int32],
-    following: NDArray[np.int32],
-) -> NDArray[np.int64]:
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
     """``table`` holds the last point that was kept of each cell's hash, ``following`` the one kept before it."""
-    kept = np.zeros(len(points), dtype=np.bool_)
-    last = len(table) - 1
-    for i in range(len(points)):
-        free = True
-        own = 0
-        for n in range(27):  # the point's own cell first: most darts fall near one of its own
-            m = (n + 13) % 27
-            x, y, z = cells[i, 0] + m // 9 - 1, cells[i, 1] + m // 3 % 3 - 1, cells[i, 2] + m % 3 - 1
-            # Two cells may share a place; the distance tells their points apart.
-            at = (x * 73856093 ^ y * 19349663 ^ z * 83492791) & last
-            own = at if n == 0 else own
-            j = table[at]
-            while j >= 0 and free:
-                across, along, up = (
-                    points[i, 0] - points[j, 0],
-                    points[i, 1] - points[j, 1],
-                    points[i, 2] - points[j, 2],
-                )
-                free = across * across + along * along + up * up >= least
-                j = following[j]
-            if not free:
-                break
-        kept[i] = free
-        if free:
-            following[i] = table[own]
-            table[own] = i
-    return np.flatnonzero(kept)
+    rounds, count, _ = chance.shape
+    points, weights = np.empty((rounds * count, 3)), np.empty((rounds * count, 3))
+    face = np.empty(rounds * count, dtype=np.int64)
+    following = np.empty(rounds * count, dtype=np.int32)
+    last, kept, side = len(table) - 1, 0, 2 * distance
+    for turn in range(rounds):
+        f = 0
+        for i in range(count):
+            at = ends[-1] * (i + chance[turn, i, 0]) / count
+            while ends[f] <= at and f < len(ends) - 1:
+                f += 1
+            # The square root makes the triangle's far side as dense as its tip (Osada et al. 2002, eq. 1).
+            u, v = np.sqrt(chance[turn, i, 1]), chance[turn, i, 2]
+            wa, wb, wc = 1 - u, u * (1 - v), u * v
+            x = wa * corners[f, 0, 0] + wb * corners[f, 1, 0] + wc * corners[f, 2, 0]
+            y = wa * corners[f, 0, 1] + wb * corners[f, 1, 1] + wc * corners[f, 2, 1]
+            z = wa * corners[f, 0, 2] + wb * corners[f, 1, 2] + wc * corners[f, 2, 2]
+            # Of cells twice as wide as the distance, the own one and on each axis the nearer of its neighbours will do.
+            p, q, r = (x - low[0]) / side, (y - low[1]) / side, (z - low[2]) / side
+            px, qy, rz = int(p), int(q), int(r)
+            free, own = True, 0
+            for n in range(8):
+                cx = 2 * int(p + 0.5) - 1 - px if n & 1 else px
+                cy = 2 * int(q + 0.5) - 1 - qy if n & 2 else qy
+                cz = 2 * int(r + 0.5) - 1 - rz if n & 4 else rz
+                place = (cx * 73856093 ^ cy * 19349663 ^ cz * 83492791) & last
+                own = place if n == 0 else own
+                # Two cells may share a place; the distance tells their points apart.
+                j = table[place]
+                while j >= 0 and free:
+                    across, along, up = x - points[j, 0], y - points[j, 1], z - points[j, 2]
+                    free = across * across + along * along + up * up >= distance * distance
+                    j = following[j]
+                if not free:
+                    break
+            if free:
+                points[kept, 0], points[kept, 1], points[kept, 2] = x, y, z
+                weights[kept, 0], weights[kept, 1], weights[kept, 2] = wa, wb, wc
+                face[kept], following[kept] = f, table[own]
+                table[own] = kept
+                kept += 1
+    return points[:kept].copy(), face[:kept].copy(), weights[:kept].copy()

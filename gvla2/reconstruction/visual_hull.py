@@ -111,15 +111,12 @@ def _shrink(
     stop: int,
 ) -> None:
     for n in range(start, stop):
-        s = support[n]
-        if not (s >= 0.0 and s <= 1.0):
-            wrong[1] += 1
-            continue
-        if not np.isfinite(points[n, 0] + points[n, 1] + points[n, 2]):
-            wrong[0] += 1
-            continue
+        s, x, y, z = support[n], points[n, 0], points[n, 1], points[n, 2]
+        wrong[0] += not np.isfinite(x + y + z)
+        wrong[1] += not (s >= 0.0 and s <= 1.0)
         # A huge exponent would only make the sigmoid 0, as it should be.
         sigmoid = 1.0 / (1.0 + np.exp(min((s - tau) / eta, 700.0)))
         strength = lambda_max * sigmoid * sigmoid
-        for k in range(3):
-            moved[n, k] = points[n, k] - (points[n, k] - c[k]) * strength
+        moved[n, 0] = x - (x - c[0]) * strength
+        moved[n, 1] = y - (y - c[1]) * strength
+        moved[n, 2] = z - (z - c[2]) * strength

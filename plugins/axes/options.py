@@ -54,10 +54,3 @@ class AxisOptions:
         scale = default if self.rho_scale is None else self.rho_scale
         shift = default if self.rho_shift is None else self.rho_shift
         return np.array([scale] * 3 + [shift] * 3)
-
-
-def transform(
-    points: FloatArray, c: FloatArray, axes: FloatArray, a: FloatArray, d: FloatArray
-) -> FloatArray:
-    """C + (p - c) * a + d (N, 3), with a and d along the columns of ``axes``."""
-    return np.ascontiguousarray(c + ((points - c) @ axes * a + d) @ axes.T)

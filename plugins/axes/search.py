@@ -12,10 +12,10 @@ from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.compiled import run_together
 from gvla2.reconstruction.contracts import AxisFit
 from gvla2.reconstruction.outline import outline
-from gvla2.reconstruction.silhouette import coverage
+from gvla2.reconstruction.silhouette import mean_iou
 from gvla2.reconstruction.support import MaskStack, mask_of
 from gvla2_plugins.axes.contour import Contour, mask_contour
-from gvla2_plugins.axes.options import AxisOptions, transform
+from gvla2_plugins.axes.options import AxisOptions
 from gvla2_plugins.axes.residuals import Residuals, outline_residuals
 
 LEAST_RESIDUALS = 30
@@ -48,11 +48,11 @@ class AxisSearch:
 
     def moved(self, x: FloatArray) -> FloatArray:
         """The points as x puts them."""
-        return transform(self.points, self.centre, self.axes, x[:3], x[3:] * self.side)
+        return self.accepted(x, np.nan, np.nan, 0, "").apply(self.points)
 
     def iou(self, x: FloatArray) -> float:
         """Symmetric IoU of the points as x puts them."""
-        return coverage(self.moved(x), self.views).mean_iou
+        return mean_iou(self.moved(x), self.views)
 
     def rejected(
         self, reason: str, before: float = np.nan, after: float = np.nan, iterations: int = 0

@@ -25,9 +25,9 @@ from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.compiled import Floats
 from gvla2.reconstruction.contracts import StageReport
 from gvla2.reconstruction.rasteriser import Frame, RasterOptions, backward, forward
-from gvla2.reconstruction.rasteriser_kernel import Floats
 from gvla2_plugins.splat.targets import Target, targets
 
 _LEARNT = ("centres", "log_scales", "rotations", "opacity_logits", "sh_dc")

@@ -8,7 +8,7 @@ import numpy as np
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.views import View, Views
-from gvla2.reconstruction.rasteriser_kernel import Floats
+from gvla2.reconstruction.compiled import Floats
 
 MARGIN = 8
 """Pixels of background kept around a mask, so that what spills over is seen."""

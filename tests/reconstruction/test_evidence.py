@@ -135,7 +135,7 @@ def test_a_needed_point_caps_the_depth_of_its_pixel(views):
 
 def test_masks_refute_what_lies_behind_a_cap_and_doubt_its_view_alone():
     depth = np.full((2, 12, 12), 2.0)
-    aligned = Aligned(depth, np.full(depth.shape, 0.002), np.zeros((2, 1)))
+    aligned = Aligned(depth, np.full(depth.shape, 0.002))
     caps = np.full(depth.shape, np.nan)
     caps[0, 5, 2:10] = 2.0 / 1.02  # two per cent before the surface: ten deviations
     caps[1, 5, 2:10] = 2.1  # behind it: nothing is wrong

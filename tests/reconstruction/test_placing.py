@@ -12,6 +12,7 @@ from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.inset import outward_normals
 from gvla2.reconstruction.placing import place
 from gvla2.reconstruction.view_set import ViewSet
+from gvla2.reconstruction.zbuffer import depth_map
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,8 @@ def g0(views):
 def placed(g0, views, factor=1.0):
     smaller = g0.mesh.with_vertices(factor * g0.mesh.vertices)
     shown = ViewSet(views).silhouettes
-    return smaller, place(g0.gaussians, g0.mesh, smaller, outward_normals(smaller), shown, 0.03)
+    depths = [depth_map(smaller, s.camera) for s in shown]
+    return smaller, place(g0.gaussians, g0.mesh, smaller, outward_normals(smaller), shown, depths, 0.03)
 
 
 def test_they_lie_on_the_new_surface_with_attributes_of_the_old(g0, views):
@@ -69,5 +71,6 @@ def test_flat_ones_lie_flat(g0, views):
 
 def test_without_an_old_mesh_the_nearest_gives(g0, views):
     shown = ViewSet(views).silhouettes
-    made = place(g0.gaussians, None, g0.mesh, outward_normals(g0.mesh), shown, 0.03)
+    depths = [depth_map(g0.mesh, s.camera) for s in shown]
+    made = place(g0.gaussians, None, g0.mesh, outward_normals(g0.mesh), shown, depths, 0.03)
     assert len(made) > 0
