@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike, groups
-from gvla2_plugins.classical.frames import Frame, seen_through
+from gvla2_plugins.classical.frames import Frame, IntArray, seen_through
 from gvla2_plugins.classical.leaning import leaning_plate
 from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.outline import opened
-from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.shaping import GOOD, shape_thing
 from gvla2_plugins.classical.things import THIN, Thing
 
@@ -81,7 +81,7 @@ def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing]
         for j in range(i + 1, len(things)):
             a, b = things[i], things[j]
             looks = [np.median(pixels.look[t.members], axis=0) for t in (a, b)]
-            if not alike(*looks) or cKDTree(a.points).query(b.points)[0].min() > FRAGMENT_REACH:
+            if not alike(*looks) or np.min(cKDTree(a.points).query(b.points)[0]) > FRAGMENT_REACH:
                 continue
             joined = shape_thing(frames, pixels, np.sort(np.concatenate([a.members, b.members])), gap)
             one, other = (np.median(t.points, axis=0) for t in (a, b))

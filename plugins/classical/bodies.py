@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gvla2_plugins.classical.clusters import components, join_across_views
-from gvla2_plugins.classical.frames import Frame, seen_through
-from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.frames import Frame, IntArray, seen_through
+from gvla2_plugins.classical.pixels import Pixels
 
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
 NEAR, HIDDEN = 0.02, 0.05  # metres between a body and its fragment; the latter where nothing else carries it
@@ -49,7 +49,7 @@ def _with_fragments(frames: Sequence[Frame], pixels: Pixels, labels: IntArray, l
         at = pixels.points[rest]
         rest = rest[((at > low) & (at < high)).all(axis=1)]
         if len(rest):
-            distance, nearest = cKDTree(pixels.points[rest]).query(pixels.points[mine])
+            distance, nearest = map(np.asarray, cKDTree(pixels.points[rest]).query(pixels.points[mine]))
             closest = np.argsort(distance)[:5]
             one, other = pixels.points[mine[closest]], pixels.points[rest[nearest[closest]]]
             gap = np.concatenate([one + share * (other - one) for share in (0.3, 0.5, 0.7)])

@@ -107,7 +107,7 @@ class _Piece:
     def slim(self) -> bool:
         """Whether it is a bar along the side: longer than it stands off."""
         thick, long = sorted(self.breadths.tolist())
-        return thick < BAR and long > 2.0 * thick and self.far - self.near < DEEP * long
+        return bool(thick < BAR and long > 2.0 * thick and self.far - self.near < DEEP * long)
 
 
 def _before(piece: Thing, case: Thing) -> _Piece | None:

@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
-from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of
+from gvla2_plugins.classical.frames import Frame, IntArray
+from gvla2_plugins.classical.pixels import Pixels, appearance_of
 
 LIKE = 14.0  # hues of pieces of one thing differ by less
 SHADED = 0.62  # L* + 16 of a thing's darkest face, over that of its lightest, is more

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.pixels import IntArray
+from gvla2_plugins.classical.frames import IntArray
 from gvla2_plugins.classical.solids import narrow_yaw
 
 SLICE = 0.010  # metres
@@ -26,7 +28,7 @@ def split_by_height(points: FloatArray, least: int) -> list[IntArray]:
     before: FloatArray | None = None
     for level in np.unique(slices):
         inside = np.nonzero(slices == level)[0]
-        outline = np.percentile(xy[inside], [1.0, 99.0], axis=0) if len(inside) >= 3 else before
+        outline: Any = np.percentile(xy[inside], [1.0, 99.0], axis=0) if len(inside) >= 3 else before
         if before is None or (_overlap(before, outline) < LIKE and len(parts[-1]) >= least):
             parts.append(inside)
         else:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.frames import Frame, seen_through
-from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.frames import Frame, IntArray, seen_through
+from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing, upright_rectangle
 

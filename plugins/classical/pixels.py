@@ -38,8 +38,9 @@ class Pixels:
             for one, other in ((index[:, :-1], index[:, 1:]), (index[:-1], index[1:])):
                 both = (one >= 0) & (other >= 0)
                 pairs.append(np.stack([one[both], other[both]], axis=1))
-        both = np.concatenate(pairs)
-        return both[np.linalg.norm(self.points[both[:, 0]] - self.points[both[:, 1]], axis=1) < jump]
+        touching: IntArray = np.concatenate(pairs)
+        apart = np.linalg.norm(self.points[touching[:, 0]] - self.points[touching[:, 1]], axis=1)
+        return np.asarray(touching[apart < jump])
 
 
 def choose(frames: Sequence[Frame], masks: Sequence[NDArray[np.bool_]], *, on_plane: bool = False) -> Pixels:
@@ -81,7 +82,7 @@ def plane_crossings(frame: Frame, rows: IntArray, columns: IntArray) -> FloatArr
 
 def appearance_of(rgb: FloatArray) -> FloatArray:
     """``appearance`` (N, 3) of colours (N, 3), worked out once a distinct colour."""
-    packed = np.ravel_multi_index(tuple(np.rint(rgb * 255).astype(np.int64).T), (256, 256, 256))
+    packed: IntArray = np.ravel_multi_index(tuple(np.rint(rgb * 255).astype(np.int64).T), (256, 256, 256))
     distinct, inverse = np.unique(packed, return_inverse=True)
     table = np.stack([distinct >> 16, (distinct >> 8) & 255, distinct & 255], axis=1) / 255.0
     return np.asarray(appearance(table)[inverse])

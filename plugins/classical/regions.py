@@ -10,8 +10,8 @@ from scipy.ndimage import binary_dilation
 
 from gvla2.perception.clusters import without_specks
 from gvla2_plugins.classical.clusters import groups, join_across_views, pieces_in_views
-from gvla2_plugins.classical.frames import Frame
-from gvla2_plugins.classical.pixels import IntArray, Pixels, appearance_of, choose, plane_crossings
+from gvla2_plugins.classical.frames import Frame, IntArray
+from gvla2_plugins.classical.pixels import Pixels, appearance_of, choose, plane_crossings
 from gvla2_plugins.classical.solids import box_distance, cylinder_distance, evenly, fit_solid, narrow_yaw
 from gvla2_plugins.classical.things import Thing, upright_rectangle
 
@@ -34,7 +34,7 @@ def unlike_table(frame: Frame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
     table = np.median(evenly(common, 5000), axis=0)
     near = np.logical_and.reduce(np.abs(colours - table).T <= 16)  # the mode may straddle two bins
     table = np.median(evenly(colours[near], 5000), axis=0) if near.any() else table
-    different = plane & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
+    different: NDArray[np.bool_] = plane & (frame.image != np.rint(table).astype(np.uint8)).any(axis=2)
     look = appearance_of(np.vstack([frame.image[different], table[None]]) / 255.0)
     different[different] = np.linalg.norm(look[:-1] - look[-1], axis=1) > OTHER_LOOK
     return different

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.frames import Frame
+from gvla2_plugins.classical.frames import Frame, IntArray
 from gvla2_plugins.classical.outline import (
     completed,
     crowded,
@@ -18,7 +18,7 @@ from gvla2_plugins.classical.outline import (
     silhouette,
     within_walls,
 )
-from gvla2_plugins.classical.pixels import IntArray, Pixels
+from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.solids import (
     Distance,
     Fit,

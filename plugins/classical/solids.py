@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from gvla2.geometry.transform import FloatArray
@@ -125,7 +127,7 @@ def fit_solid(
     )
     bounds = np.asarray(low)[moving], np.asarray(high)[moving]
     found = least_squares(
-        lambda at: errors(at[None])[0],
+        lambda at: errors(at[None])[0],  # type: ignore[misc]
         np.clip(parameters[moving], *bounds),
         jacobian,
         bounds,
@@ -143,7 +145,7 @@ def fit_solid(
     return Fit(parameters, found.cost, agreement, intrusion)
 
 
-def evenly(points: FloatArray, most: int) -> FloatArray:
+def evenly(points: NDArray[Any], most: int) -> NDArray[Any]:
     """At most about ``most`` rows, taken at even steps: the same ones every time."""
     return points[:: max(1, -(-len(points) // most))]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray, rigid
-from gvla2_plugins.classical.pixels import IntArray
+from gvla2_plugins.classical.frames import IntArray
 
 Kind = Literal["box", "cylinder", "sphere", "region", "other"]
 """A region is paint on the table."""
