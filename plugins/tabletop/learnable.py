@@ -11,7 +11,7 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import colours_in
 from gvla2.robot.task import Task, TaskInstance, TaskSite
-from gvla2_plugins.tabletop.learnable_ranges import COLOURED, KINDS, Family, families
+from gvla2_plugins.tabletop.learnable_ranges import COLOURED, TRAITS, Family, families
 from gvla2_plugins.tabletop.learnable_things import CHANGES
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ class Learnable:
             raise ConfigurationError(
                 f"task.world is '{config.world}'; it is plain or learnable (see docs/learnable_worlds.md)."
             )
-        if kind not in KINDS:
+        if kind not in TRAITS:
             raise ConfigurationError(
-                f"task={kind} has nothing to learn in the learnable world; these have: {', '.join(KINDS)}."
+                f"task={kind} has nothing to learn in the learnable world; these have: {', '.join(TRAITS)}."
             )
         if not 1 <= config.families <= len(COLOURED) or not -1 <= config.family < config.families:
             raise ConfigurationError(
