@@ -158,14 +158,16 @@ def _drawer(
 def _lid(
     task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
 ) -> TaskInstance:
-    """A box whose spring shuts its lid, unless that has been swung so far that its weight holds it open."""
+    """A box whose spring shuts its lid, unless that has been swung so far that its weight holds it open. Friction would
+    hold it short of that, too.
+    """
     del others
     made = task.sample(rng, site)
     (hinge,) = made.layout.joints
     lid = made.layout["lid"]
     lever = float(np.linalg.norm(lid.world_from_body[:2, 3] - hinge.origin[:2]))
     weight = lid.mass * GRAVITY * lever * -np.cos(family.value)  # Nm, opening it
-    layout = replace(made.layout, joints=(replace(hinge, stiffness=weight / family.value),))
+    layout = replace(made.layout, joints=(replace(hinge, stiffness=weight / family.value, friction=0.0),))
     stays = made.succeeded["strict"]
     return replace(
         made,
