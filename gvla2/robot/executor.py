@@ -223,7 +223,7 @@ class _Run:
             check_samples(samples, options.dt, state.joints, self.arm.limits, self.arm.velocity_limits)
         except RobotError as error:
             raise _Abort("diverged", str(error)) from error
-        if (len(samples) - 1) * options.dt > options.max_motion_seconds:
+        if (len(samples) - 1) * options.dt + waypoint.dwell > options.max_motion_seconds:
             raise _Abort("timeout", f"The motion would take over {options.max_motion_seconds:.0f} s.")
         return samples
 

@@ -26,9 +26,8 @@ PRESS_GAP = 0.0012
 """The fingertips' end stays this far above what a button stands on, metres: hardly more than the 1 mm that the checks
 want on straight moves, since a button may travel nearly all of its height."""
 
-
 PRESS_DEPTH = 0.010
-"""Few buttons travel further, metres."""
+"""How deep a button is pressed as a rule, metres: few travel further."""
 
 LEAST_SIDE = 0.002
 """Perceived sides that are shorter tell nothing, metres."""

@@ -108,7 +108,8 @@ def test_the_arm_stays_where_it_got_to_for_the_dwell(go, arm):
         assert press.motion_seconds - without.motion_seconds == pytest.approx(2.0, abs=0.02)
 
 
-def test_a_dwell_of_less_than_no_time_is_refused(go, arm):
+def test_a_dwell_that_is_no_time_or_too_long_is_refused(go, arm):
+    assert go(FeelingDriver(arm.home, arm), None, dwell=1e9).abort.abort == "timeout"
     report = go(FeelingDriver(arm.home, arm), None, dwell=-1.0)
     assert report.abort.abort == "not_started"
     assert "dwell" in report.abort.message
