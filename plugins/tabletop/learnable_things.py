@@ -181,3 +181,6 @@ CHANGES: Mapping[str, Change] = MappingProxyType(
     {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer, "open_box": _lid}
 )
 """How the things of each kind are made."""
+
+NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
+"""Options of a published task without which its things may stand where the arm cannot do what is to be learnt."""

@@ -90,14 +90,16 @@ def _open(
     how += f", tilted {np.degrees(lean):.0f}°" if lean else ""
     how += f", {abs(shift) * hinge.breadth * 100:.0f} cm beside its middle" if shift else ""
     how += f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
-    preference = 0.8 - 0.4 * abs(lean) - 0.1 * (end < theta["open_angle"]) - 0.3 * abs(shift) - 0.2 * abs(yaw)
+    preference = 0.8 - 0.4 * abs(lean) - (theta["open_angle"] - end) - 0.3 * abs(shift) - 0.2 * abs(yaw)
     notes = (
         ("Which edge the hinge is at cannot be seen; the lid was taken to open towards the robot.",)
         if hinge.guessed
         else ()
     )
     names = ("approach:side", "approach:lip")
-    return Proposal(how, names, preference, path.trajectory(), notes, reserve=yaw != 0.0)
+    return Proposal(
+        how, names, preference, path.trajectory(), notes, reserve=bool(yaw) or end < theta["open_angle"]
+    )
 
 
 BESIDE = (0.75, 0.55)
