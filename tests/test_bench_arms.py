@@ -101,7 +101,7 @@ def test_a_learnable_world_has_a_row_a_family_and_a_design_a_world(registry):
     config = config_of(registry, "world=learnable", "seeds=[1,2]", "episodes=1", "arms=[off,on]")
     rows = subjects(config, registry)
     assert "open_drawer, family 1" in rows
-    assert len(rows) == 8
+    assert len(rows) == 10
     made = designs(config, registry)
     assert [design.place for design in made] == ["skill-world1", "skill-world2"]
     assert {one.factors["world"] for design in made for one in design.plan} == {"learnable"}

@@ -17,7 +17,7 @@ ABSURD = 10 * MAX_WAYPOINTS
 """More waypoints than this are not checked one by one; up to it the checks say what is too many."""
 
 _TEXTS = ("stage", "motion", "carries", "frame")
-_NUMBERS = ("gripper", "speed", "tolerance")
+_NUMBERS = ("gripper", "speed", "tolerance", "dwell")
 
 
 def ask(planner: Planner, request: PlanRequest, name: str, seconds: float = 0.0) -> Plan:

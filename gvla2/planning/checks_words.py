@@ -50,13 +50,15 @@ def check_schema(trajectory: Trajectory, scene: Scene) -> list[Finding]:
             fail(i, "wrong_frame", f"{name}: frame '{w.frame}' is unknown; give positions in 'world'.")
         if w.motion not in ("free", "linear"):
             fail(i, "bad_motion", f"{name}: motion '{w.motion}' is unknown; use 'free' or 'linear'.")
-        numbers = [*w.xyz, w.gripper, w.speed, w.tolerance]
+        numbers = [*w.xyz, w.gripper, w.speed, w.tolerance, w.dwell]
         if len(w.xyz) != 3 or not np.isfinite(numbers).all():
             fail(i, "not_finite", f"{name}: xyz {w.xyz}, gripper {w.gripper}, speed {w.speed}, tolerance "
-                 f"{w.tolerance}: three coordinates and finite numbers are needed.")  # fmt: skip
+                 f"{w.tolerance}, dwell {w.dwell}: three coordinates and finite numbers are needed.")  # fmt: skip
         elif w.speed <= 0 or w.tolerance <= 0:
             fail(i, "not_positive", f"{name}: speed {w.speed:g} m/s and tolerance {w.tolerance:g} m must be > 0.",
                  min(w.speed, w.tolerance), 0.0)  # fmt: skip
+        elif w.dwell < 0:
+            fail(i, "negative", f"{name}: a dwell of {w.dwell:g} s; give 0 s or more.", w.dwell, 0.0)
         if w.guard is not None and not w.guard.sound:
             fail(i, "bad_guard", f"{name}: guard force {w.guard.force} N, stall {w.guard.stall} m: finite numbers, "
                  "none below and one above zero, are needed.")  # fmt: skip

@@ -94,7 +94,8 @@ class Waypoint:
     obstacles) or ``linear`` (a straight line of the tool); ``allowed_contacts`` are ids of scene objects, or
     "table", that the hand may touch on the way; ``tolerance`` of position in metres.
     ``carries`` is the id of the object in the hand on the way here, or "". With a ``guard`` the motion also ends,
-    as it should, where the guard stops it; the next waypoint is gone to from there.
+    as it should, where the guard stops it; the next waypoint is gone to from there. Once there the arm stays for
+    ``dwell`` seconds.
     """
 
     xyz: tuple[float, float, float]
@@ -108,6 +109,7 @@ class Waypoint:
     tolerance: float = 0.01
     frame: str = "world"
     guard: Guard | None = None
+    dwell: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,7 @@ class Trajectory:
                 "tolerance": w.tolerance,
                 "frame": w.frame,
                 "guard": {"force": w.guard.force, "stall": w.guard.stall} if w.guard else None,
+                "dwell": w.dwell,
             }
             for w in self.waypoints
         ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -158,6 +159,8 @@ class _Run:
         if moved.diverged:
             raise _Abort("diverged", "The driver measured something impossible and broke the motion off.")
         state = self._measure()
+        if waypoint.dwell > 0.0:
+            state = self._stay(step, state.joints if moved.stopped else samples[-1])
         if waypoint.carries and state.gripper_width < options.empty_width:
             self.holds = False
             raise _Abort("slipped", f"'{waypoint.carries}' was lost on the way: the fingers are closed.")
@@ -166,6 +169,17 @@ class _Run:
             raise _Abort("tracking", f"The tool stopped {1e3 * error:.0f} mm from its target.")
         if abs(waypoint.gripper - self.opening) > 1e-3:
             self._grip(step)
+
+    def _stay(self, step: _Step, joints: FloatArray) -> DriverState:
+        """Go on commanding the joints (dof,) for the waypoint's dwell; what is measured then."""
+        dt = self.options.dt
+        count = math.ceil(step.waypoint.dwell / dt)
+        step.motion_seconds += count * dt
+        moved = self.driver.follow(np.tile(joints, (count + 1, 1)), dt, self.opening)
+        step.contacts = tuple(dict.fromkeys(step.contacts + moved.contacts))
+        if moved.diverged:
+            raise _Abort("diverged", "The driver measured something impossible while the arm stayed.")
+        return self._measure()
 
     def _follow(self, step: _Step, samples: FloatArray) -> MoveResult:
         """Move, and hold where the waypoint's guard ends the motion."""
@@ -209,7 +223,7 @@ class _Run:
             check_samples(samples, options.dt, state.joints, self.arm.limits, self.arm.velocity_limits)
         except RobotError as error:
             raise _Abort("diverged", str(error)) from error
-        if (len(samples) - 1) * options.dt > options.max_motion_seconds:
+        if (len(samples) - 1) * options.dt + waypoint.dwell > options.max_motion_seconds:
             raise _Abort("timeout", f"The motion would take over {options.max_motion_seconds:.0f} s.")
         return samples
 

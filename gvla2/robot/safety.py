@@ -40,6 +40,7 @@ def _problem(waypoint: Waypoint, known: set[str]) -> str:
         waypoint.gripper,
         waypoint.speed,
         waypoint.tolerance,
+        waypoint.dwell,
         waypoint.orientation.angle,
     ]
     numbers += [*waypoint.orientation.vector, *waypoint.orientation.closing]
@@ -55,6 +56,8 @@ def _problem(waypoint: Waypoint, known: set[str]) -> str:
         return f"its gripper opening {waypoint.gripper} is outside [0, 1]."
     if waypoint.speed <= 0 or waypoint.tolerance <= 0:
         return "its speed and tolerance must be above zero."
+    if waypoint.dwell < 0:
+        return f"its dwell is {waypoint.dwell:g} s, less than none."
     if waypoint.guard is not None and not waypoint.guard.sound:
         return f"its guard {waypoint.guard} needs a force or a stall above zero, finite numbers both."
     if waypoint.carries and waypoint.carries not in known:

@@ -115,7 +115,8 @@ class Glow:
     """A lamp: solid number ``solid`` of ``body`` is seen in ``rgb`` once the joint has travelled beyond ``travel``.
 
     It stays lit, unless the joint has travelled beyond ``until`` as well; with that given, each stroke of the joint
-    from rest counts by itself, in its ``peak`` too. Both in the joint's unit, radians or metres.
+    from rest counts by itself, in its ``peak`` too. Both in the joint's unit, radians or metres. With ``hold`` seconds
+    the joint has to stay beyond ``travel`` so long: until then its ``peak`` is no more than that.
     """
 
     body: str
@@ -124,6 +125,7 @@ class Glow:
     travel: float
     rgb: tuple[float, float, float]
     until: float = float("inf")
+    hold: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -71,6 +71,11 @@ class Outcome:
         """Whether the hand met a stop in a motion of this stage: a guard ended it, or it ended ``short`` metres off."""
         return any(r.guarded or r.error > short for r in self.reached if r.stage == stage)
 
+    def went(self, stage: str, name: str) -> float:
+        """How far of the depth that the parameter asks for the hand got in the motion of this stage, metres."""
+        missed = max((r.error for r in self.reached if r.stage == stage), default=0.0)
+        return self.plan.parameters.get(name, 0.0) - missed
+
     def changed(self, name: str, by: float, op: str = ">=") -> Effect | None:
         """The bound that asks for ``by`` more (or less) of a parameter than was used; None where it was not used."""
         used = self.plan.parameters.get(name)

@@ -26,6 +26,8 @@ PRESS_GAP = 0.0012
 """The fingertips' end stays this far above what a button stands on, metres: hardly more than the 1 mm that the checks
 want on straight moves, since a button may travel nearly all of its height."""
 
+PRESS_DEPTH = 0.010
+"""How deep a button is pressed as a rule, metres: few travel further."""
 
 LEAST_SIDE = 0.002
 """Perceived sides that are shorter tell nothing, metres."""
@@ -123,10 +125,15 @@ def of_push(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, 
 def of_press(theme: SceneObject, hand: Hand, options: SkillOptions) -> dict[str, float]:
     """Buttons travel a centimetre at most: 10 mm below the top presses any of them home, where they are high enough.
 
-    Beyond its stop a button does not yield; the arm's compliance takes up the rest.
+    Beyond its stop a button does not yield; the arm's compliance takes up the rest. Few have to be held down.
     """
     del theme
-    return {"standoff": hand.finger_length, "press_depth": 0.010, **speeds(options)}
+    return {
+        "standoff": hand.finger_length,
+        "press_depth": PRESS_DEPTH,
+        "press_seconds": 0.0,
+        **speeds(options),
+    }
 
 
 def scales(

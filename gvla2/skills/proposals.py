@@ -140,15 +140,18 @@ class Path:
         allowed: frozenset[str] = frozenset(),
         slow: bool = False,
         guard: Guard | None = None,
+        dwell: float = 0.0,
     ) -> Path:
-        """A straight move, in parts where it is long; with a ``guard`` it ends where that stops it."""
+        """A straight move, in parts where it is long, and ``dwell`` seconds there; with a ``guard`` it ends where that
+        stops it.
+        """
         speed = self.contact_speed if slow else self.speed
         if self.waypoints:
             begin = np.asarray(self.waypoints[-1].xyz)
             parts = math.ceil(math.dist(xyz, begin) / LONGEST_LINE - 1e-9)
             for k in range(1, parts):
                 self._add(stage, begin + (xyz - begin) * (k / parts), "linear", speed, None, allowed, guard)
-        return self._add(stage, xyz, "linear", speed, gripper, allowed, guard)
+        return self._add(stage, xyz, "linear", speed, gripper, allowed, guard, dwell)
 
     def trajectory(self) -> Trajectory:
         """All that was written."""
@@ -163,6 +166,7 @@ class Path:
         gripper: float | None,
         allowed: frozenset[str],
         guard: Guard | None = None,
+        dwell: float = 0.0,
     ) -> Path:
         self.gripper = self.gripper if gripper is None else gripper
         x, y, z = (float(v) for v in xyz)
@@ -178,6 +182,7 @@ class Path:
                 self.carries,
                 self.tolerance,
                 guard=guard,
+                dwell=dwell,
             )
         )
         return self

@@ -13,6 +13,7 @@ from gvla2.planning.effects import Effect
 from gvla2.planning.lamps import shines
 from gvla2.planning.lids import FLAT, hinged, opening_angle
 from gvla2.skills.outcome import EMPTY, Outcome, Signal
+from gvla2.skills.parameters import PRESS_DEPTH
 
 STAYS_OPEN = 1.45
 """A lid that is found open by less did not stay open, radians."""
@@ -28,6 +29,8 @@ PRESS_MARGIN = 0.003
 """Metres to press a button deeper by, or less deep."""
 PRESS_SHORT, GAVE_WAY = 0.0003, 0.002
 """A press that ends so far short of its target met a stop, and so did a lifted handle, in fingers that give way; m."""
+PRESS_LONGER, LONG_PRESS = 1.5, 3.0
+"""Seconds to hold a button down longer by, and from which it was held as long as any needs."""
 CATCH_MARGIN = 0.008
 """Metres to lift a handle further by before it is pulled, or less far."""
 HOOK_MARGIN = 0.005
@@ -138,10 +141,18 @@ def _in_place(outcome: Outcome) -> bool:
 
 
 def of_press(outcome: Outcome) -> Signal | None:
-    """A lamp that stayed dark, though its button went down without a stop, or because it was pressed to its stop."""
+    """A lamp that stayed dark, though its button went down without a stop, or because it was pressed to its stop.
+
+    A stop that lies deeper than a press usually goes cannot be why usual presses fail: such a button is to be held. One
+    that was held as long as any needs was rammed after all.
+    """
     if outcome.after is None or shines(outcome.theme, outcome.before, outcome.after) is not False:
         return None
     if outcome.stopped("press", PRESS_SHORT):
+        held = outcome.plan.parameters.get("press_seconds", LONG_PRESS)
+        if held < LONG_PRESS and outcome.went("press", "press_depth") > PRESS_DEPTH + PRESS_SHORT:
+            longer = outcome.changed("press_seconds", PRESS_LONGER)
+            return Signal("undershoot", "the button was let go before its lamp was lit", longer)
         less = outcome.changed("press_depth", -PRESS_MARGIN, "<=")
         return Signal("overshoot", "the button was pressed to its stop and the lamp is dark", less)
     deeper = outcome.changed("press_depth", PRESS_MARGIN)

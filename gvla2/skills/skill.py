@@ -35,7 +35,7 @@ class Role:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number theta of a skill: its unit ("m", "rad", "m/s", "" for a share), meaning and sensible range."""
+    """One number theta of a skill: its unit ("m", "rad", "s", "m/s", "" for a share), meaning and sensible range."""
 
     name: str
     unit: str

@@ -86,6 +86,8 @@ class World:
         by_name = {joint.name: joint for joint in layout.joints}
         self._catches = [Caught(c, by_name[c.joint], self._bodies.joints) for c in layout.catches]
         self._strokes = {glow.joint: False for glow in layout.glows if np.isfinite(glow.until)}
+        self._to_hold = {glow.joint: glow for glow in layout.glows if glow.hold > 0.0}
+        self._since = dict.fromkeys(self._to_hold, 0.0)
         self._movers = [
             component
             for entity in self._bodies.entities.values()
@@ -119,13 +121,22 @@ class World:
         if self.suction is not None:
             self.suction.watch()
         for name, (articulation, index) in self._bodies.joints.items():
-            at = float(articulation.qpos[index])
+            at = self._counts(name, float(articulation.qpos[index]))
             self.peaks[name] = max(self.peaks[name] if self._goes_on(name, at) else at, at)
         for catch in self._catches:
             catch.watch()
         for name, thread in self._threads.items():
             thread.watch()
             self.peaks[name] = thread.peak
+
+    def _counts(self, name: str, at: float) -> float:
+        """The travel that counts: of what has to be held, no more than where it has to be held until it was."""
+        glow = self._to_hold.get(name)
+        if glow is None:
+            return at
+        if at <= glow.travel:
+            self._since[name] = self.time
+        return at if self.time - self._since[name] >= glow.hold else min(at, glow.travel)
 
     def _goes_on(self, name: str, at: float) -> bool:
         """Whether a joint is still in the stroke whose largest travel counts: where a lamp goes out again when it has

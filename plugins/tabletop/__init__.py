@@ -78,13 +78,20 @@ class OpenJarConfig(ScaledConfig):
     turn: float = 80.0
 
 
+@dataclass
+class OpenBoxConfig(ScaledConfig):
+    """Options of ``open_box``. ``swing`` (radians): boxes stand where the arm can open their lids so far."""
+
+    swing: float = 1.8
+
+
 _TASKS: tuple[tuple[str, type[ScaledConfig], str, str], ...] = (
     ("put_block", ScaledConfig, "PutBlock", "Put a block on a painted square."),
     ("push_block", PushBlockConfig, "PushBlock", "Push a block onto a square painted on the table."),
     ("play_jenga", ScaledConfig, "PlayJenga", "Pull the loose brick out of a tower that keeps standing."),
     ("open_jar", OpenJarConfig, "OpenJar", "Unscrew the lid of the jar of the named colour."),
     ("close_box", ScaledConfig, "CloseBox", "Close the hinged lid of a box."),
-    ("open_box", ScaledConfig, "OpenBox", "Open the hinged lid of a box by its lip."),
+    ("open_box", OpenBoxConfig, "OpenBox", "Open the hinged lid of a box by its lip."),
     ("pickup_cup", ScaledConfig, "PickupCup", "Pick the cup of the named colour up by its rim."),
     ("take_umbrella", ScaledConfig, "TakeUmbrella", "Pull an umbrella out of its stand."),
     ("sort_mustard", ScaledConfig, "SortMustard", "Put the mustard bottle into the tray."),

@@ -11,8 +11,8 @@ import numpy as np
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import colours_in
 from gvla2.robot.task import Task, TaskInstance, TaskSite
-from gvla2_plugins.tabletop.learnable_ranges import COLOURED, KINDS, Family, families
-from gvla2_plugins.tabletop.learnable_things import CHANGES
+from gvla2_plugins.tabletop.learnable_ranges import COLOURED, TRAITS, Family, families
+from gvla2_plugins.tabletop.learnable_things import CHANGES, NEEDED
 
 if TYPE_CHECKING:
     from gvla2_plugins.tabletop import ScaledConfig
@@ -28,9 +28,9 @@ class Learnable:
             raise ConfigurationError(
                 f"task.world is '{config.world}'; it is plain or learnable (see docs/learnable_worlds.md)."
             )
-        if kind not in KINDS:
+        if kind not in TRAITS:
             raise ConfigurationError(
-                f"task={kind} has nothing to learn in the learnable world; these have: {', '.join(KINDS)}."
+                f"task={kind} has nothing to learn in the learnable world; these have: {', '.join(TRAITS)}."
             )
         if not 1 <= config.families <= len(COLOURED) or not -1 <= config.family < config.families:
             raise ConfigurationError(
@@ -41,7 +41,7 @@ class Learnable:
             raise ConfigurationError(f"task.world_seed is {config.world_seed}; it must not be negative.")
         self.families = families(kind, config.world_seed, config.families)
         self._kind, self._family = kind, config.family
-        self._task = make(config)
+        self._task = make(replace(config, **NEEDED.get(kind, {})))
 
     @property
     def instructions(self) -> tuple[str, ...]:

@@ -7,7 +7,9 @@ written down before any arm was measured in this world; docs/learnable_worlds.md
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,16 +19,20 @@ class Ranges:
     """Where the properties of a family are drawn from, uniformly where nothing else is said.
 
     ``jar`` and ``bottle``: degrees of turn at which a cap comes loose, and the share of bottles whose thread is
-    ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``catch``: metres that a drawer's
-    handle is lifted before the drawer can be pulled; the share ``no_catch`` of the drawers has none.
+    ``left_handed``. ``click``: metres that a button travels until its lamp is lit. ``hold``: seconds that it has to be
+    held down. ``catch``: metres that a drawer's handle is lifted before the drawer can be pulled; the share
+    ``no_catch`` of the drawers has none. ``spring``: degrees of opening from which a lid stays open by its weight;
+    short of that its spring shuts it.
     """
 
     jar: tuple[float, float] = (80.0, 300.0)
     bottle: tuple[float, float] = (80.0, 250.0)
     left_handed: float = 0.5
     click: tuple[float, float] = (0.004, 0.020)
+    hold: tuple[float, float] = (0.2, 3.0)
     catch: tuple[float, float] = (0.006, 0.025)
     no_catch: float = 0.25
+    spring: tuple[float, float] = (98.0, 114.0)
 
 
 RANGES = Ranges()
@@ -36,16 +42,25 @@ RANGES = Ranges()
 class Family:
     """Things of one kind that look the same and behave the same: a colour word, and a value in the kind's unit.
 
-    ``value`` is radians of turn for ``open_jar`` and ``open_wine`` (negative: with the clock), metres of travel for
-    ``lamp_on``, metres of lift for ``open_drawer`` (0: no catch).
+    ``value`` of its ``trait``: radians of turn of a ``jar`` or ``bottle`` (negative: with the clock), metres of travel
+    of a ``click``, seconds of a ``hold``, metres of lift of a ``catch`` (0: none), radians of a lid's ``spring``.
     """
 
     colour: str
+    trait: str
     value: float
 
 
-KINDS = ("open_jar", "open_wine", "lamp_on", "open_drawer")
-"""The tasks that have something to learn."""
+TRAITS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "open_jar": ("jar",),
+        "open_wine": ("bottle",),
+        "lamp_on": ("click", "hold"),
+        "open_drawer": ("catch",),
+        "open_box": ("spring",),
+    }
+)
+"""The tasks that have something to learn, and what: of several traits the families have one each, in turn."""
 
 COLOURED = ("red", "blue", "lime", "magenta", "cyan", "orange")
 """Colours of families: hues that are told apart in any light."""
@@ -55,16 +70,16 @@ def families(kind: str, world: int, count: int, ranges: Ranges = RANGES) -> tupl
     """The families of a kind in the world of that seed, each of another colour; the same at each call."""
     rng = np.random.default_rng([world, zlib.crc32(kind.encode())])
     colours = [COLOURED[i] for i in rng.permutation(len(COLOURED))[:count]]
-    return tuple(Family(colour, _drawn(kind, rng, ranges)) for colour in colours)
+    traits = (TRAITS[kind][i % len(TRAITS[kind])] for i in range(count))
+    return tuple(Family(c, t, _drawn(t, rng, ranges)) for c, t in zip(colours, traits, strict=True))
 
 
-def _drawn(kind: str, rng: np.random.Generator, ranges: Ranges) -> float:
-    if kind == "open_jar":
-        return float(np.deg2rad(rng.uniform(*ranges.jar)))
-    if kind == "open_wine":
-        turn = float(np.deg2rad(rng.uniform(*ranges.bottle)))
-        return -turn if rng.random() < ranges.left_handed else turn
-    if kind == "lamp_on":
-        return float(rng.uniform(*ranges.click))
-    lift = float(rng.uniform(*ranges.catch))
-    return 0.0 if rng.random() < ranges.no_catch else lift
+def _drawn(trait: str, rng: np.random.Generator, ranges: Ranges) -> float:
+    value = float(rng.uniform(*getattr(ranges, trait)))
+    if trait in ("jar", "bottle", "spring"):
+        value = float(np.deg2rad(value))
+    if trait == "bottle" and rng.random() < ranges.left_handed:
+        return -value
+    if trait == "catch" and rng.random() < ranges.no_catch:
+        return 0.0
+    return value

@@ -28,11 +28,15 @@ ROOM, STOPPED = 0.004, 0.00005
 """From where the lamp is lit to the button's stop, and how near to that it has been rammed, metres."""
 PLATE, STANDS = 0.006, 0.030
 """The thickness of the plate that is pressed, and how far it stands out of its base, metres."""
+HELD_TRAVEL, HELD_AT = 0.012, 0.003
+"""How far a button goes that has to be held down, and beyond where it has to be held, metres."""
 SPRING = 300.0
 """N/m: at the end of its travel the button presses back with 8 N, less than where a press gives up."""
 HANDLE_ROOM, HANDLE_SPRING, HANDLE_MASS = 0.010, 150.0, 0.08
 """A handle goes up so much further than its catch needs, metres, against so many N/m; kilograms. At its stop the catch
 holds again."""
+GRAVITY = 9.81
+"""m/s²."""
 WIDEST = 2.0 * np.pi
 """Radians between the stops of a thread."""
 
@@ -84,7 +88,9 @@ def _bottle(
 def _lamp(
     task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
 ) -> TaskInstance:
-    """A high button that lights its lamp shortly before its stop; rammed against that, the lamp goes out."""
+    """A high button: it lights its lamp shortly before its stop, and rammed against that puts it out; or it wants to be
+    held down.
+    """
     del others
     made = task.sample(rng, site)
     (old,), (glow,) = made.layout.joints, made.layout.glows
@@ -97,22 +103,22 @@ def _lamp(
     plate = replace(cap, size=(*cap.size[:2], PLATE), body_from_shape=_up(0.5 * (STANDS - PLATE)))
     stem = replace(stem, body_from_shape=_up(-0.5 * PLATE))
     high = replace(button, solids=(plate, stem), world_from_body=centre, shape="cylinder")
-    most = family.value + ROOM - STOPPED
-    joint = replace(old, origin=centre[:3, 3], limits=(0.0, family.value + ROOM), stiffness=SPRING)
+    if family.trait == "hold":
+        least, stop = HELD_AT, HELD_TRAVEL
+        shines = replace(glow, travel=least, hold=family.value)
+        goal = f"the lamp is on: its button was held down for {family.value:.1f} s"
+    else:
+        least, stop = family.value, family.value + ROOM
+        shines = replace(glow, travel=least, until=stop - STOPPED)
+        goal = "the lamp is on: its button went far enough, and not to its stop"
+    joint = replace(old, origin=centre[:3, 3], limits=(0.0, stop), stiffness=SPRING)
     bodies = tuple(high if body.name == "button" else body for body in made.layout.bodies)
-    layout = replace(
-        made.layout, bodies=bodies, joints=(joint,), glows=(replace(glow, travel=family.value, until=most),)
-    )
+    layout = replace(made.layout, bodies=bodies, joints=(joint,), glows=(shines,))
 
     def lit(world: WorldState) -> bool:
-        return family.value < world.peak("press") <= most
+        return least < world.peak("press") <= shines.until
 
-    return replace(
-        made,
-        layout=layout,
-        succeeded={"eased": lit, "strict": lit},
-        goal="the lamp is on: its button went far enough, and not to its stop",
-    )
+    return replace(made, layout=layout, succeeded={"eased": lit, "strict": lit}, goal=goal)
 
 
 def _up(z: float) -> FloatArray:
@@ -149,7 +155,32 @@ def _drawer(
     return replace(made, layout=layout)
 
 
+def _lid(
+    task: Task, rng: np.random.Generator, site: TaskSite, family: Family, others: Sequence[Family]
+) -> TaskInstance:
+    """A box whose spring shuts its lid, unless that has been swung so far that its weight holds it open. Friction would
+    hold it short of that, too.
+    """
+    del others
+    made = task.sample(rng, site)
+    (hinge,) = made.layout.joints
+    lid = made.layout["lid"]
+    lever = float(np.linalg.norm(lid.world_from_body[:2, 3] - hinge.origin[:2]))
+    weight = lid.mass * GRAVITY * lever * -np.cos(family.value)  # Nm, opening it
+    layout = replace(made.layout, joints=(replace(hinge, stiffness=weight / family.value, friction=0.0),))
+    stays = made.succeeded["strict"]
+    return replace(
+        made,
+        layout=layout,
+        succeeded={"eased": stays, "strict": stays},
+        goal=f"the lid stays open, as it does from {np.degrees(family.value):.0f} degrees on",
+    )
+
+
 CHANGES: Mapping[str, Change] = MappingProxyType(
-    {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer}
+    {"open_jar": _jar, "open_wine": _bottle, "lamp_on": _lamp, "open_drawer": _drawer, "open_box": _lid}
 )
 """How the things of each kind are made."""
+
+NEEDED: Mapping[str, Mapping[str, float]] = MappingProxyType({"open_box": {"swing": 2.05}})
+"""Options of a published task without which its things may stand where the arm cannot do what is to be learnt."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from gvla2.errors import ConfigurationError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.placing import sample_until
 from gvla2.robot.task import Layout, TaskInstance, TaskSite, WorldState
-from gvla2_plugins.tabletop import ScaledConfig
-from gvla2_plugins.tabletop.boxes import LidBox, draw_box, lip_path
-from gvla2_plugins.tabletop.demonstrations.lids import LIP_REACH, OPENED, STANDOFF, swing_open
+from gvla2_plugins.tabletop import OpenBoxConfig
+from gvla2_plugins.tabletop.boxes import TRAVEL, LidBox, draw_box, lip_path
+from gvla2_plugins.tabletop.demonstrations.lids import LIP_REACH, STANDOFF, swing_open
 from gvla2_plugins.tabletop.painting import sample_colours
 from gvla2_plugins.tabletop.wording import sentence_of
 
@@ -21,8 +22,12 @@ OPEN = np.pi / 2
 class OpenBox:
     """Open the box. eased: the lid was opened by more than a right angle at some time. strict: it is so now."""
 
-    def __init__(self, config: ScaledConfig) -> None:
-        self._scale = config.factor("open_box")
+    def __init__(self, config: OpenBoxConfig) -> None:
+        if not 0.0 < config.swing <= TRAVEL:
+            raise ConfigurationError(
+                f"task=open_box takes task.swing above 0 and up to {TRAVEL:.2f} rad, got {config.swing}."
+            )
+        self._scale, self._swing = config.factor("open_box"), config.swing
 
     @property
     def instructions(self) -> tuple[str, ...]:
@@ -39,7 +44,7 @@ class OpenBox:
         self, rng: np.random.Generator, site: TaskSite, instruction: str | None = None
     ) -> TaskInstance:
         """One episode; there is one box, whatever ``instruction`` says."""
-        angles = np.linspace(0.0, OPENED, 6)
+        angles = np.linspace(0.0, self._swing, 6)
 
         def draw() -> LidBox | None:
             box = draw_box(rng, site, self._scale)

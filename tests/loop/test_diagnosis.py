@@ -290,17 +290,24 @@ def test_what_the_mechanism_held_back_is_no_slip() -> None:
 PRESS = (move("approach", (0, 0, 0.1)), move("press", (0, 0, 0.02)), move("retreat", (0, 0, 0.1)))
 
 
+DARK = (0.3, 0.3, 0.3)
+
+
 @pytest.mark.parametrize(
-    ("shade", "status", "error", "expected"),
+    ("shade", "status", "error", "depth", "seconds", "expected"),
     [
-        ((0.9, 0.9, 0.6), "linear", 0.0, []),
-        ((0.3, 0.3, 0.3), "linear", 0.0001, [("undershoot", "press_depth", ">=", 0.013)]),
-        ((0.3, 0.3, 0.3), "guarded", 0.0, [("overshoot", "press_depth", "<=", 0.007)]),
-        ((0.3, 0.3, 0.3), "linear", 0.0006, [("overshoot", "press_depth", "<=", 0.007)]),
+        ((0.9, 0.9, 0.6), "linear", 0.0, 0.01, 0.0, []),
+        (DARK, "linear", 0.0001, 0.01, 0.0, [("undershoot", "press_depth", ">=", 0.013)]),
+        (DARK, "guarded", 0.0, 0.01, 0.0, [("overshoot", "press_depth", "<=", 0.007)]),
+        (DARK, "linear", 0.0006, 0.01, 0.0, [("overshoot", "press_depth", "<=", 0.007)]),
+        (DARK, "guarded", 0.001, 0.013, 0.0, [("undershoot", "press_seconds", ">=", 1.5)]),
+        (DARK, "linear", 0.001, 0.013, 1.5, [("undershoot", "press_seconds", ">=", 3.0)]),
+        (DARK, "linear", 0.001, 0.013, 3.0, [("overshoot", "press_depth", "<=", 0.010)]),
+        (DARK, "guarded", 0.004, 0.013, 0.0, [("overshoot", "press_depth", "<=", 0.010)]),
     ],
 )
-def test_a_lamp_that_stayed_dark_is_pressed_deeper_or_less_deep(
-    shade: Any, status: str, error: float, expected: list[Any]
+def test_a_lamp_that_stayed_dark_is_pressed_deeper_less_deep_or_longer(
+    shade: Any, status: str, error: float, depth: float, seconds: float, expected: list[Any]
 ) -> None:
     def lamp(rgb: Any) -> tuple[SceneObject, ...]:
         base = replace(thing("l", (0.05, 0, 0.005), (0.16, 0.08, 0.01), "gray"), label="gray lamp base")
@@ -309,8 +316,8 @@ def test_a_lamp_that_stayed_dark_is_pressed_deeper_or_less_deep(
 
     changes = {1: {"status": status, "error": error}}
     record = episode(
-        "press", lamp((0.3, 0.3, 0.3)), lamp(shade), PRESS, {"press_depth": 0.01}, changes=changes,
-        roles={"theme": "b", "part": "b"},
+        "press", lamp(DARK), lamp(shade), PRESS, {"press_depth": depth, "press_seconds": seconds},
+        changes=changes, roles={"theme": "b", "part": "b"},
     )  # fmt: skip
     assert told(record) == expected
 

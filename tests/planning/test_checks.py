@@ -74,6 +74,8 @@ BAD = {
     "nan": (changed(1, xyz=(0.3, float("nan"), 0.6)), ("schema", "not_finite")),
     "infinite gripper": (changed(1, gripper=float("inf")), ("schema", "not_finite")),
     "no speed": (changed(1, speed=0.0), ("schema", "not_positive")),
+    "endless": (changed(1, dwell=float("inf")), ("schema", "not_finite")),
+    "stays for less than no time": (changed(1, dwell=-1.0), ("schema", "negative")),
     "guard of nothing": (changed(1, guard=Guard()), ("schema", "bad_guard")),
     "guard below zero": (changed(1, guard=Guard(force=5.0, stall=-0.1)), ("schema", "bad_guard")),
     "stranger": (changed(1, allowed_contacts=frozenset({"ghost"})), ("schema", "unknown_object")),

@@ -63,12 +63,13 @@ def test_a_trajectory_comes_back_from_json_as_it_was():
     turned = Orientation("slerp", (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), 0.25)
     full = Waypoint(
         (0.1, -0.2, 0.3), 0.5, "press", turned, "linear", 0.05, frozenset({"b", "a"}), "a", 0.004,
-        guard=Guard(12.0, 0.003),
+        guard=Guard(12.0, 0.003), dwell=1.5,
     )  # fmt: skip
     trajectory = Trajectory((full, Waypoint((0.0, 0.0, 1.0), 1.0, "retreat")))
     written = json.loads(json.dumps(trajectory.to_json()))
     assert written[0]["guard"] == {"force": 12.0, "stall": 0.003}
     assert written[1]["guard"] is None
+    assert [w["dwell"] for w in written] == [1.5, 0.0]
     assert Trajectory.from_json(written) == trajectory
     assert Trajectory.from_json([{"xyz": [0, 0, 1], "gripper": 1.0, "stage": "x"}]).waypoints[0].guard is None
 

@@ -1,15 +1,18 @@
 """The learnable world: families, what they change, and the physics of catches, strokes and long threads."""
 
+from contextlib import closing
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from gvla2.commands.run import build_parts
+from gvla2.episode import EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError
 from gvla2.planning.colours import COLOURS
 from gvla2.robot.task import Catch, Joint, TaskInstance, TaskSite
 from gvla2_plugins.tabletop import gvla2_tasks
-from gvla2_plugins.tabletop.learnable_ranges import KINDS, RANGES, families
+from gvla2_plugins.tabletop.learnable_ranges import RANGES, TRAITS, families
 
 LEARNABLE = {"world": "learnable", "world_seed": 4}
 
@@ -28,17 +31,16 @@ def sample(name: str, seed: int, instruction: str | None = None, **options) -> T
     return task(name, **options).sample(np.random.default_rng(seed), site, instruction)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", TRAITS)
 def test_families_repeat_differ_in_colour_and_lie_in_their_ranges(kind):
     for world in range(30):
         drawn = families(kind, world, 3)
         assert drawn == families(kind, world, 3)
         assert len({one.colour for one in drawn}) == 3
         for one in drawn:
-            low, high = {
-                "open_jar": np.deg2rad(RANGES.jar), "open_wine": np.deg2rad(RANGES.bottle),
-                "lamp_on": RANGES.click, "open_drawer": RANGES.catch,
-            }[kind]  # fmt: skip
+            low, high = getattr(RANGES, one.trait)
+            if one.trait in ("jar", "bottle", "spring"):
+                low, high = np.deg2rad((low, high))
             assert low <= abs(one.value) <= high or (kind == "open_drawer" and one.value == 0.0)
     assert len({families(kind, world, 2) for world in range(10)}) > 5, "other worlds, other families"
 
@@ -50,7 +52,12 @@ def test_bottles_open_either_way_and_some_drawers_have_no_catch():
     assert 0.1 < np.mean(np.array(lifts) == 0) < 0.45
 
 
-@pytest.mark.parametrize("kind", KINDS)
+def test_every_world_has_buttons_that_click_and_buttons_that_are_held():
+    for world in range(5):
+        assert [one.trait for one in families("lamp_on", world, 3)] == ["click", "hold", "click"]
+
+
+@pytest.mark.parametrize("kind", TRAITS)
 def test_an_episode_names_its_family_and_looks_like_it(kind):
     for family in (0, 1):
         own = families(kind, 4, 2)[family]
@@ -75,13 +82,32 @@ def test_the_sentence_decides_the_family():
 
 
 def test_a_lamp_is_lit_between_its_click_and_its_stop():
-    value = families("lamp_on", 4, 2)[0].value
+    value = families("lamp_on", 4, 1)[0].value
     made = sample("lamp_on", 0, family=0, **LEARNABLE)
     lit = made.succeeded["eased"]
     (joint,) = made.layout.joints
     for travel, expected in ((value - 1e-3, False), (value + 1e-3, True), (joint.limits[1], False)):
         assert lit(SimpleNamespace(peak={"press": travel}.get)) is expected
         assert made.layout.lights({"press": travel}) == (expected,)
+
+
+def test_a_lid_stays_open_from_its_familys_angle_on():
+    for family, own in enumerate(families("open_box", 4, 2)):
+        made = sample("open_box", 0, family=family, **LEARNABLE)
+        (hinge,) = made.layout.joints
+        lid = made.layout["lid"]
+        lever = np.linalg.norm(lid.world_from_body[:3, 3] - hinge.origin)
+
+        def closing(angle, hinge=hinge, weight=9.81 * lid.mass * lever):
+            return hinge.stiffness * angle + weight * np.cos(angle)
+
+        assert closing(own.value - 0.02) > 0 > closing(own.value + 0.02)
+        assert hinge.rest == 0.0
+        later = SimpleNamespace(joint={"hinge": own.value}.get, peak={"hinge": 2.5}.get)
+        fallen = SimpleNamespace(joint={"hinge": 0.0}.get, peak={"hinge": 2.5}.get)
+        for profile in ("eased", "strict"):
+            assert made.succeeded[profile](later)
+            assert not made.succeeded[profile](fallen), "what fell shut does not count"
 
 
 def test_wrong_worlds_kinds_and_families_say_what_there_is():
@@ -142,3 +168,39 @@ def test_what_has_begun_to_move_is_free_for_ever():
     slide.qpos[:] = 0.1, 0.0
     one.watch()
     assert slide.limits == [0.0, 0.2]
+
+
+class Silent:
+    def begin(self, stage):
+        pass
+
+    def stage(self, record, stage):
+        pass
+
+    def frame(self, image):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("kind", "family", "learnt"), [("lamp_on", 1, "press_seconds"), ("open_box", 0, "open_angle")]
+)
+def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, family, learnt):
+    """A button that has to be held down for 2.3 s, and a lid that stays open from 113 degrees on."""
+    pytest.importorskip("sapien", reason="needs the simulator: pip install 'gvla2[sim]'")
+    own = families(kind, 4, 2)[family]
+    assert own.value == pytest.approx({"lamp_on": 2.325, "open_box": np.deg2rad(113.4)}[kind], abs=1e-3)
+
+    def run(memory, seed, replan):
+        options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}")
+        parts = build_parts(compose_run(*options, *memory), registry)
+        with closing(parts.robot), closing(parts.memory):
+            return run_episode(parts, EpisodeRequest(seed=seed, replan=replan), Silent())
+
+    plain = run(["memory=none"], 5, 0)
+    assert plain.report.completed
+    assert plain.judgement.eased is False, "the planner's own number is wrong for this family"
+    explored = run([], 3, 4)
+    assert explored.judgement.eased
+    taught = run([], 5, 0)
+    assert taught.judgement.eased, taught.verdict
+    assert taught.plan.parameters[learnt] > plain.plan.parameters[learnt]

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.transform import rigid
 from gvla2.planning.checks import check_trajectory
-from gvla2.planning.contracts import Plan, PlanRequest
+from gvla2.planning.contracts import Advice, Plan, PlanRequest
+from gvla2.planning.effects import Effect
 from gvla2.planning.scene import Scene, SceneObject
 from gvla2.skills.mechanisms import hinge_for, slide_for
 from gvla2.skills.stuck import stuck
@@ -130,6 +131,19 @@ def test_a_lid_flush_all_around_is_taken_to_open_towards_the_robot(arm):
     hinge = hinge_for(flush, Scene((body, flush), TABLE, arm.workspace))
     assert hinge.guessed
     np.testing.assert_allclose(hinge.level, -BACK, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("xy", "swung", "all_the_way"), [((0.1, 0.1), 109, True), ((0.12, -0.1), 104, False)]
+)
+def test_a_lid_is_swung_less_far_than_learnt_only_where_the_arm_gets_no_further(arm, xy, swung, all_the_way):
+    _, asked = plan(arm, "open the box", *box(0.0, 1.0, xy))
+    taught = Advice(effects=(Effect("bound", "open_angle", 1.9, skill="open"),))
+    made = PLANNER.plan(replace(asked, advice=taught))
+    assert sound(made, asked)
+    viable = [c.description for c in made.candidates if not c.rejected]
+    assert f"open {swung}°" in viable[0]
+    assert any("open 109°" in way for way in viable) == all_the_way
 
 
 @pytest.mark.parametrize("sentence", ["open the box", "lift the lid of the box until it stays open"])

@@ -56,11 +56,13 @@ class FeelingDriver:
 
 @pytest.fixture
 def go(arm, scene_of):
-    def start(driver, guard, target=0.80):
+    def start(driver, guard, target=0.80, dwell=0.0):
         press = Trajectory(
             (
                 Waypoint((0.3, 0.2, 0.95), 0.0, "approach", DOWN),
-                Waypoint((0.3, 0.2, target), 0.0, "press", motion="linear", speed=0.05, guard=guard),
+                Waypoint(
+                    (0.3, 0.2, target), 0.0, "press", motion="linear", speed=0.05, guard=guard, dwell=dwell
+                ),
                 Waypoint((0.3, 0.2, 0.95), 1.0, "retreat", motion="linear"),
             )
         )
@@ -92,6 +94,25 @@ def test_being_held_back_ends_a_motion_well(go, arm):
     assert (press.status, press.force) == ("guarded", None)
     assert "held back" in press.message
     assert press.reached[2] == pytest.approx(0.85, abs=0.002)
+
+
+def test_the_arm_stays_where_it_got_to_for_the_dwell(go, arm):
+    for floor, target in ((0.85, 0.80), (0.85, 0.90)):  # stopped by the floor, and not
+        driver = FeelingDriver(arm.home, arm, floor=floor)
+        without = go(FeelingDriver(arm.home, arm, floor=floor), Guard(force=10.0), target).waypoints[1]
+        press = go(driver, Guard(force=10.0), target, dwell=2.0).waypoints[1]
+        stay = driver.samples[1]
+        assert np.ptp(stay, axis=0).max() == 0.0
+        assert arm.forward(stay[0])[2, 3] == pytest.approx(max(floor, target), abs=2e-3)
+        assert (len(stay) - 1) / 60 == pytest.approx(2.0, abs=0.02)
+        assert press.motion_seconds - without.motion_seconds == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_dwell_that_is_no_time_or_too_long_is_refused(go, arm):
+    assert go(FeelingDriver(arm.home, arm), None, dwell=1e9).abort.abort == "timeout"
+    report = go(FeelingDriver(arm.home, arm), None, dwell=-1.0)
+    assert report.abort.abort == "not_started"
+    assert "dwell" in report.abort.message
 
 
 def test_a_guard_that_is_not_met_changes_nothing(go, arm):

@@ -24,6 +24,8 @@ GRIP_OPENING = 0.6
 """Of the hand before a lip is grasped: the fingers then fit between the lip and what stands near it."""
 GIVE = 0.02
 """Tolerance along the arc, metres: the hinge decides where the edge goes, the arm yields."""
+FALLS = 1.0
+"""Seconds in which a lid that does not stay open falls: what is seen then is what it came to."""
 TURNED = (0.0, 0.2, -0.2)
 """The hand may point this much up (or down) from along the lid when it grasps the lip, radians."""
 YAWS = (0.35, -0.35)
@@ -42,11 +44,12 @@ def propose_open(job: Job) -> list[Proposal] | Abstention:
     if hinge.thickness > 0.5 * job.hand.max_width:
         return Abstention("too_wide", f"The {hinge.lid.label} is too thick for the hand.")
     whole = job.theta["open_angle"]
-    less = 0.5 * (whole + 0.5 * np.pi)
+    further = whole - 0.5 * np.pi
+    less = whole - 0.5 * further
     hand_at = cache(partial(_hand_at, hinge))  # the same for every place along the lip
     straight = [
         _open(job, hinge, hand_at, sign, lean, end, shift)
-        for end, leans in ((whole, TURNED), (less, TURNED[:1]))
+        for end, leans in ((whole, TURNED), (whole - 0.25 * further, TURNED[:1]), (less, TURNED[:1]))
         for lean in leans
         for shift in SHIFTS
         for sign in (1.0, -1.0)
@@ -101,23 +104,22 @@ def _open(
         last = hinge.edge(end, theta["lip_depth"]) + aside
         path.line("release", last, gripper=GRIP_OPENING, allowed=near, slow=True)
         path.carries = ""
-        path.line("retreat", last - approach * theta["standoff"], allowed=near)
+        path.line("retreat", last - approach * theta["standoff"], allowed=near, dwell=FALLS)
         return path.trajectory()
 
     how = f"lid swung open {np.degrees(end):.0f}° by its lip" + (", hand turned over" if sign < 0 else "")
     how += f", tilted {np.degrees(lean):.0f}°" if lean else ""
     how += f", {abs(shift) * hinge.breadth * 100:.0f} cm beside its middle" if shift else ""
     how += f", from {np.degrees(yaw):.0f}° beside" if yaw else ""
-    preference = (
-        0.8 - 0.4 * abs(lean) - 0.1 * (end < job.theta["open_angle"]) - 0.3 * abs(shift) - 0.2 * abs(yaw)
-    )
+    wanted = job.theta["open_angle"]
+    preference = 0.8 - 0.4 * abs(lean) - (wanted - end) - 0.3 * abs(shift) - 0.2 * abs(yaw)
     notes = (
         ("Which edge the hinge is at cannot be seen; the lid was taken to open towards the robot.",)
         if hinge.guessed
         else ()
     )
     names = ("approach:side", "approach:lip")
-    return Proposal(how, names, preference, way, notes, reserve=yaw != 0.0)
+    return Proposal(how, names, preference, way, notes, reserve=bool(yaw) or end < wanted)
 
 
 BESIDE = (0.75, 0.55)

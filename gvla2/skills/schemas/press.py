@@ -30,7 +30,7 @@ def _press(job: Job, yaw: float, touching: bool) -> Proposal:
     path = Path(theta["speed"], theta["contact_speed"], pointing(horizontal(yaw)), gripper=0.0)
     path.go("approach", above, allowed=frozenset({theme.parent}) if touching else frozenset())
     path.line("press", down, allowed=allowed, slow=True, guard=STOP)
-    path.line("stay", down, allowed=allowed, slow=True, guard=STOP)
+    path.line("stay", down, allowed=allowed, slow=True, guard=STOP, dwell=theta["press_seconds"])
     path.line("retreat", above, allowed=allowed)
     how = f"press from above, yaw {np.degrees(yaw):.0f}°" + (", its base may be touched" if touching else "")
     return Proposal(how, ("approach:top",), 0.4 if touching else 0.8, path.trajectory())
