@@ -68,11 +68,15 @@ def main():
     """Learn, and compare with actions at random."""
     steps = int(sys.argv[1]) if len(sys.argv) > 1 else 40_000
     envs = make_vec_env(Reach, n_envs=2, seed=0)
-    model = PPO("MlpPolicy", envs, n_steps=512, batch_size=256, gamma=0.9, learning_rate=1e-3, seed=0, device="cpu")
+    model = PPO(
+        "MlpPolicy", envs, n_steps=512, batch_size=256, gamma=0.9, learning_rate=1e-3, seed=0, device="cpu"
+    )
     rng = np.random.default_rng(0)
     print(f"before: {share_reached(lambda seen: rng.uniform(-1, 1, 7)):.0%} reached by actions at random")
     model.learn(steps, progress_bar=False)
-    print(f"after {steps} steps: {share_reached(lambda seen: model.predict(seen, deterministic=True)[0]):.0%} reached")
+    print(
+        f"after {steps} steps: {share_reached(lambda seen: model.predict(seen, deterministic=True)[0]):.0%} reached"
+    )
     envs.close()
 
 

@@ -14,6 +14,7 @@ from gvla2.robot.task import (
     Body,
     Catch,
     Joint,
+    Primitive,
     Task,
     TaskInstance,
     TaskSite,
@@ -70,7 +71,9 @@ def _bottle(
     bodies = tuple(
         replace(
             body,
-            solids=tuple(replace(solid, rgb=glass) for solid in body.solids),
+            solids=tuple(
+                replace(solid, rgb=glass) if isinstance(solid, Primitive) else solid for solid in body.solids
+            ),
             label=f"{family.colour} bottle",
         )
         if body.name == "bottle"
@@ -96,6 +99,7 @@ def _lamp(
     (old,), (glow,) = made.layout.joints, made.layout.glows
     button = made.layout["button"]
     (cap,) = button.solids
+    assert isinstance(cap, Primitive)
     base = float(button.world_from_body[2, 3] - 0.5 * cap.size[2])
     centre = button.world_from_body.copy()
     centre[2, 3] = base + 0.5 * STANDS
