@@ -41,7 +41,7 @@ class Learnable:
             raise ConfigurationError(f"task.world_seed is {config.world_seed}; it must not be negative.")
         self.families = families(kind, config.world_seed, config.families)
         self._kind, self._family = kind, config.family
-        self._task = make(replace(config, **NEEDED.get(kind, {}))  # type: ignore[arg-type])
+        self._task = make(replace(config, **NEEDED.get(kind, {})))  # type: ignore[arg-type]
 
     @property
     def instructions(self) -> tuple[str, ...]:
