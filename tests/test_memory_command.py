@@ -17,11 +17,12 @@ from omegaconf import OmegaConf
 from gvla2 import cli
 from gvla2.catalog import Registry
 from gvla2.commands.memory import VERBS, VerbJob, tell, usage
-from gvla2.commands.memory_answers import one_line, plain, printable
 from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.commands.memory_words import UsageError, understood
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.record.files import plain
+from gvla2.record.text import one_line, printable
 
 DEFAULTS = {"retriever": "hybrid", "embedder": "static", "verifier": "exit_status"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from gvla2.commands.hydra_job import launch
-from gvla2.commands.report import job, make_report
-from gvla2.commands.report_config import ReportConfig, ResultsConfig
+from gvla2.commands.report import ReportConfig, ResultsConfig, job, make_report
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, Results, Run, now
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +12,15 @@ from gvla2.commands.bench_arms import arm_named, arms_of, check_arms
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import (
     EXPLORED,
-    GEOMETRY,
-    LOOP,
     MEMORY,
     chosen_memory,
     chosen_parts,
     configured,
 )
+from gvla2.commands.bench_frame import given_options, options_of, require_among
 from gvla2.commands.bench_subjects import LEARNABLE, subjects
+from gvla2.commands.run import GEOMETRY, LOOP
 from gvla2.component import ComponentConfig
-from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import (
     EXPLORATION,
     PROFILES,
@@ -96,11 +94,8 @@ def designs(config: BenchConfig, registry: Registry) -> list[Design]:
     explored = _explored_tasks(config, tasks)
     check_seeds(config.episodes, config.exploration_seeds, config.layouts if explored else ())
     planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
-    for name in config.planner_options:
-        if name not in planners and name != config.teacher:
-            raise ConfigurationError(
-                f"planner_options.{name}: '{name}' is none of the planners of this bench ({', '.join(planners)})."
-            )
+    others = [config.teacher] if config.teacher else []
+    require_among("planner_options", config.planner_options, [*planners, *others], "planners")
     check_arms(config, registry)
     worlds = [replace(config, seeds=[seed]) for seed in dict.fromkeys(config.seeds)]
     found = []
@@ -117,27 +112,11 @@ def designs(config: BenchConfig, registry: Registry) -> list[Design]:
 def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchConfig:
     """The bench with one of its planners, configured; a planner is not its own fallback."""
     registry.get("planner", name)
-    given = config.planner_options.get(name) or {}
-    if not isinstance(given, Mapping):
-        raise ConfigurationError(
-            f"planner_options.{name} is {given!r}; give options: planner_options.{name}.OPTION=VALUE."
-        )
-    known = sorted({field.name for field in fields(registry.get("planner", name).config)} - {"name"})
-    for option in given:
-        if option not in known:
-            close = get_close_matches(str(option), known, n=1)
-            hint = f" Did you mean '{close[0]}'?" if close else ""
-            raise ConfigurationError(
-                f"planner_options.{name}.{option}: the planner '{name}' has no such option.{hint} "
-                f"It has: {', '.join(known) or 'none'}."
-            )
+    place, known = f"planner_options.{name}", options_of(registry, "planner", name)
+    given = given_options(place, config.planner_options.get(name) or {}, f"the planner '{name}'", known)
     own = config.planner if config.planner.name == name else None
-    base = asdict(own) if own is not None else {"name": name}
-    planner = (
-        own
-        if own is not None and not given
-        else registry.configure({"planner": {**base, **given}}, "planner")[0]
-    )
+    base = {"name": name} if own is None else asdict(own)
+    planner = own if own and not given else registry.configure({"planner": {**base, **given}}, "planner")[0]
     fallback = ComponentConfig(name="none") if config.fallback.name == name else config.fallback
     return replace(config, planner=planner, fallback=fallback)
 

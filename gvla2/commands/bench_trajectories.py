@@ -7,16 +7,13 @@ import random
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
-from gvla2.commands.bench_arms import Arm
-from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_arms import BenchArm
 from gvla2.commands.bench_episodes import chosen_memory, configured
-from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.results import Cell, Results, cell_key
+from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
     from gvla2.agents.trajectories import Trial
@@ -41,7 +38,7 @@ class _Judged:
         return 0.5 if self.verdict.outcome == "unavailable" else self.verdict.quality
 
 
-def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
+def run(bench: BenchRun) -> list[Cell]:
     """Judge a sample of the runs, let a memory learn from them in that light, and ask it about other runs' tasks.
 
     The plain peer is a rule of one line: a run whose account holds the fewer complaints in its last tenth, the better.
@@ -49,6 +46,7 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
     from gvla2.agents.trajectories import read_trials
     from gvla2.evaluation.provenance import code_digest, versions
 
+    config, registry = bench.config, bench.registry
     if not config.agents.trajectories:
         raise ConfigurationError(
             "agents.trajectories is not set: give a folder with Terminal-Bench's trials or mini-swe-agent's "
@@ -56,22 +54,22 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
         )
     trials = read_trials(config.agents.trajectories)
     chosen = random.Random(config.seeds[0]).sample(trials, min(config.agents.most, len(trials)))
-    root = chosen_memory(config, registry, Arm("governed", "governed"), ":memory:")
+    root = chosen_memory(config, registry, BenchArm("governed", "governed"), ":memory:")
     options = [str(one) for one in configured(registry, root, ("verifier", "inducer"))]
     around = (VERSION, code_digest(MEASURING_CODE), versions(), options, [trial.id for trial in chosen])
     keys = {name: cell_key(SUITE, name, *around) for name in _ROWS}
-    known = {} if config.results.fresh else results.with_keys(list(keys.values()))
+    known = bench.known(list(keys.values()), well=False)
     if len(known) == len(keys):
         return [known[key] for key in keys.values()]
     with tempfile.TemporaryDirectory(prefix="gvla2-bench-") as place:
-        root = chosen_memory(config, registry, Arm("governed", "governed"), f"{place}/memory.db")
+        root = chosen_memory(config, registry, BenchArm("governed", "governed"), f"{place}/memory.db")
         built = registry.build_all(root, ("verifier", "memory"))
         try:
-            figures = _measured(chosen, built, config, str(getattr(config.verifier, "name", "")))
+            figures = _measured(chosen, built, bench)
         finally:
             built["memory"].close()
     cells = [_cell(keys[name], name, figures[name], len(chosen), order) for order, name in enumerate(_ROWS)]
-    results.add(run_id, SUITE, cells)
+    bench.store(cells)
     return cells
 
 
@@ -90,9 +88,7 @@ Value = tuple[float | None, float | None, str]
 """A figure, the plain peer's, and a note."""
 
 
-def _measured(
-    trials: Sequence[Trial], built: Mapping[str, Any], config: BenchConfig, verifier: str
-) -> dict[str, Value]:
+def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun) -> dict[str, Value]:
     import time
 
     from gvla2.evaluation.agents.discrimination import auc, auc_interval, calibration_error
@@ -102,7 +98,7 @@ def _measured(
     kept = provisional = false = told = 0
     spent, asked = 0.0, 0
     began = time.monotonic()
-    with BenchProgress(len(trials), config.quiet) as progress:
+    with bench.progress(len(trials)) as progress:
         for trial in trials:
             task = MemoryTask(query=trial.instruction)
             told += bool(memory.recall(task).text)
@@ -128,7 +124,7 @@ def _measured(
         "auc": (
             auc(scores, truths),
             auc(plain, truths),
-            _interval(auc_interval(scores, truths, tasks), verifier),
+            _interval(auc_interval(scores, truths, tasks), str(getattr(bench.config.verifier, "name", ""))),
         ),
         "judged": (100 * len(able) / len(judged), 100.0, ""),
         "calibration": (

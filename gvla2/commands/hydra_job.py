@@ -27,9 +27,9 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.config_errors import explain, unreadable_choice
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
-from gvla2.commands.printable import printable
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
+from gvla2.record.text import printable
 
 JobFunction = Callable[[Any, Registry], object]
 """Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 RAY_ADDRESS = "hydra.launcher.ray.init.address="
 
 
-class Job:
+class HydraTask:
     """A job function as Hydra calls it. It travels to worker processes by the function's name.
 
     There it loads the plugins afresh, and an error travels back as its message alone: exceptions with
@@ -123,9 +123,9 @@ def launch(
         config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
     )
     main = (
-        partial(_once, Job(function, registry), config_name, argv)
+        partial(_once, HydraTask(function, registry), config_name, argv)
         if plain
-        else decorated(Job(function, registry))
+        else decorated(HydraTask(function, registry))
     )
 
     def tell(error: Exception, known: Registry | None = None) -> int:
@@ -158,7 +158,7 @@ def launch(
     return 0
 
 
-def _once(job: Job, config_name: str, argv: Sequence[str]) -> None:
+def _once(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
     """Compose one configuration and run the job with it."""
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         config = hydra.compose(config_name, list(argv))

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from gvla2.commands.memory_words import Invocation, UsageError, as_typed, understood, wants_json
-from gvla2.commands.printable import printable
+from gvla2.record.text import printable
 
 if TYPE_CHECKING:
     from gvla2.commands.memory_answers import Answer
@@ -82,10 +82,10 @@ class VerbJob:
 
     def __call__(self, config: MemoryCommandConfig, registry: Registry) -> None:
         """Run the verb."""
-        from gvla2.commands.memory_access import Request
+        from gvla2.commands.memory_access import VerbRequest
 
         asked = self.invocation
-        request = Request(tuple(asked.words), asked.yes, config, registry, asked.json)
+        request = VerbRequest(tuple(asked.words), asked.yes, config, registry, asked.json)
         try:
             self.answer = VERBS[asked.verb].load()(request)
         except Exception as error:  # told by main, with the exit status of a wrong word where it is one

@@ -13,13 +13,13 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Offer, Registry, load_plugins
-from gvla2.commands.printable import printable
 from gvla2.commands.skill_listing import SKILL, find_skill, print_skills, skills_json
 from gvla2.commands.tables import console, row, table
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError
 from gvla2.fitness import structured
 from gvla2.kinds import KINDS
+from gvla2.record.text import printable
 
 USAGE = f"""\
 Usage: gvla2 plugins [KIND [NAME]] [--json]

@@ -75,7 +75,7 @@ def _reconstruct(
     from gvla2.record.reconstruction.measures import measure
     from gvla2.record.reconstruction.recorder import ReconstructionRecorder
     from gvla2.record.reconstruction.sections import summary_line
-    from gvla2.record.wording import count
+    from gvla2.record.text import count
 
     with steps.step("read"):
         given = read_inputs(config)

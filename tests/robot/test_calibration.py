@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gvla2.commands.calibrate import calibrate
-from gvla2.commands.calibrate_config import CalibrateConfig
+from gvla2.commands.calibrate import CalibrateConfig, calibrate
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import invert_rigid, look_along, rigid
 from gvla2.robot.calibration import Calibration, Intrinsics, load_recording

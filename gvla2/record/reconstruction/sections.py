@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from typing import cast
 
 from gvla2.reconstruction.branch import BranchOptions
 from gvla2.reconstruction.contracts import StageReport
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Group
 from gvla2.record.reconstruction.numbers import GROUPS, MEASURES, told, tone_of
-from gvla2.record.sections import Tile
-from gvla2.record.wording import State, count, listing
+from gvla2.record.sections import Step, Tile, share
+from gvla2.record.text import count, listing
+from gvla2.record.wording import State
 
 STATES: Mapping[str, State] = {
     "applied": "done",
@@ -41,32 +43,6 @@ MEANINGS: Mapping[str, tuple[str, str]] = {
 
 _STAGE_LABELS = {"iou": "symmetric IoU", "support": "mask support", "colour_error": "colour error"}
 _STILL = 1e-4  # mean displacement, as a share of the size, below which an object counts as not moved
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step of the strip; ``share`` of the whole time, percent."""
-
-    name: str
-    anchor: str
-    state: State
-    seconds: float | None
-    share: float
-    finding: str
-
-
-@dataclass(frozen=True)
-class StageRow:
-    """One stage of the branch. ``numbers`` are (name, before, after), as text."""
-
-    name: str
-    source: str
-    meaning: str
-    status: str
-    tone: str
-    reason: str
-    numbers: tuple[tuple[str, str, str], ...]
-    seconds: float
 
 
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
@@ -100,8 +76,8 @@ def story(record: ReconstructionRecord) -> str:
     if not record.changed:
         sentences.append("In the end the first reconstruction was kept as it was.")
     if record.displacement > 0:
-        share = 100 * record.displacement / record.size
-        sentences.append(f"Points moved by {_percent(share)} of the object’s longest side on average.")
+        moved = _percent(share(record.displacement, record.size))
+        sentences.append(f"Points moved by {moved} of the object’s longest side on average.")
     return " ".join(sentences)
 
 
@@ -131,13 +107,11 @@ def steps(record: ReconstructionRecord) -> list[Step]:
     total = sum(timings.values()) + sum(s.seconds for s in record.result.stages) or 1.0
     found = {"read": count(len(record.views), "view"), "reconstruct": record.result.g0.status}
 
-    def plain(name: str) -> Step:
-        seconds = timings.get(name)
-        state: State = "done" if seconds is not None else "skipped"
-        if name == "reconstruct" and record.result.g0.status != "ok":
-            state = "warn"
-        share = 100 * (seconds or 0.0) / total
-        return Step(name, anchors[name], state, seconds, share, found.get(name, ""))
+    def own(name: str) -> Step:
+        made = "warn" if name == "reconstruct" and record.result.g0.status != "ok" else "done"
+        state = cast(State, made if name in timings else "skipped")
+        part = share(timings.get(name), total)
+        return Step(name, anchors[name], state, timings.get(name), part, found.get(name, ""))
 
     stages = [
         Step(
@@ -145,42 +119,18 @@ def steps(record: ReconstructionRecord) -> list[Step]:
             "stages",
             STATES[s.status],
             s.seconds,
-            100 * s.seconds / total,
+            share(s.seconds, total),
             f"{s.status}: {s.reason}",
         )
         for s in record.result.stages
     ]
-    return [plain("read"), plain("reconstruct"), *stages, plain("measure"), plain("draw")]
+    return [own("read"), own("reconstruct"), *stages, own("measure"), own("draw")]
 
 
-def stage_rows(record: ReconstructionRecord) -> list[StageRow]:
-    """Each stage of the branch with its reason and numbers."""
-    tones = {
-        "applied": "good",
-        "partial": "good",
-        "rejected": "unsure",
-        "fallback": "unsure",
-        "skipped": "idle",
-    }
-    rows = []
-    for stage in record.result.stages:
-        source, meaning = MEANINGS.get(stage.stage, ("", ""))
-        names = dict.fromkeys((*stage.before, *stage.after))
-        numbers = tuple(
-            (_label(name), _short(stage.before.get(name)), _short(stage.after.get(name))) for name in names
-        )
-        row = StageRow(
-            _spoken(stage),
-            source,
-            meaning,
-            stage.status,
-            tones[stage.status],
-            _sentence(stage.reason),
-            numbers,
-            stage.seconds,
-        )
-        rows.append(row)
-    return rows
+def stage_numbers(stage: StageReport) -> list[tuple[str, str, str]]:
+    """(name, before, after) of each number that a stage tells, as text."""
+    names = dict.fromkeys((*stage.before, *stage.after))
+    return [(_label(name), _short(stage.before.get(name)), _short(stage.after.get(name))) for name in names]
 
 
 def summary_line(record: ReconstructionRecord) -> str:
@@ -213,7 +163,7 @@ def _short(value: float | None) -> str:
     return f"{value:.4f}" if abs(value) < 10 else f"{value:.1f}"
 
 
-def _sentence(text: str) -> str:
+def sentence(text: str) -> str:
     """A reason as it stands in a paragraph: with a capital and a full stop."""
     told = text.strip()
     return told[:1].upper() + told[1:] + ("" if not told or told[-1] in ".!?" else ".")
