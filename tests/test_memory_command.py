@@ -69,7 +69,7 @@ def run(path: Path, capsys: pytest.CaptureFixture[str], registry: Registry) -> R
         for kind, name in chosen.items():
             setattr(config, kind, registry.get(kind, name).config(name=name))
         job = VerbJob(asked)
-        job(config, registry)
+        job(config, registry, Path())
         status = tell(job, 0)
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err

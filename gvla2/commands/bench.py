@@ -36,23 +36,23 @@ same.
 log = logging.getLogger(__name__)
 
 
-def job(config: BenchConfig, registry: Registry) -> float:
-    """Run the bench into Hydra's output folder; the share of cells that could be measured.
+def job(config: BenchConfig, registry: Registry, folder: Path) -> float:
+    """As :func:`run_bench`, once it is clear that every option that was asked for does something in this suite.
 
-    Raises :class:`ConfigurationError` for an option that was asked for and does nothing in this suite.
+    Raises :class:`ConfigurationError` where it does not.
     """
     from hydra.core.hydra_config import HydraConfig
 
     from gvla2.commands.bench_options import check_options
-    from gvla2.commands.hydra_job import output_folder
 
     check_options(config.suite, HydraConfig.get().overrides.task)
-    return run_bench(config, registry, output_folder())
+    return run_bench(config, registry, folder)
 
 
 def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
-    """As :func:`job`, into ``folder``: ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``.
+    """Run the bench into ``folder``; the share of cells that could be measured.
 
+    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``.
     Raises :class:`ConfigurationError` for a suite, data set or component that is not there; an object that cannot be
     measured is a row with a status, not an error.
     """

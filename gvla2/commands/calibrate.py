@@ -26,16 +26,10 @@ class CalibrateConfig:
     serial: str = ""
 
 
-def job(config: CalibrateConfig, registry: Registry) -> float:
-    """Calibrate into Hydra's output folder; the RMSE in metres, for sweepers."""
-    from gvla2.commands.hydra_job import output_folder
+def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
+    """Calibrate; the RMSE in metres, for sweepers.
 
-    return calibrate(config, output_folder())
-
-
-def calibrate(config: CalibrateConfig, folder: Path) -> float:
-    """As :func:`job`, into ``folder``: ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted.
-
+    ``folder`` gets ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted.
     Raises :class:`ConfigurationError` for a wrong option, :class:`gvla2.errors.RobotError` for a recording that
     can't be read, determines nothing, or gives a result that is refused.
     """
@@ -81,10 +75,3 @@ def calibrate(config: CalibrateConfig, folder: Path) -> float:
     made.save(path)
     print(f"calibration: {path}")
     return made.rmse
-
-
-def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 calibrate [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
-
-    return launch("calibrate", job, argv)

@@ -36,7 +36,7 @@ class DataCommandConfig:
             )
 
 
-def job(config: DataCommandConfig, registry: Registry) -> int:
+def job(config: DataCommandConfig, registry: Registry, folder: Path) -> int:
     """Fetch what was asked for, then take stock; the number of data sets and weights that are here."""
     from gvla2.commands.tables import console
 
@@ -120,10 +120,3 @@ def _weights(out: Console) -> bool:
 def _head(out: Console, good: bool, name: str, title: str) -> None:
     mark = Text("here  ", "green") if good else Text("absent", "yellow")
     out.print(Text.assemble(mark, "  ", (name, "bold"), f"  {title}"), soft_wrap=True)
-
-
-def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 data [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
-
-    return launch("data", job, argv)

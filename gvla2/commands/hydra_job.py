@@ -31,8 +31,8 @@ from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
 from gvla2.record.text import printable
 
-JobFunction = Callable[[Any, Registry], object]
-"""Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
+JobFunction = Callable[[Any, Registry, Path], object]
+"""Gets the typed configuration (an instance of the command's dataclass), the catalog and the job's folder."""
 
 log = logging.getLogger(__name__)
 RAY_ADDRESS = "hydra.launcher.ray.init.address="
@@ -62,7 +62,9 @@ class HydraTask:
             self.registry = load_plugins()
         registry = self.registry
         try:
-            return self.function(OmegaConf.to_object(config), registry)
+            # A command that only looks runs without Hydra's folder.
+            folder = Path(HydraConfig.get().runtime.output_dir) if HydraConfig.initialized() else Path()
+            return self.function(OmegaConf.to_object(config), registry, folder)
         except Exception as error:
             log.info("The job failed.", exc_info=True)
             if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
@@ -82,11 +84,6 @@ class JobFailedError(BaseException):
 
 class Terminated(KeyboardInterrupt):
     """SIGTERM, from a batch system, say: it unwinds like Ctrl-C, so that the run's folder is complete."""
-
-
-def output_folder() -> Path:
-    """The folder of the job that runs now; Hydra has made it."""
-    return Path(HydraConfig.get().runtime.output_dir)
 
 
 def launch(

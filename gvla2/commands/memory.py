@@ -9,6 +9,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -80,7 +81,7 @@ class VerbJob:
     answer: Answer | None = None
     error: Exception | None = None
 
-    def __call__(self, config: MemoryCommandConfig, registry: Registry) -> None:
+    def __call__(self, config: MemoryCommandConfig, registry: Registry, folder: Path) -> None:
         """Run the verb."""
         from gvla2.commands.memory_access import VerbRequest
 

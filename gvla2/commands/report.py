@@ -35,15 +35,8 @@ class ReportConfig:
             raise ConfigurationError(f"formats is {self.formats}; choose among {', '.join(FORMATS)}.")
 
 
-def job(config: ReportConfig, registry: Registry) -> int:
-    """Make the report into Hydra's output folder; the number of cells in it."""
-    from gvla2.commands.hydra_job import output_folder
-
-    return make_report(config, output_folder())
-
-
-def make_report(config: ReportConfig, folder: Path) -> int:
-    """As :func:`job`, into ``folder``.
+def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
+    """Make the report into ``folder``; the number of cells in it.
 
     Raises :class:`ConfigurationError` when the database is not there, or nothing in it fits the selection.
     """

@@ -89,17 +89,15 @@ class EpisodeReporter:
             raise
 
 
-def job(config: RunConfig, registry: Registry) -> float:
-    """Run the configured episodes into Hydra's output folder; the share that succeeded, for sweepers.
+def job(config: RunConfig, registry: Registry, folder: Path) -> float:
+    """Run the configured episodes into ``folder``; the share that succeeded, for sweepers.
 
     A job of a sweep has a bank of its own unless one is named, and is not run again in a folder where it is done.
     Raises :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an
     episode that was carried out and failed is a result.
     """
     from gvla2.commands import sweeps
-    from gvla2.commands.hydra_job import output_folder
 
-    folder = output_folder()
     records: list[EpisodeRecord] = []
     if not sweeps.in_sweep():
         return run_episodes(config, registry, folder)
@@ -126,7 +124,7 @@ def run_episodes(
     label: str = "",
     records: list[EpisodeRecord] | None = None,
 ) -> float:
-    """As :func:`job`, into ``folder``: the episode itself for one; for several ``episode_NNN``, an overview, the
+    """As :func:`job` in no sweep: the episode itself for one; for several ``episode_NNN``, an overview, the
     aggregate ``result.json`` (brought up to date after each) and the composed configuration.
 
     ``label`` begins each line on the terminal; ``records`` gets what was run, also before an error.

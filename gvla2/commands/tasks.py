@@ -24,11 +24,8 @@ demonstration carries it out. The demonstrations know the true state; no planner
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write the page; the exit status is 1 when a task could not be laid out, 2 for wrong usage."""
-    try:
-        options = _parser().parse_args(argv)
-    except SystemExit as stop:
-        return int(stop.code or 0)
+    """Write the page; the exit status is 1 when a task could not be laid out."""
+    options = _parser().parse_args(argv)
     from gvla2.record.files import write_text
     from gvla2.record.gallery import gallery_page
 

@@ -18,7 +18,7 @@ from gvla2.record.contents import EpisodeRecord
 from gvla2.record.conversation import turns_of
 from gvla2.record.drawing import css_colour, marker_colour
 from gvla2.record.pictures import Pictures
-from gvla2.record.text import count, one_line
+from gvla2.record.text import count, listing, one_line
 
 
 def render_page(
@@ -44,8 +44,6 @@ def render_page(
         linked=linked,
         headline=title,
         tone=tone,
-        story=sections.story(record),
-        tiles=sections.tiles(record),
         steps=sections.steps(record),
         attempts=[*record.attempts, replace(record, attempts=())],
         parameters=parameters,
@@ -95,6 +93,8 @@ def render(template: str, **values: Any) -> str:
         counted=count,
         called=sections.called,
         finite=lambda value: value if math.isfinite(value) else 0.0,
+        label_of=sections.label_of,
+        listing=listing,
         one_line=one_line,
     )
     return environment.get_template(template).render(**values)

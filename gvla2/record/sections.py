@@ -11,12 +11,11 @@ import numpy as np
 from gvla2.memory.contracts import MemoryItem
 from gvla2.planning.contracts import Candidate, Plan
 from gvla2.planning.findings import CheckName
-from gvla2.planning.scene import Scene
+from gvla2.planning.scene import Scene, SceneObject
 from gvla2.planning.trajectory import Guard, Orientation
 from gvla2.record.contents import EpisodeRecord, Stage
 from gvla2.record.drawing import css_colour
-from gvla2.record.text import count, listing
-from gvla2.record.wording import OUTCOMES, TONES, State, executed, finding, fixed, number, state
+from gvla2.record.wording import State, finding, number, state
 
 CHECKS: tuple[tuple[CheckName, str], ...] = (
     ("schema", "Numbers finite, units, frame, count of waypoints"),
@@ -55,17 +54,6 @@ class Step:
     finding: str
 
 
-@dataclass(frozen=True)
-class Tile:
-    """One of the three outcomes. ``tone`` colours it; ``marks`` are (name, yes) pairs."""
-
-    title: str
-    value: str
-    tone: str
-    note: str
-    marks: tuple[tuple[str, bool], ...] = ()
-
-
 def share(value: float | None, whole: float) -> float:
     """A number as percent of another, for a bar; 0 where one of them says nothing."""
     return 100 * value / whole if value and whole and math.isfinite(value) and math.isfinite(whole) else 0.0
@@ -88,100 +76,6 @@ def steps(record: EpisodeRecord) -> list[Step]:
     ]
 
 
-def tiles(record: EpisodeRecord) -> list[Tile]:
-    """Three outcomes that must not be mixed up: motion, verifier's verdict, referee's word."""
-    return [_motion_tile(record), _verdict_tile(record), _referee_tile(record)]
-
-
-def _motion_tile(record: EpisodeRecord) -> Tile:
-    title, report, plan = "Carried out?", record.report, record.plan
-    completed = report is not None and report.completed
-    if record.parts:
-        left = bool(plan and plan.remaining)
-        value = f"{len(record.parts) + completed} of {len(record.whole)} parts" + (
-            " and more" if left else ""
-        )
-        note = "What the robot reports about its own motion, of the parts of the program that it came to."
-        tone = "good" if completed and not left else "bad"
-        return Tile(title, value, tone, f"{executed(record) or 'The last part did not move'}. {note}")
-    if report is not None:
-        note = "What the robot reports about its own motion. Carried out is not yet succeeded."
-        value, tone = ("Yes", "good") if completed else ("Not to the end", "bad")
-        return Tile(title, value, tone, f"{executed(record)}. {note}")
-    if plan is not None and plan.abstention is not None:
-        return Tile(title, "Declined", "unsure", "The planner gave a reason and nothing was moved.")
-    if record.checks is not None and not record.checks.passed:
-        return Tile(title, "Not started", "bad", "The checks before motion rejected the plan.")
-    return Tile(title, "Not started", "idle", "The run did not come as far as moving.")
-
-
-def _verdict_tile(record: EpisodeRecord) -> Tile:
-    verdict, title = record.verdict, "Verifier’s verdict"
-    if verdict is None:
-        return Tile(title, "None", "idle", "Nothing was there to be judged.")
-    by = verdict.verifier or record.choices.get("verifier", "the verifier")
-    note = f"Given by “{by}” from what the cameras and the hand measured, not from true state. Memory learns from it."
-    if record.parts:
-        note = f"Of the last part of the program. {note}"
-    if verdict.outcome == "unavailable":
-        return Tile(title, "Unavailable", "idle", note)
-    value = f"{OUTCOMES[verdict.outcome].capitalize()} {fixed(verdict.quality, 2)}"
-    return Tile(title, value, TONES[verdict.outcome], note)
-
-
-def _referee_tile(record: EpisodeRecord) -> Tile:
-    judgement, title = record.judgement, "Referee (simulation only)"
-    if judgement is None:
-        return Tile(title, "None", "idle", "Nobody who knows the true state judged this run.")
-    value, tone = {
-        (True, True): ("Success", "good"),
-        (True, False): ("Eased only", "good"),
-        (False, True): ("Strict only", "unsure"),
-        (False, False): ("Not achieved", "bad"),
-    }[judgement.eased, judgement.strict]
-    note = "From the simulation’s true state; the robot and its memory never see this."
-    return Tile(title, value, tone, note, (("eased", judgement.eased), ("strict", judgement.strict)))
-
-
-def story(record: EpisodeRecord) -> str:
-    """The run in a few plain sentences."""
-    parts: list[str] = []
-    if record.scene is not None:
-        seen = listing((o.label or o.id for o in record.scene.objects), 5)
-        parts.append(
-            f"The robot saw {count(len(record.scene.objects), 'object')}{f' ({seen})' if seen else ''}."
-        )
-    if record.recalled is not None and record.recalled.items:
-        parts.append(f"Memory offered {count(len(record.recalled.items), 'record')}.")
-    plan = record.plan
-    if plan is not None and plan.trajectory is not None:
-        named = f" with the skill “{plan.skill}”" if plan.skill else ""
-        before = f"After {count(len(record.parts), 'part')} of its program it" if record.parts else "It"
-        parts.append(f"{before} planned {count(len(plan.trajectory), 'waypoint')}{named}.")
-    elif plan is not None and record.parts:
-        parts.append(
-            f"{count(len(record.parts), 'part')} of the program went well, the next could not be planned."
-        )
-    elif plan is not None:
-        parts.append("The planner declined, so nothing was moved.")
-    if record.checks is not None and not record.checks.passed:
-        parts.append("The checks before motion rejected the plan.")
-    if record.report is not None:
-        parts.append(f"It carried out {executed(record)}.")
-    verdict = record.verdict
-    if verdict is not None:
-        word = "could not judge" if verdict.outcome == "unavailable" else f"says {OUTCOMES[verdict.outcome]}"
-        parts.append(f"Its own verifier {word}.")
-    if record.judgement is not None:
-        eased, strict = ("met" if v else "not met" for v in (record.judgement.eased, record.judgement.strict))
-        parts.append(
-            f"By true state the eased and the strict goal are {eased}."
-            if eased == strict
-            else f"By true state the eased goal is {eased}, the strict one is {strict}."
-        )
-    return " ".join(parts) or "The run ended before anything was seen."
-
-
 def swatch(rgb: tuple[float, float, float]) -> str:
     """The colour that was seen, each channel in [0, 1], as CSS has it."""
     red, green, blue = (round(255 * float(v)) for v in np.clip(np.nan_to_num(np.asarray(rgb, float)), 0, 1))
@@ -193,10 +87,15 @@ def roles_of(object_id: str, plan: Plan | None) -> str:
     return ", ".join(role for role, other in (plan.roles if plan else {}).items() if other == object_id)
 
 
+def label_of(thing: SceneObject) -> str:
+    """What the object is called."""
+    return thing.label or thing.id
+
+
 def called(object_id: str, scene: Scene | None) -> str:
     """The label of the scene object with this id; the id itself ("table") where there is none."""
     things = scene.objects if scene is not None else ()
-    return next((o.label or o.id for o in things if o.id == object_id), object_id)
+    return next((label_of(o) for o in things if o.id == object_id), object_id)
 
 
 def terms(item: MemoryItem) -> list[tuple[str, float, float]]:

@@ -12,7 +12,7 @@ from gvla2.reconstruction.contracts import StageReport
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Group
 from gvla2.record.reconstruction.numbers import GROUPS, MEASURES, told, tone_of
-from gvla2.record.sections import Step, Tile, share
+from gvla2.record.sections import Step, share
 from gvla2.record.text import count, listing
 from gvla2.record.wording import State
 
@@ -88,16 +88,16 @@ def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     return {name: str(value).lower() for name, value in told.items()}
 
 
-def tiles(record: ReconstructionRecord) -> list[Tile]:
-    """Masks, colours and ground truth."""
-    masks = Tile("Silhouettes against the masks", *told("inputs", "symmetric_iou", record))
-    colours = Tile("Colours of the input views", *told("inputs", "psnr", record))
+def tiles(record: ReconstructionRecord) -> list[tuple[str, str, str, str]]:
+    """Masks, colours and ground truth: each a title, a value, its tone and a note."""
+    masks = ("Silhouettes against the masks", *told("inputs", "symmetric_iou", record))
+    colours = ("Colours of the input views", *told("inputs", "psnr", record))
     judges: tuple[tuple[Group, str], ...] = (("truth", "cd_surface"), ("held_out", "psnr"))
     for group, name in judges:
         if record.measures is not None and group in record.measures.groups:
-            return [masks, colours, Tile(GROUPS[group][0], *told(group, name, record))]
+            return [masks, colours, (GROUPS[group][0], *told(group, name, record))]
     note = "Nothing that was not used was given to measure by: truth=MESH, or targets=VIEWS."
-    return [masks, colours, Tile("Ground truth", "None given", "idle", note)]
+    return [masks, colours, ("Ground truth", "None given", "idle", note)]
 
 
 def steps(record: ReconstructionRecord) -> list[Step]:
