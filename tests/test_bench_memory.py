@@ -15,7 +15,8 @@ from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, MemoryBenchConfig, ResultsConfig
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.report import ReportConfig, make_report
+from gvla2.commands.report import ReportConfig
+from gvla2.commands.report import job as make_report
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.memory import suite
 from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, Row, Test

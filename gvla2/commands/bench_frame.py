@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -87,6 +87,13 @@ def _registry() -> Registry:
 def in_a_worker() -> bool:
     """Whether this process is one of several that share the work."""
     return multiprocessing.parent_process() is not None
+
+
+def code_of(typed: Iterable[object], *modules: str) -> str:
+    """A digest of the code whose change makes rows out of date: these modules, and those of the typed options."""
+    from gvla2.evaluation.provenance import code_digest
+
+    return code_digest((*modules, *sorted({type(one).__module__ for one in typed})))
 
 
 def options_of(registry: Registry, kind: str, name: str) -> list[str]:

@@ -6,7 +6,7 @@ import logging
 import os
 import platform
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +19,7 @@ from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.memory.figure import Figure, Test
+    from gvla2.evaluation.memory.figure import Figure, Row, Test
     from gvla2.evaluation.memory.released_peer import ReleasedPeer
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.results import Cell
@@ -120,41 +120,39 @@ def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
     except Gvla2Error as error:
         status = f"failed: {error}"
     return [
-        _cell(key, planned, place, figures.get(row.name, Figure(None)), status)
+        figure_cell(
+            key,
+            row,
+            figures.get(row.name, Figure(None)),
+            size=planned.size,
+            on=test.on,
+            order=[planned.order, planned.size, place],
+            status=status,
+        )
         for place, (key, row) in enumerate(zip(planned.keys, test.rows, strict=True))
     ]
 
 
-def _cell(key: str, planned: _Planned, place: int, figure: Figure, status: str) -> Cell:
+def figure_cell(
+    key: str, row: Row, figure: Figure, *, size: int, on: str, order: Sequence[int], status: str
+) -> Cell:
+    """A figure as a row of the results: of a test of this ``size`` on ``on``, at its place in the table."""
     from gvla2.evaluation.memory.figure import passed
     from gvla2.evaluation.results import Cell
 
-    row = planned.test.rows[place]
     goal = row.goal if figure.goal is None else figure.goal
-    factors: dict[str, str | int] = {
-        "test": row.name,
-        "n": planned.size if figure.n is None else figure.n,
-        "on": planned.test.on,
-    }
-    measures = {
-        "value": figure.value,
-        "peer_value": figure.peer_value,
-        "released_value": figure.released,
-        "goal": goal,
-    }
+    measures = {"value": figure.value, "peer_value": figure.peer_value, "released_value": figure.released}
     notes: dict[str, Any] = {
         "status": status,
-        "size": planned.size,
-        "order": [planned.order, planned.size, place],
-        "title": row.title,
-        "unit": row.unit,
-        "better": row.better,
-        "digits": row.digits,
+        "size": size,
+        "order": list(order),
+        **{name: getattr(row, name) for name in ("title", "unit", "better", "digits")},
         "peer": figure.peer,
         "passed": passed(figure.value, goal, row.better),
         "note": figure.note,
     }
-    return Cell(key, factors, measures, notes)
+    factors: dict[str, str | int] = {"test": row.name, "n": size if figure.n is None else figure.n, "on": on}
+    return Cell(key, factors, {**measures, "goal": goal}, notes)
 
 
 def _seconds(planned: _Planned) -> float:

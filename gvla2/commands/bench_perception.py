@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun, given_options, options_of
+from gvla2.commands.bench_frame import BenchRun, code_of, given_options, options_of
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -102,14 +102,14 @@ def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: 
 def _design(config: BenchConfig, registry: Registry) -> Iterator[LayoutUnit]:
     """Every layout with its key, those of a task and perceiver together."""
     from gvla2.evaluation.perception.suite import SUITE, VERSION, Wanted, layout_seed
-    from gvla2.evaluation.provenance import code_digest, versions
+    from gvla2.evaluation.provenance import versions
     from gvla2.evaluation.results import cell_key
 
     for task, perceiver in product(chosen_tasks(config, registry), dict.fromkeys(config.perceivers)):
         root = chosen_parts(config, registry, task, perceiver)
         kinds = [kind for kind in ("robot", "task", "perceiver", "planner") if kind in root]
         typed = [registry.configure(root, kind)[0] for kind in kinds]
-        code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
+        code = code_of(typed, *MEASURING_CODE)
         protocol = (VERSION, code, versions(), asdict(config.depth_noise), [asdict(one) for one in typed])
         for seed, episode in product(dict.fromkeys(config.seeds), range(config.episodes)):
             factors: dict[str, str | int] = {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_frame import BenchRun
+from gvla2.commands.bench_frame import BenchRun, code_of
 from gvla2.commands.bench_measuring import KINDS, ObjectUnit, chosen_parts, lpips_of, measure_unit
 from gvla2.errors import ConfigurationError
 
@@ -90,7 +90,6 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
     """Every cell of the design with its key, one unit an object and baseline."""
     from gvla2.evaluation.ablation import SUITE, VARIANTS, Wanted
     from gvla2.evaluation.protocol import VERSION
-    from gvla2.evaluation.provenance import code_digest
     from gvla2.evaluation.results import cell_key
 
     lpips = lpips_of(config.lpips_weights) is not None
@@ -105,8 +104,8 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
     for baseline, seed, noise in product(baselines, seeds, noises):
         root = chosen_parts(config, registry, baseline, seed, noise)
         typed = [registry.configure(root, kind)[0] for kind in KINDS]
-        code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
-        chosen[baseline, seed, noise] = dict(zip(KINDS, map(asdict, typed), strict=True)), code
+        options = dict(zip(KINDS, map(asdict, typed), strict=True))
+        chosen[baseline, seed, noise] = options, code_of(typed, *MEASURING_CODE)
     weights = (lpips, config.lpips_weights, config.surface_samples)
     protocol = (VERSION, dataset.size, dataset.samples, *weights)
     parts = {kind: getattr(config, kind).name for kind in ("axis", "fusion", "renderer")}

@@ -40,7 +40,7 @@ def give(answer: Answer, *, as_json: bool) -> int:
     out = console()
     for part in answer.shown:
         if isinstance(part, str):
-            out.print(Text(part), soft_wrap=True)
+            out.print(Text(printable(part)), soft_wrap=True)
         else:
             out.print(part.laid_out(out.width) if isinstance(part, Listing) else part)
     return answer.status
@@ -64,7 +64,7 @@ def records_listing(records: Sequence[Record]) -> Listing:
     """One row a record."""
     columns = ("id", "type", "state", "outcome", "conf.", "count", "used", "content")
     rows = [
-        (printable(r.id), r.type, r.state, r.outcome, f"{r.confidence:.2f}", str(r.count), str(r.usage),
+        (r.id, r.type, r.state, r.outcome, f"{r.confidence:.2f}", str(r.count), str(r.usage),
          one_line(r.content))
         for r in records
     ]  # fmt: skip

@@ -39,7 +39,7 @@ def import_(request: VerbRequest) -> Answer:
             f"Provisional until verified episodes of two sources bear them out: {done.held_back} "
             "(trusted=true is for a backup of one's own)."
         )
-    told += [printable(str(remark)) for remark in done.remarks[:MOST_REMARKS]]
+    told += [str(remark) for remark in done.remarks[:MOST_REMARKS]]
     if len(done.remarks) > MOST_REMARKS:
         told.append(f"{count(len(done.remarks) - MOST_REMARKS, 'more remark')}; --json has all.")
     if done.broken:
@@ -53,7 +53,7 @@ def export(request: VerbRequest) -> Answer:
     with opened(request) as store:
         states: Any = config.states or None  # checked by the configuration
         done = export_path(store, config.bank, path, states=states)
-    files = ", ".join(printable(str(file)) for file in done.files)
+    files = ", ".join(str(file) for file in done.files)
     told = [f"{count(done.records, 'record')}: {files}."]
     if done.left_out:
         told.append(f"Left out: {count(done.left_out, 'record')} of other states; states=[...] chooses.")
@@ -73,7 +73,7 @@ def forget(request: VerbRequest) -> Answer:
                 return Answer({"forgotten": []}, ["Nothing was forgotten."], status=1)
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             gone = tx.forget(*(record.id for record in records), why="asked for")
-    told = [f"Forgotten for good: {', '.join(map(printable, gone)) or 'nothing'}.", *map(printable, tx.also)]
+    told = [f"Forgotten for good: {', '.join(gone) or 'nothing'}.", *tx.also]
     return Answer({"forgotten": gone, "also": tx.also}, told)
 
 
@@ -111,10 +111,10 @@ def repair(request: VerbRequest) -> Answer:
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             records, forgotten = mend(tx, bank.embedder)
         left = bank.verify()
-    told = [f"Made again from the events: {', '.join(map(printable, records)) or 'nothing'}."]
+    told = [f"Made again from the events: {', '.join(records) or 'nothing'}."]
     if forgotten:
-        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, forgotten))}.")
-    told += [f"Still wrong: {printable(str(problem))}" for problem in left]
+        told.append(f"Forgotten, as no event created it: {', '.join(forgotten)}.")
+    told += [f"Still wrong: {problem}" for problem in left]
     return Answer({"repaired": records, "forgotten": forgotten, "problems": left}, told, int(bool(left)))
 
 

@@ -12,7 +12,7 @@ from gvla2.commands.tables import Listing, row, table
 from gvla2.memory.records import Record
 from gvla2.memory.storage.events import Event
 from gvla2.memory.storage.view import BankView
-from gvla2.record.text import count, one_line, printable
+from gvla2.record.text import count, one_line
 
 T = TypeVar("T")
 _SERVED = (
@@ -40,7 +40,7 @@ def show(request: VerbRequest) -> Answer:
         row(listing, name, _value(name, value))
     for link in links:
         way = f"{link.kind} {link.target}" if link.source == record.id else f"{link.kind} of {link.source}"
-        row(listing, "link", printable(way))
+        row(listing, "link", way)
     data = {"record": record_data(record), "links": links, "events": [_event_data(e) for e in events]}
     return Answer(data, [listing, events_listing(events[-10:])])
 
@@ -66,7 +66,7 @@ def search(request: VerbRequest) -> Answer:
         return Answer(data, ["Nothing is similar."])
     rows = [
         (
-            printable(hit.record.id),
+            hit.record.id,
             "recalled" if hit.reliable else "passed over",
             f"{hit.score:.3f}",
             one_line(hit.record.content, 120),
@@ -115,7 +115,7 @@ def conflicts(request: VerbRequest) -> Answer:
         request,
         lambda shown: Listing(
             columns,
-            [[w for r in p for w in (printable(r.id), r.state, one_line(r.content, 90))] for p in shown],
+            [[w for r in p for w in (r.id, r.state, one_line(r.content, 90))] for p in shown],
             prose=("says", "which says"),
         ),
         lambda pair: {"records": [record_data(record) for record in pair]},
@@ -148,7 +148,7 @@ def stats(request: VerbRequest) -> Answer:
         if name in ("seq", "hash", "head"):
             continue  # below, in one piece
         told = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
-        row(listing, name, printable(", ".join(told) if isinstance(told, list) else str(told)))
+        row(listing, name, ", ".join(told) if isinstance(told, list) else str(told))
     return Answer(data, [listing, f"Head of the chain: {data['head']}"])
 
 
@@ -161,7 +161,7 @@ def verify(request: VerbRequest) -> Answer:
     if not problems:
         told = f"The bank '{request.bank}' is sound: {count(counts['events'], 'event')}, and all rows agree."
         return Answer(data, [told])
-    rows = [(p.where, printable(p.id), printable(p.what)) for p in problems]
+    rows = [(p.where, p.id, p.what) for p in problems]
     told = f"{count(len(problems), 'problem')}."
     if any(problem.where == "record" for problem in problems):
         told += f" {_SERVED}"
@@ -179,8 +179,8 @@ def events_listing(events: Sequence[Event]) -> Listing:
         (
             str(event.seq),
             clock(event.at),
-            printable(event.actor),
-            printable(event.action + (f" {event.target}" if event.target else "")),
+            event.actor,
+            event.action + (f" {event.target}" if event.target else ""),
             "(forgotten)" if event.erased else one_line(event.why, 120),
             one_line(_change_words(event), 200),
         )
@@ -234,5 +234,5 @@ def _value(name: str, value: Any) -> str:
     if name in ("created", "updated", "used"):
         return clock(value) if value else "never"
     if isinstance(value, dict | list):
-        return printable(json.dumps(value, ensure_ascii=False))[:4000]
-    return "" if value is None else printable(_short(value))
+        return json.dumps(value, ensure_ascii=False)[:4000]
+    return "" if value is None else _short(value)

@@ -26,7 +26,6 @@ from gvla2.record.pictures import (
     Pictures,
     camera_pictures,
     main_view,
-    part_picture,
     plain_picture,
     plan_pictures,
     with_objects,
@@ -168,9 +167,10 @@ class RunRecorder(FolderRecorder):
     def _show_parts(self, record: EpisodeRecord) -> None:
         """The plans of the parts before the last, whose own pictures are of it."""
         self._pictures.parts = tuple(
-            (f"part {k}: {part.plan.skill}", part_picture(part.observation, part.plan.trajectory, part.scene))
+            (f"part {k}: {part.plan.skill}", picture)
             for k, part in enumerate(record.parts, 1)
             if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
+            for _, picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1)
         )
 
     def _model(self, record: EpisodeRecord) -> None:

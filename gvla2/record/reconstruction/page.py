@@ -43,7 +43,6 @@ def render_reconstruction(
         headline=title,
         tone=tone,
         options=sections.unusual_options(record),
-        story=sections.story(record),
         tiles=sections.tiles(record),
         steps=sections.steps(record),
         meanings=sections.MEANINGS,

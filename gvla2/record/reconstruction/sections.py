@@ -13,7 +13,7 @@ from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Group
 from gvla2.record.reconstruction.numbers import GROUPS, MEASURES, told, tone_of
 from gvla2.record.sections import Step, share
-from gvla2.record.text import count, listing
+from gvla2.record.text import count
 from gvla2.record.wording import State
 
 STATES: Mapping[str, State] = {
@@ -53,32 +53,6 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
         return ("Colours calibrated" if record.recoloured else "Hardly changed"), "idle"
     tone = tone_of("inputs", "symmetric_iou", record)
     return ("Refined", "good") if tone != "bad" else ("Refined, masks fit worse", "unsure")
-
-
-def story(record: ReconstructionRecord) -> str:
-    """The reconstruction in a few sentences."""
-    result = record.result
-    made = []
-    if result.g0.gaussians is not None:
-        made.append(f"{len(result.g0.gaussians):,} Gaussians")
-    if result.g0.mesh is not None:
-        made.append(f"a mesh of {len(result.g0.mesh.faces):,} triangles")
-    by = record.choices.get("reconstructor", "the reconstructor")
-    sentences = [f"From {count(len(record.views), 'view')} “{by}” made {' and '.join(made)}."]
-    applied = [_spoken(s) for s in result.stages if s.status in ("applied", "partial")]
-    kept_out = [_spoken(s) for s in result.stages if s.status in ("rejected", "fallback")]
-    if applied:
-        sentences.append(f"Applied: {listing(applied, 6)}.")
-    if kept_out:
-        sentences.append(f"Not taken over: {listing(kept_out, 6)}; the reasons are below.")
-    if not applied and not kept_out:
-        sentences.append("No stage had anything to do.")
-    if not record.changed:
-        sentences.append("In the end the first reconstruction was kept as it was.")
-    if record.displacement > 0:
-        moved = _percent(share(record.displacement, record.size))
-        sentences.append(f"Points moved by {moved} of the object’s longest side on average.")
-    return " ".join(sentences)
 
 
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
@@ -167,7 +141,3 @@ def sentence(text: str) -> str:
     """A reason as it stands in a paragraph: with a capital and a full stop."""
     told = text.strip()
     return told[:1].upper() + told[1:] + ("" if not told or told[-1] in ".!?" else ".")
-
-
-def _percent(share: float) -> str:
-    return f"{share:.2f} %" if share >= 0.01 else "less than 0.01 %"
