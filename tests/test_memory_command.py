@@ -157,8 +157,8 @@ def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):
     assert told["problems"]
     status, out, _ = run("verify")
     assert status == 1
-    assert "1 problem. Rows that cannot be read" in out
-    assert "changed behind the bank's back are served" in out
+    assert "1 problem. Unreadable rows" in out
+    assert "rows edited outside gvla2 are used" in out
     assert "Throw the cup." in run("list")[1]  # as that sentence says
     told = data(run, "repair")
     assert (len(told["repaired"]), told["forgotten"], told["problems"]) == (1, [], [])
@@ -239,7 +239,7 @@ def test_compact_forgets_what_was_archived_for_long(run: Run, tmp_path: Path):
     [
         ([], "Verbs (each has --help)"),
         (["lsit"], "Did you mean 'list'?"),
-        (["show"], "needs a word more"),
+        (["show"], "needs an argument"),
         (["show", "a", "b"], "does not take 'b'"),
         (["list", "--jsn"], "Did you mean '--json'?"),
         (["list", "--yes"], "--yes is for forget"),

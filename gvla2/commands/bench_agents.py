@@ -66,7 +66,7 @@ def _work_off(
     if done == len(sequence.keys):
         return
     if done and not (sequence.folder / f"after-{done}.db").is_file() and sequence.memory != "off":
-        log.warning("The memory of %s is not there any more: its tasks are measured anew.", sequence.folder)
+        log.warning("The memory in %s is gone: its tasks are measured again.", sequence.folder)
         done = 0
     cells = work(
         sequence,

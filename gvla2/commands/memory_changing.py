@@ -36,7 +36,7 @@ def import_(request: VerbRequest) -> Answer:
     ]
     if done.held_back:
         told.append(
-            f"Provisional until verified episodes of two sources bear them out: {done.held_back} "
+            f"Provisional until verified episodes from two sources confirm them: {done.held_back} "
             "(trusted=true is for a backup of one's own)."
         )
     told += [str(remark) for remark in done.remarks[:MOST_REMARKS]]
@@ -79,7 +79,7 @@ def forget(request: VerbRequest) -> Answer:
 
 def _confirmed(count: int) -> bool:
     if not sys.stdin.isatty():
-        raise WrongWordError("Forgetting cannot be undone and nobody can be asked here: say --yes.")
+        raise WrongWordError("Forgetting cannot be undone, and there is no terminal to ask on: add --yes.")
     what = "it" if count == 1 else f"these {count}"
     print(f"Forget {what} for good? It cannot be undone. [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().casefold() in ("y", "yes")
@@ -111,9 +111,9 @@ def repair(request: VerbRequest) -> Answer:
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             records, forgotten = mend(tx, bank.embedder)
         left = bank.verify()
-    told = [f"Made again from the events: {', '.join(records) or 'nothing'}."]
+    told = [f"Restored from the events: {', '.join(records) or 'nothing'}."]
     if forgotten:
-        told.append(f"Forgotten, as no event created it: {', '.join(forgotten)}.")
+        told.append(f"Removed, because no event created it: {', '.join(forgotten)}.")
     told += [f"Still wrong: {problem}" for problem in left]
     return Answer({"repaired": records, "forgotten": forgotten, "problems": left}, told, int(bool(left)))
 

@@ -16,8 +16,8 @@ from gvla2.record.text import count, one_line
 
 T = TypeVar("T")
 _SERVED = (
-    "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "
-    "until `gvla2 memory repair` makes them again from the events."
+    "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are, "
+    "until `gvla2 memory repair` restores them from the events."
 )
 
 

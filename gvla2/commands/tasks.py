@@ -59,14 +59,12 @@ def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> I
 
 def _build(registry: Any, robot: str, task: str) -> dict[str, Any]:
     """Robot and task as ``gvla2 run`` would make them by default."""
-    from hydra import compose, initialize_config_module
+    from hydra import compose
     from omegaconf import OmegaConf
 
-    from gvla2.commands.primary import PRIMARY
-    from gvla2.hydra_bridge import register
+    from gvla2.commands.completion import hydra_application
 
-    register(registry, PRIMARY)
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
+    with hydra_application(registry):
         config = OmegaConf.to_object(compose("run", overrides=[f"task={task}", f"robot={robot}"]))
     return dict(registry.build_all(config, ("robot", "task")))
 

@@ -36,7 +36,7 @@ MEANINGS: Mapping[str, tuple[str, str]] = {
     "axis": ("B", "Each axis is scaled and shifted a little, until the silhouettes meet the masks’ edges."),
     "fusion": ("A+B", "Positions of the two sources become one; colours, sizes and opacity stay those of A."),
     "inset": ("", "Gaussians go as far inside their surface that what they paint ends where the masks do."),
-    "output": ("", "The last word of the input views: what explains them worse is not kept."),
+    "output": ("", "Final check against the input views: what explains them worse is not kept."),
 }
 """The source that each stage belongs to, and what it does."""
 
@@ -70,7 +70,7 @@ def tiles(record: ReconstructionRecord) -> list[tuple[str, str, str, str]]:
     for group, name in judges:
         if record.measures is not None and group in record.measures.groups:
             return [masks, colours, (GROUPS[group][0], *told(group, name, record))]
-    note = "Nothing that was not used was given to measure by: truth=MESH, or targets=VIEWS."
+    note = "No independent data was given: truth=MESH, or targets=VIEWS."
     return [masks, colours, ("Ground truth", "None given", "idle", note)]
 
 
