@@ -105,6 +105,6 @@ def _check(asked: Invocation, fewest: int, most: int | None) -> None:
     if most is not None and len(asked.words) > most:
         raise UsageError(f"`gvla2 memory {asked.verb}` does not take '{asked.words[most]}'. {see}")
     if asked.yes and asked.verb != "forget":
-        raise UsageError(f"--yes is an option of `gvla2 memory forget` alone. {see}")
+        raise UsageError(f"--yes is for forget alone. {see}")
     if asked.json and asked.verb == "forget" and not asked.yes:
         raise UsageError(f"`gvla2 memory forget --json` cannot ask for consent: it needs --yes. {see}")
