@@ -54,10 +54,17 @@ def _dispatch(argv: Sequence[str] | None) -> int:
         print(f"gvla2: no command '{command}'.{hint} Commands: {', '.join(COMMANDS)}.", file=sys.stderr)
         return 2
     try:
-        status = import_module(f"gvla2.commands.{command}").main(rest)
+        module = import_module(f"gvla2.commands.{command}")
+        if not hasattr(module, "main"):
+            from gvla2.commands.hydra_job import launch
+
+            return launch(command, module.job, rest)
+        status = module.main(rest)
     except KeyboardInterrupt:
         print("gvla2: interrupted.", file=sys.stderr)
         return 130
+    except SystemExit as leaving:  # argparse: 0 after --help, 2 for wrong usage
+        return int(leaving.code or 0)
     return int(status)
 
 

@@ -18,8 +18,7 @@ from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, ResultsConfig
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_workers import in_processes, workers_for
-from gvla2.commands.data import take_stock
-from gvla2.commands.data_config import DataCommandConfig
+from gvla2.commands.data import DataCommandConfig, take_stock
 from gvla2.commands.primary import PRIMARY
 from gvla2.component import Component, ComponentConfig
 from gvla2.discovery import Plugin

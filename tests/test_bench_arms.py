@@ -9,8 +9,8 @@ from omegaconf import OmegaConf
 from gvla2.commands.bench import as_overrides
 from gvla2.commands.bench_arms import arm_named, arms_of, check_arms
 from gvla2.commands.bench_design import Planned, designs
-from gvla2.commands.bench_films import worth_filming
 from gvla2.commands.bench_options import OPTIONS, check_options
+from gvla2.commands.bench_robot import worth_filming
 from gvla2.commands.bench_subjects import subjects
 from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError
@@ -43,7 +43,8 @@ def test_an_arm_of_ones_own_needs_no_plus_and_stands_beside_those_that_are_liste
 
 
 def test_options_of_a_plain_arm_are_in_its_name(registry):
-    config = config_of(registry, "arms=[off,on]", "arm_options.on.admission=false")
+    config = config_of(registry, "arms=[off,on]", "arms.on.admission=false")
+    assert [arm.name for arm in arms_of(config)] == ["off", "on"]
     assert arm_named(config, "on").variant == "admission=False"
 
 
@@ -55,7 +56,6 @@ def test_options_of_a_plain_arm_are_in_its_name(registry):
         (["arms.mine={memory: off, admission: false}"], "'off' has no such option"),
         (["arms.mine=3"], "give options"),
         (["arms.mine={memory: off, replan: yes}"], "a count"),
-        (["arms=[off]", "arm_options.on.admission=false"], "no arm 'on'"),
     ],
 )
 def test_wrong_arms_say_what_there_is(registry, arguments, said):

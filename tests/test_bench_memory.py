@@ -13,10 +13,10 @@ from rich.console import Console
 from gvla2.catalog import Registry
 from gvla2.commands.bench import run_bench
 from gvla2.commands.bench_config import BenchConfig, DataConfig, MemoryBenchConfig, ResultsConfig
-from gvla2.commands.bench_memory_progress import MemoryProgress
+from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.primary import PRIMARY
-from gvla2.commands.report import make_report
-from gvla2.commands.report_config import ReportConfig
+from gvla2.commands.report import ReportConfig
+from gvla2.commands.report import job as make_report
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.memory import suite
 from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, Row, Test
@@ -90,7 +90,7 @@ def test_rows_formats_and_resuming(
     assert {row["run"] for row in rows_of(tmp_path / "third")} == {3}
 
     report = ReportConfig(suite="memory", results=config.results, formats=["markdown"])
-    assert make_report(report, tmp_path / "report") == len(rows)
+    assert make_report(report, catalog, tmp_path / "report") == len(rows)
     text = (tmp_path / "report" / "report.md").read_text()
     places = [text.index(title) for title in ("Recall, end to end", "Start of a bank", "Evidence")]
     assert places == sorted(places), "in the order of the suite"
@@ -196,16 +196,13 @@ def test_the_configuration_composes(catalog: Registry) -> None:
 
 
 def test_progress_counts_time_not_tests() -> None:
-    quick, slow = fake("quick", None, seconds=1.0), fake("slow", None, seconds=99.0)
     console = Console(force_terminal=True, width=80, quiet=True)
-    with MemoryProgress({quick: 1.0, slow: 99.0}, console=console) as progress:
+    with BenchProgress(100.0, console=console, seconds=True) as progress:
         assert progress.left() == pytest.approx(100, rel=0.05)
-        progress.begin(quick)
-        progress.done(quick)
+        progress.done(1.0, "quick")
         whole = progress.left()
-        progress.begin(slow)
-        progress.tell(0.5, "half way")
+        progress.reached(49.5, "slow: half way")
         assert progress.left() == pytest.approx(whole * 49.5 / 99, rel=0.9)
         assert progress.left() < whole
-        progress.done(slow)
+        progress.done(99.0, "slow")
         assert progress.left() == 0

@@ -14,7 +14,7 @@ from omegaconf import OmegaConf
 from gvla2.commands import bench_robot
 from gvla2.commands.bench import as_overrides, run_bench
 from gvla2.commands.bench_design import designs
-from gvla2.commands.bench_episodes import Outcome, spent_on
+from gvla2.commands.bench_episodes import EpisodeOutcome, spent_on
 from gvla2.commands.primary import PRIMARY
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.robot.experience import Experience
@@ -67,7 +67,7 @@ def units(monkeypatch):
         name = unit.config.planner.name
         asks = name != "skill"
         return [
-            Outcome(
+            EpisodeOutcome(
                 layout,
                 {"eased": layout % 2 == 0, "strict": False},
                 1.0,
@@ -216,13 +216,13 @@ def test_options_by_name_need_no_plus(capsys):
 
     given = [
         "planner_options.code_policies.samples=3",
-        "arm_options.on.admission=false",
-        "+arm_options.on.top_k=2",
+        "arms.on.admission=false",
+        "arms.on.top_k=2",
     ]
     assert main(["robot", BOTH, *given, "--cfg", "job"]) == 0
     told = OmegaConf.create(capsys.readouterr().out)
     assert (told.suite, told.planner_options) == ("robot", {"code_policies": {"samples": 3}})
-    assert told.arm_options == {"on": {"admission": False, "top_k": 2}}
+    assert told.own_arms == {"on": {"admission": False, "top_k": 2}}
 
 
 def test_what_an_episode_cost_is_counted_over_attempts_and_parts():

@@ -90,7 +90,7 @@ def test_failed_episodes_are_filmed_once_more(registry, tmp_path):
         ("arms=[offf]", "No arm 'offf'. Available: off, "),
         ("tasks=[lamp_of]", "lamp_on"),
         ("exploration_seeds=[20000]", "exploration_seeds"),
-        ("+arm_options.semantic.top_k=3 arms=['off']", "arm_options.semantic"),
+        ("++own_arms.on.admision=false", "arms.on.admision.*Did you mean 'admission'"),
     ],
 )
 def test_names_that_are_none_are_refused_before_anything_moves(registry, tmp_path, override, message):

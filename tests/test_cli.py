@@ -30,7 +30,8 @@ def run(*argv: str, **environment: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_exists(command: str):
-    assert callable(import_module(f"gvla2.commands.{command}").main)
+    module = import_module(f"gvla2.commands.{command}")
+    assert callable(getattr(module, "main", None) or module.job)
 
 
 @pytest.mark.parametrize("argv", [["--help"], ["-h"], ["help"]])
@@ -115,11 +116,8 @@ def test_plugins_lists_every_component(registry, capsys: pytest.CaptureFixture[s
     assert not any("broken" in line for line in lines)
 
 
-@pytest.mark.parametrize(
-    "argv", [["planner", "skill"], ["kind=planner", "name=skill"], ["planner", "name=skill"]]
-)
-def test_plugins_shows_options_with_types_and_defaults(argv: list[str], capsys: pytest.CaptureFixture[str]):
-    assert cli.main(["plugins", *argv]) == 0
+def test_plugins_shows_options_with_types_and_defaults(capsys: pytest.CaptureFixture[str]):
+    assert cli.main(["plugins", "planner", "skill"]) == 0
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     (lift,) = [row for row in rows if row and row[0] == "planner.lift_height"]
     assert lift[1] == "float"
@@ -146,10 +144,9 @@ def test_plugins_as_json(capsys: pytest.CaptureFixture[str]):
     [
         (["planr"], "Did you mean 'planner'?"),
         (["planner", "skil"], "Did you mean 'skill'?"),
-        (["name=skill"], "Say which kind"),
-        (["planner", "skill", "more"], "does not take 'more'"),
-        (["--yaml"], "does not take '--yaml'"),
-        (["color=red"], "does not take 'color=red'"),
+        (["planner", "skill", "more"], "unrecognized arguments: more"),
+        (["--yaml"], "unrecognized arguments: --yaml"),
+        (["color=red"], "No kind of component is called 'color=red'"),
     ],
 )
 def test_plugins_refuses_what_it_does_not_know(

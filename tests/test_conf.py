@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_module
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Registry
-from gvla2.commands.hydra_job import launch, output_folder
+from gvla2.commands.hydra_job import launch
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run_config import RunConfig
 from gvla2.component import ComponentConfig
@@ -122,7 +122,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def job(config: RunConfig, registry: Registry) -> float:
+def job(config: RunConfig, registry: Registry, folder: Path) -> float:
     """A job without a robot: the options of the planner into a file, failures by seed."""
     assert isinstance(config, RunConfig)
     logging.getLogger("job").info("the seed is %d", config.seed)
@@ -135,7 +135,7 @@ def job(config: RunConfig, registry: Registry) -> float:
     if config.seed == 10:
         os.kill(os.getpid(), signal.SIGTERM)
     assert isinstance(registry.get("planner", config.planner.name).config(), ComponentConfig)
-    (output_folder() / "seed").write_text(str(config.seed))
+    (folder / "seed").write_text(str(config.seed))
     return float(config.seed)
 
 
@@ -270,12 +270,12 @@ def test_a_wrong_choice_stops_a_sweep_before_it_starts(folder: Path, capsys: pyt
 def test_a_sweep_over_processes(tmp_path: Path):
     """Joblib's workers get the job by name, load the plugins themselves and send errors back in words."""
     (tmp_path / "swept.py").write_text(
-        "import sys\nfrom gvla2.commands.hydra_job import launch, output_folder\n"
+        "import sys\nfrom gvla2.commands.hydra_job import launch\n"
         "from gvla2.errors import UnknownComponentError\n"
-        "def job(config, registry):\n"
+        "def job(config, registry, folder):\n"
         "    if config.seed == 7: raise UnknownComponentError('horse', 'pegasus', ['shire'])\n"
         "    name = registry.get('planner', config.planner.name).name\n"
-        "    (output_folder() / 'done').write_text(f'{name} {config.planner.lift_height}')\n"
+        "    (folder / 'done').write_text(f'{name} {config.planner.lift_height}')\n"
     )
     done = subprocess.run(
         [

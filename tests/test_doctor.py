@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from omegaconf import OmegaConf
 
+from gvla2 import cli
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands import checkup, doctor
 from gvla2.commands.checkup import Check
@@ -23,14 +23,7 @@ def test_this_installation_is_well(
     failed = [c for c in told["checks"] if c["status"] == "fail"]
     assert (status, told["healthy"], failed) == (0, True, [])
     names = {c["name"] for c in told["checks"]}
-    assert {
-        "configuration run",
-        "robot sapien_panda",
-        "memory governed",
-        "planner skill",
-        "cv2",
-        "Vulkan",
-    } <= names
+    assert {"configuration run", "robot sapien_panda", "memory governed", "planner skill", "cv2"} <= names
 
 
 def test_the_table_has_advice(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
@@ -158,28 +151,16 @@ def test_an_output_folder_that_cannot_be_written_fails(tmp_path: Path):
     assert check.status == "fail"
 
 
-def test_weights_that_the_default_names_must_exist(tmp_path: Path):
-    composed, _, _ = checkup.configurations(load_plugins())
-    assert [c.status for c in checkup.weights(composed)] == ["ok"]
-    (tmp_path / "there.pt").touch()
-    for file, status in ((tmp_path / "there.pt", "ok"), (tmp_path / "absent.pt", "fail")):
-        chosen = {"run": OmegaConf.create({"perceiver": {"name": "sam", "weights": str(file)}})}
-        (check,) = checkup.weights(chosen)
-        assert check.status == status
-        assert "perceiver.weights=" in check.found
-
-
 def test_optional_parts_never_fail():
-    assert checkup.rendering({"crash": "exit status -6"}).status == "ok"
     assert checkup.torch_device(None).status == "ok"
     assert checkup.torch_device({"version": "2.9", "device": "cpu"}).found == "2.9 on cpu"
     assert checkup.torch_device({"crash": "ImportError"}).status == "warn"
 
 
 def test_wrong_usage(capsys: pytest.CaptureFixture[str]):
-    assert doctor.main(["--fix"]) == 2
-    assert "does not take '--fix'" in capsys.readouterr().err
-    assert doctor.main(["--help"]) == 0
+    assert cli.main(["doctor", "--fix"]) == 2
+    assert "unrecognized arguments: --fix" in capsys.readouterr().err
+    assert cli.main(["doctor", "--help"]) == 0
 
 
 def test_what_is_slow_is_not_called_broken(

@@ -17,11 +17,12 @@ from omegaconf import OmegaConf
 from gvla2 import cli
 from gvla2.catalog import Registry
 from gvla2.commands.memory import VERBS, VerbJob, tell, usage
-from gvla2.commands.memory_answers import one_line, plain, printable
 from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.commands.memory_words import UsageError, understood
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryEpisode, MemoryTask, Verdict
+from gvla2.record.files import plain
+from gvla2.record.text import one_line, printable
 
 DEFAULTS = {"retriever": "hybrid", "embedder": "static", "verifier": "exit_status"}
 GOOD = Verdict.from_criteria({"done": 1.0}, ["it is done"], "test")
@@ -68,7 +69,7 @@ def run(path: Path, capsys: pytest.CaptureFixture[str], registry: Registry) -> R
         for kind, name in chosen.items():
             setattr(config, kind, registry.get(kind, name).config(name=name))
         job = VerbJob(asked)
-        job(config, registry)
+        job(config, registry, Path())
         status = tell(job, 0)
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err
@@ -156,8 +157,8 @@ def test_verify_is_one_when_somebody_has_tampered(run: Run, path: Path):
     assert told["problems"]
     status, out, _ = run("verify")
     assert status == 1
-    assert "1 problem. Rows that cannot be read" in out
-    assert "changed behind the bank's back are served" in out
+    assert "1 problem. Unreadable rows" in out
+    assert "rows edited outside gvla2 are used" in out
     assert "Throw the cup." in run("list")[1]  # as that sentence says
     told = data(run, "repair")
     assert (len(told["repaired"]), told["forgotten"], told["problems"]) == (1, [], [])
@@ -238,7 +239,7 @@ def test_compact_forgets_what_was_archived_for_long(run: Run, tmp_path: Path):
     [
         ([], "Verbs (each has --help)"),
         (["lsit"], "Did you mean 'list'?"),
-        (["show"], "needs a word more"),
+        (["show"], "needs an argument"),
         (["show", "a", "b"], "does not take 'b'"),
         (["list", "--jsn"], "Did you mean '--json'?"),
         (["list", "--yes"], "--yes is for forget"),

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from gvla2 import cli
 from gvla2.commands.memory_words import as_typed, wants_json
-from gvla2.commands.printable import counted
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, Verdict
+from gvla2.record.text import count
 
 LINE = {
     "memory_id": "t",
@@ -116,7 +116,7 @@ def test_every_error_is_a_document_that_says_what(capsys, argv: list[str], statu
 def test_words_after_the_dashes_ask_for_nothing():
     assert wants_json(["list", "--json"])
     assert not wants_json(["search", "--", "--json"])
-    assert (counted(1, "line"), counted(0, "line")) == ("1 line", "0 lines")
+    assert (count(1, "line"), count(0, "line")) == ("1 line", "0 lines")
 
 
 def test_a_kept_head_is_looked_for(capsys: pytest.CaptureFixture[str], tmp_path: Path):

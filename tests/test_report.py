@@ -4,11 +4,15 @@ from pathlib import Path
 
 import pytest
 
+from gvla2.catalog import load_plugins
 from gvla2.commands.hydra_job import launch
-from gvla2.commands.report import job, make_report
-from gvla2.commands.report_config import ReportConfig, ResultsConfig
+from gvla2.commands.report import ReportConfig, ResultsConfig, job
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.results import Cell, Results, Run, now
+
+
+def made(config: ReportConfig, folder: Path) -> int:
+    return job(config, load_plugins(), folder)
 
 
 @pytest.fixture
@@ -28,7 +32,7 @@ def url(tmp_path) -> str:
 
 
 def test_all_formats(url, tmp_path, capsys):
-    assert make_report(ReportConfig(results=ResultsConfig(url)), tmp_path / "out") == 8
+    assert made(ReportConfig(results=ResultsConfig(url)), tmp_path / "out") == 8
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "report.md", "report.tex"]
     out = capsys.readouterr().out
     assert "10.50 ± 0.71" in out
@@ -42,19 +46,19 @@ def test_a_selection(url, tmp_path, capsys):
     config = ReportConfig(
         results=ResultsConfig(url), where={"object": ["apple"]}, runs=[2], formats=["terminal"]
     )
-    assert make_report(config, tmp_path / "out") == 2
+    assert made(config, tmp_path / "out") == 2
     assert "11.00" in capsys.readouterr().out
     assert not (tmp_path / "out").exists()
 
 
 def test_what_is_not_there(url, tmp_path):
     with pytest.raises(ConfigurationError, match=r"object: apple, bowl\."):
-        make_report(ReportConfig(results=ResultsConfig(url), where={"object": ["pear"]}), tmp_path)
+        made(ReportConfig(results=ResultsConfig(url), where={"object": ["pear"]}), tmp_path)
     with pytest.raises(ConfigurationError, match="There is no results database"):
-        make_report(ReportConfig(results=ResultsConfig(f"sqlite:///{tmp_path}/none.sqlite")), tmp_path)
+        made(ReportConfig(results=ResultsConfig(f"sqlite:///{tmp_path}/none.sqlite")), tmp_path)
     assert not (tmp_path / "none.sqlite").exists()
     with pytest.raises(ConfigurationError, match="No suite 'x'"):
-        make_report(ReportConfig(suite="x", results=ResultsConfig(url)), tmp_path)
+        made(ReportConfig(suite="x", results=ResultsConfig(url)), tmp_path)
     with pytest.raises(ConfigurationError, match="choose among terminal"):
         ReportConfig(formats=["pdf"])
 

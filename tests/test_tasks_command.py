@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from gvla2 import cli
 from gvla2.commands.tasks import main
 
 
@@ -28,8 +29,8 @@ def test_demonstrations_can_be_left_out(tmp_path: Path):
 
 
 def test_wrong_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["--nothing"]) == 2
-    assert main(["--help"]) == 0
+    assert cli.main(["tasks", "--nothing"]) == 2
+    assert cli.main(["tasks", "--help"]) == 0
     capsys.readouterr()
     assert main(["putt_block", "--output", str(tmp_path / "page.html")]) == 1
     assert "Did you mean 'put_block'" in capsys.readouterr().err

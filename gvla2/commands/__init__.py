@@ -1,4 +1,4 @@
-"""The sub-commands, one file each; a command is a module with ``main(argv) -> exit status``."""
+"""The sub-commands, one file each: a module with ``main(argv) -> exit status``, or Hydra's with a ``job`` alone."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -6,6 +6,7 @@ import json
 import logging
 import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,7 @@ from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from gvla2.commands.bench_config import BenchConfig
-    from gvla2.evaluation.results import Cell, Results
+    from gvla2.evaluation.results import Cell
     from gvla2.plugins import Registry
 
 SUITES = {
@@ -28,38 +29,41 @@ SUITES = {
 }
 """The suites by name, and the module of each.
 
-It has ``run(config, registry, results, run_id, folder) -> cells``, and ``DATA`` where that is always the same.
+It has ``run(bench: BenchRun) -> cells``, all rows of the design in their order, and ``DATA`` where that is always the
+same.
 """
 
 log = logging.getLogger(__name__)
 
 
-def job(config: BenchConfig, registry: Registry) -> float:
-    """Run the bench into Hydra's output folder; the share of cells that could be measured.
+def job(config: BenchConfig, registry: Registry, folder: Path) -> float:
+    """As :func:`run_bench`, once it is clear that every option that was asked for does something in this suite.
 
-    Raises :class:`ConfigurationError` for an option that was asked for and does nothing in this suite.
+    Raises :class:`ConfigurationError` where it does not.
     """
     from hydra.core.hydra_config import HydraConfig
 
     from gvla2.commands.bench_options import check_options
-    from gvla2.commands.hydra_job import output_folder
 
     check_options(config.suite, HydraConfig.get().overrides.task)
-    return run_bench(config, registry, output_folder())
+    return run_bench(config, registry, folder)
 
 
 def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
-    """As :func:`job`, into ``folder``: ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``.
+    """Run the bench into ``folder``; the share of cells that could be measured.
 
+    It leaves ``result.json``, ``index.html``, ``report.md``, ``report.tex`` and ``pictures``.
     Raises :class:`ConfigurationError` for a suite, data set or component that is not there; an object that cannot be
     measured is a row with a status, not an error.
     """
     from importlib import import_module
 
+    from gvla2.commands.bench_frame import BenchRun
     from gvla2.commands.reporting import publish
+    from gvla2.evaluation.provenance import commit, versions
     from gvla2.evaluation.results import Results
     from gvla2.evaluation.tables import LAYOUTS
-    from gvla2.record.files import make_folder
+    from gvla2.record.files import make_folder, write_json
 
     if config.suite not in SUITES:
         raise ConfigurationError(f"No suite '{config.suite}'. Available: {', '.join(SUITES)}.")
@@ -67,12 +71,23 @@ def run_bench(config: BenchConfig, registry: Registry, folder: Path) -> float:
     make_folder(folder)
     with Results.open(config.results.url) as results:
         run_id = results.begin(_run_record(config, folder))
-        cells: list[Cell] = suite.run(config, registry, results, run_id, folder)
-        data = getattr(suite, "DATA", config.data.kind)
-        _write_result(folder, config, data, cells, results, run_id)
-        used = {cell.run or run_id for cell in cells}
+        measured: list[Cell] = suite.run(BenchRun(config, registry, results, run_id, folder))
+        # Those measured just now carry no run yet.
+        cells = [cell if cell.run else replace(cell, run=run_id) for cell in measured]
+        told = {
+            "command": "bench",
+            "suite": config.suite,
+            "data": getattr(suite, "DATA", config.data.kind),
+            "run": run_id,
+            "database": results.url,
+            "commit": commit(),
+            "versions": versions(),
+            "rows": [{**cell.flat(), "run": cell.run} for cell in cells],
+        }
+        write_json(folder / "result.json", told)
+        used = {cell.run for cell in cells}
         runs = [run for run in results.runs(config.suite) if run.id in used]
-        publish([_of_run(cell, run_id) for cell in cells], runs, LAYOUTS[config.suite], folder)
+        publish(cells, runs, LAYOUTS[config.suite], folder)
     failed = Counter(str(c.notes["status"]) for c in cells if c.notes.get("status") != "ok")
     for status, count in failed.items():
         log.warning("%d of %d cells %s", count, len(cells), status)
@@ -93,35 +108,6 @@ def _run_record(config: BenchConfig, folder: Path) -> Any:
         code=code_digest(("gvla2",)),
         config=OmegaConf.to_yaml(OmegaConf.structured(config)),
         versions=json.dumps(versions()),
-    )
-
-
-def _of_run(cell: Cell, run_id: int) -> Cell:
-    """The cell with its run's number; those measured just now carry none yet."""
-    from dataclasses import replace
-
-    return cell if cell.run else replace(cell, run=run_id)
-
-
-def _write_result(
-    folder: Path, config: BenchConfig, data: str, cells: list[Cell], results: Results, run_id: int
-) -> None:
-    from gvla2.evaluation.provenance import commit, versions
-    from gvla2.record.files import write_json
-
-    rows = [{**_of_run(cell, run_id).flat(), "run": cell.run or run_id} for cell in cells]
-    write_json(
-        folder / "result.json",
-        {
-            "command": "bench",
-            "suite": config.suite,
-            "data": data,
-            "run": run_id,
-            "database": results.url,
-            "commit": commit(),
-            "versions": versions(),
-            "rows": rows,
-        },
     )
 
 
@@ -146,7 +132,7 @@ def as_overrides(argv: list[str]) -> list[str]:
 
 
 def _plain(override: str, own: list[str]) -> str:
-    if re.match(r"(planner|arm|baseline|task)_options\.", override):
+    if re.match(r"(planner|baseline|task)_options\.", override):
         return f"++{override}"
     if override.startswith("arms."):
         return f"++own_arms.{override.removeprefix('arms.')}"

@@ -5,21 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
-from gvla2.commands.bench_arms import Arm, arm_named, has_bank
+from gvla2.commands.bench_arms import BenchArm, arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import chosen_memory, configured
-from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.results import Cell, Results, cell_key
+from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
     from gvla2.agents.contracts import AgentTask
     from gvla2.agents.solving import TestedSandbox
+    from gvla2.commands.bench_progress import BenchProgress
     from gvla2.evaluation.agents.sequence import Crew, TaskSequence
 
 DATA = "task folders"
@@ -31,50 +31,32 @@ MEASURING_CODE = ("gvla2.agents", "gvla2.evaluation.agents", "gvla2.memory", "gv
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class _Chosen:
-    """The options that decide a row's numbers, and the registry that builds from them."""
-
-    config: BenchConfig
-    registry: Registry
-    folder: Path
-
-
-def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
+def run(bench: BenchRun) -> list[Cell]:
     """Measure what the database lacks, a sequence of tasks after the other; all rows in the design's order.
 
     Rows are stored one by one; an interrupted sequence goes on where it was, with the memory that it had.
     """
     from gvla2.agents.task_folder import read_tasks
 
+    config = bench.config
     if not config.agents.tasks:
         raise ConfigurationError(
             "agents.tasks is not set: give a folder of tasks in Terminal-Bench's layout, such as "
             "agents.tasks=examples/agent_tasks."
         )
     tasks = read_tasks(config.agents.tasks, config.agents.names)
-    chosen = _Chosen(config, registry, folder)
     arms = list(dict.fromkeys([*(config.arms or USUAL_ARMS), *config.own_arms]))
-    planned = [_sequence(chosen, tasks, arm, seed) for seed in config.seeds for arm in arms]
+    planned = [_sequence(bench, tasks, arm, seed) for seed in config.seeds for arm in arms]
     keys = [key for one in planned for key in one.keys]
-    known = {} if config.results.fresh else results.with_keys(keys)
-    sandbox_of = _sandboxes(config)
-    tests_told = getattr(config.verifier, "name", "") == "exit_status"
-    with BenchProgress(sum(key not in known for key in keys), config.quiet) as progress:
+    known = bench.known(keys, well=False)
+    with bench.progress(sum(key not in known for key in keys)) as progress:
         for sequence in planned:
-            _work_off(chosen, sequence, known, results, run_id, progress, sandbox_of, tests_told)
+            _work_off(bench, sequence, known, progress)
     return [known[key] if key in known else _missing(planned, key) for key in keys]
 
 
 def _work_off(
-    chosen: _Chosen,
-    sequence: TaskSequence,
-    known: dict[str, Cell],
-    results: Results,
-    run_id: int,
-    progress: BenchProgress,
-    sandbox_of: Callable[[AgentTask], AbstractContextManager[TestedSandbox]],
-    tests_told: bool,
+    bench: BenchRun, sequence: TaskSequence, known: dict[str, Cell], progress: BenchProgress
 ) -> None:
     from gvla2.evaluation.agents.sequence import work
 
@@ -84,26 +66,30 @@ def _work_off(
     if done == len(sequence.keys):
         return
     if done and not (sequence.folder / f"after-{done}.db").is_file() and sequence.memory != "off":
-        log.warning("The memory of %s is not there any more: its tasks are measured anew.", sequence.folder)
+        log.warning("The memory in %s is gone: its tasks are measured again.", sequence.folder)
         done = 0
-    tell = (lambda line: None) if chosen.config.quiet else log.info
-    for cell in work(
-        sequence, done, _crew(chosen, sequence.memory), sandbox_of, tests_told=tests_told, tell=tell
-    ):
-        results.add(run_id, SUITE, [cell])
-        known[cell.key] = cell
+    cells = work(
+        sequence,
+        done,
+        _crew(bench, sequence.memory),
+        _sandboxes(bench.config),
+        tests_told=getattr(bench.config.verifier, "name", "") == "exit_status",
+        tell=(lambda line: None) if bench.config.quiet else log.info,
+    )
+    for cell in cells:
+        known |= bench.store([cell])
         solved = {None: "not measured", 0.0: "not solved", 100.0: "solved"}[cell.measures["solved"]]
         progress.done(1, f"{cell.factors['memory']} {cell.factors['task']}: {solved}")
 
 
-def _sequence(chosen: _Chosen, tasks: Sequence[AgentTask], arm: str, seed: int) -> TaskSequence:
+def _sequence(bench: BenchRun, tasks: Sequence[AgentTask], arm: str, seed: int) -> TaskSequence:
     from gvla2.evaluation.agents.sequence import TaskSequence, in_order
     from gvla2.evaluation.provenance import code_digest, versions
 
     ordered = in_order(tasks, seed)
-    config = chosen.config
-    root = _root(chosen, arm, "")
-    options = [str(one) for one in configured(chosen.registry, root, _kinds(chosen, arm))]
+    config = bench.config
+    root = _root(bench, arm, "")
+    options = [str(one) for one in configured(bench.registry, root, _kinds(bench, arm))]
     files = [_digest_of(task) for task in ordered]
     around = (VERSION, code_digest(MEASURING_CODE), versions(), options, config.agents.sandbox, seed, arm)
     limits = (config.agents.disk_mb, config.agents.memory_mb, config.agents.output)
@@ -113,33 +99,33 @@ def _sequence(chosen: _Chosen, tasks: Sequence[AgentTask], arm: str, seed: int) 
         "agent": str(getattr(config.agent, "name", "")),
         "model": _model_of(config),
         "verifier": str(getattr(config.verifier, "name", "")),
-        "options": _arm(chosen, arm).variant if config.arm_options.get(arm) or arm in config.own_arms else "",
+        "options": _arm(bench, arm).variant if arm in config.own_arms else "",
         "tasks": Path(config.agents.tasks).name,
     }
-    state = Path(config.agents.state or chosen.folder / "agents") / keys[-1][:16]
+    state = Path(config.agents.state or bench.folder / "agents") / keys[-1][:16]
     return TaskSequence(arm, seed, ordered, keys, factors, state)
 
 
-def _kinds(chosen: _Chosen, arm: str) -> tuple[str, ...]:
-    kept = has_bank(chosen.registry, _arm(chosen, arm))
+def _kinds(bench: BenchRun, arm: str) -> tuple[str, ...]:
+    kept = has_bank(bench.registry, _arm(bench, arm))
     helped = ("retriever", "embedder", "inducer", "judge") if kept else ()
     return ("agent", "verifier", "memory", *helped)
 
 
-def _root(chosen: _Chosen, arm: str, bank: str) -> dict[str, Any]:
+def _root(bench: BenchRun, arm: str, bank: str) -> dict[str, Any]:
     return {
-        "agent": chosen.config.agent,
-        **chosen_memory(chosen.config, chosen.registry, _arm(chosen, arm), bank),
+        "agent": bench.config.agent,
+        **chosen_memory(bench.config, bench.registry, _arm(bench, arm), bank),
     }
 
 
-def _arm(chosen: _Chosen, name: str) -> Arm:
+def _arm(bench: BenchRun, name: str) -> BenchArm:
     """The arm; ``off`` is the memory of that name, ``none``."""
-    arm = arm_named(chosen.config, name)
+    arm = arm_named(bench.config, name)
     return replace(arm, source="none") if arm.source == "off" else arm
 
 
-def _crew(chosen: _Chosen, arm: str) -> Callable[[Path], Crew]:
+def _crew(bench: BenchRun, arm: str) -> Callable[[Path], Crew]:
     """Everybody is built once, but for the memory, which is opened anew for each task."""
     lasting: dict[str, Any] = {}
 
@@ -148,8 +134,8 @@ def _crew(chosen: _Chosen, arm: str) -> Callable[[Path], Crew]:
         from gvla2.language.ledger import Ledger
 
         built = dict(lasting)
-        root = _root(chosen, arm, str(bank))
-        chosen.registry.build_all(root, ("agent", "verifier", "memory"), built)
+        root = _root(bench, arm, str(bank))
+        bench.registry.build_all(root, ("agent", "verifier", "memory"), built)
         lasting.update({kind: part for kind, part in built.items() if kind not in ("memory", "retriever")})
         language = built.get("language")
         if language is None:

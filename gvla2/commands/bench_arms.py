@@ -1,14 +1,14 @@
-"""The arms of the robot suite as they are asked for: plain names, or named variants with options of their own."""
+"""The arms of the robot and agents suites as they are asked for: plain names, or variants with options of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from difflib import get_close_matches
+from dataclasses import dataclass, field
 from typing import Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_frame import given_options, options_of
 from gvla2.errors import ConfigurationError
 from gvla2.evaluation.robot.design import CONTROLS, MEMORY_OF
 
@@ -17,7 +17,7 @@ WITHOUT_BANK = ("off", "none", "best_theta")
 
 
 @dataclass(frozen=True)
-class Arm:
+class BenchArm:
     """One arm: its ``name``, what it is made of, and how that is configured.
 
     ``source`` is ``off``, ``best_theta``, ``shuffled`` or the name of a memory; ``options`` are the memory's;
@@ -46,32 +46,27 @@ class Arm:
         return ", ".join([*told, *(f"{name}={value}" for name, value in counts if value is not None)])
 
 
-def arms_of(config: BenchConfig) -> list[Arm]:
+def arms_of(config: BenchConfig) -> list[BenchArm]:
     """The arms of a bench, in their order: names of ``config.arms``, some of them of ``config.own_arms``."""
     return [arm_named(config, name) for name in config.chosen_arms]
 
 
-def arm_named(config: BenchConfig, name: str) -> Arm:
+def arm_named(config: BenchConfig, name: str) -> BenchArm:
     """One arm by its name; raises :class:`ConfigurationError` where what is said of it is no options."""
-    given = config.own_arms.get(name)
-    if given is not None and not isinstance(given, Mapping):
+    given = config.own_arms.get(name) or {}
+    if not isinstance(given, Mapping):
         raise ConfigurationError(f"arms.{name} is {given!r}; give options: arms.{name}={{memory: governed}}.")
-    told = {**(given or {}), **dict(config.arm_options.get(name) or {})}
+    told = dict(given)
     source = str(told.pop("memory", MEMORY_OF.get(name, name) if name != "shuffled" else name))
     counts = {count: told.pop(count, None) for count in ("replan", "explored")}
     for count, value in counts.items():
         if value is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
             raise ConfigurationError(f"arms.{name}.{count} is {value!r}; it is a count, 0 or more.")
-    return Arm(name, source, told, **counts)
+    return BenchArm(name, source, told, **counts)
 
 
 def check_arms(config: BenchConfig, registry: Registry) -> None:
     """Raises :class:`ConfigurationError` for an arm, a memory or an option that does not exist."""
-    for name in config.arm_options:
-        if name not in config.chosen_arms:
-            raise ConfigurationError(
-                f"arm_options.{name}: there is no arm '{name}'; the arms are {', '.join(config.chosen_arms)}."
-            )
     memories = registry.components("memory")
     for arm in arms_of(config):
         if arm.source not in CONTROLS and arm.source not in memories:
@@ -80,22 +75,11 @@ def check_arms(config: BenchConfig, registry: Registry) -> None:
                 f"No arm '{arm.source}'. Available: {there}; or a variant of one of them with a name of its own: "
                 f"arms.NAME={{memory: governed, admission: false}}."
             )
-        known = set() if arm.source in WITHOUT_BANK else _options(registry, arm.memory)
-        for option in arm.options:
-            if option not in known:
-                close = get_close_matches(str(option), known, n=1)
-                hint = f" Did you mean '{close[0]}'?" if close else ""
-                raise ConfigurationError(
-                    f"arms.{arm.name}.{option}: '{arm.source}' has no such option.{hint} "
-                    f"It has: {', '.join(sorted(known)) or 'none'}; and replan, explored."
-                )
+        known = [] if arm.source in WITHOUT_BANK else options_of(registry, "memory", arm.memory)
+        own = {*known, "replan", "explored"} - {"url"}
+        given_options(f"arms.{arm.name}", arm.options, f"'{arm.source}'", own)
 
 
-def has_bank(registry: Registry, arm: Arm) -> bool:
+def has_bank(registry: Registry, arm: BenchArm) -> bool:
     """Whether the arm's memory keeps its bank in a file that it is told."""
-    return arm.source not in WITHOUT_BANK and "url" in _options(registry, arm.memory, own=False)
-
-
-def _options(registry: Registry, memory: str, *, own: bool = True) -> set[str]:
-    names = {one.name for one in fields(registry.get("memory", memory).config)}
-    return names - ({"name", "url"} if own else {"name"})
+    return arm.source not in WITHOUT_BANK and "url" in options_of(registry, "memory", arm.memory)

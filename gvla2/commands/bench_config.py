@@ -99,9 +99,9 @@ class BenchConfig:
     ``planner_options`` by theirs (``planner_options.code_policies.samples=3``). ``arms`` are ``off``, ``on``,
     ``shuffled``, ``best_theta``, or the name of any memory: by default ``off`` alone where ``planners`` are named, else
     these four and ``semantic``. An arm may also be a variant with a name of its own and options
-    (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``);
-    ``arm_options`` configures a plain one by its name (``arm_options.on.admission=false``), ``task_options`` a task
-    (``task_options.open_jar.turn=175``). In the ``world`` learnable every task's things are of ``families`` that behave
+    (``arms.mine={memory: governed, admission: false}``, ``arms.retry={memory: off, replan: 1}``), a plain one have
+    options by its name (``arms.on.admission=false``), as has a task (``task_options.open_jar.turn=175``).
+    In the ``world`` learnable every task's things are of ``families`` that behave
     each in its own way (docs/learnable_worlds.md), and each seed is a world of its own. Each of
     ``seeds`` lays out ``episodes``, or ``layouts`` names the seeds of the layouts themselves. Experience comes from
     ``exploration_seeds``, where each planner, or the ``teacher`` for all of them, varies its plans by ``exploration``
@@ -145,7 +145,6 @@ class BenchConfig:
     teacher: str = ""
     arms: list[str] | None = None
     own_arms: dict[str, Any] = field(default_factory=dict)
-    arm_options: dict[str, Any] = field(default_factory=dict)
     world: str = "plain"
     families: int = 2
     task_options: dict[str, Any] = field(default_factory=dict)
@@ -179,32 +178,27 @@ class BenchConfig:
     quiet: bool = False
 
     def __post_init__(self) -> None:
-        if self.mode not in ("default", "paper"):
-            raise ConfigurationError(f"mode is '{self.mode}'; it is default or paper.")
-        if self.compat not in ("none", "official"):
-            raise ConfigurationError(f"compat is '{self.compat}'; it is none or official.")
-        if not (self.baselines and self.drifts and self.seeds and self.noise):
-            raise ConfigurationError("baselines, drifts, noise and seeds must each name at least one.")
-        if self.surface_samples < 100:
-            raise ConfigurationError("surface_samples must be at least 100.")
-        if self.workers < 0 or min((*self.seeds, *self.layouts)) < 0:
-            raise ConfigurationError("workers, seeds and layouts must not be negative.")
-        if self.world not in ("plain", "learnable"):
-            raise ConfigurationError(f"world is '{self.world}'; it is plain or learnable.")
-        if self.families < 1 or self.exploration_replan < 0:
-            raise ConfigurationError("families must be 1 or more, and exploration_replan not negative.")
-        if not self.chosen_arms or self.episodes < 1 or self.videos < 0 or self.replan < 0:
-            raise ConfigurationError(
-                "arms must name at least one, episodes be 1 or more; no count is negative."
-            )
-        if self.max_parts < 1 or not 0 <= self.planner_timeout < math.inf:
-            raise ConfigurationError(
-                "max_parts must be 1 or more; planner_timeout is in seconds, finite and not negative (0: off)."
-            )
-        if not self.perceivers:
-            raise ConfigurationError("perceivers must name at least one.")
-        if not 0.25 <= self.scale <= 4 or not 0 <= self.exploration <= 1:
-            raise ConfigurationError("scale lies in [0.25, 4] and exploration in [0, 1].")
+        lists = ("baselines", "drifts", "noise", "seeds", "perceivers", "arms")
+        empty = [
+            name for name in lists if not getattr(self, name) and (name != "arms" or not self.chosen_arms)
+        ]
+        counts = ("workers", "videos", "replan", "exploration_replan")
+        below = [name for name in counts if getattr(self, name) < 0]
+        below += [name for name in ("seeds", "layouts") if min(getattr(self, name), default=0) < 0]
+        for holds, what in (
+            (self.mode in ("default", "paper"), f"mode is '{self.mode}'; it is default or paper."),
+            (self.compat in ("none", "official"), f"compat is '{self.compat}'; it is none or official."),
+            (self.world in ("plain", "learnable"), f"world is '{self.world}'; it is plain or learnable."),
+            (not empty, f"{', '.join(empty)} must name at least one."),
+            (not below, f"{', '.join(below)} must not be negative."),
+            (self.surface_samples >= 100, "surface_samples must be at least 100."),
+            (min(self.families, self.episodes, self.max_parts) >= 1, "families, episodes, max_parts are 1 or more."),
+            (0 <= self.planner_timeout < math.inf, "planner_timeout is in seconds, finite, not negative (0: off)."),
+            (0.25 <= self.scale <= 4, "scale lies in [0.25, 4]."),
+            (0 <= self.exploration <= 1, "exploration lies in [0, 1]."),
+        ):  # fmt: skip
+            if not holds:
+                raise ConfigurationError(what)
 
     @property
     def chosen_arms(self) -> list[str]:

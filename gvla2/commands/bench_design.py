@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, fields, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from gvla2.catalog import Registry, nothing_in
-from gvla2.commands.bench_arms import arm_named, arms_of, check_arms
+from gvla2.commands.bench_arms import BenchArm, arms_of, check_arms
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_episodes import (
     EXPLORED,
-    GEOMETRY,
-    LOOP,
     MEMORY,
     chosen_memory,
     chosen_parts,
     configured,
 )
+from gvla2.commands.bench_frame import code_of, given_options, options_of, require_among
 from gvla2.commands.bench_subjects import LEARNABLE, subjects
+from gvla2.commands.run import GEOMETRY, LOOP
 from gvla2.component import ComponentConfig
-from gvla2.errors import ConfigurationError
+from gvla2.evaluation.results import cell_key
 from gvla2.evaluation.robot.design import (
     EXPLORATION,
     PROFILES,
@@ -96,11 +95,8 @@ def designs(config: BenchConfig, registry: Registry) -> list[Design]:
     explored = _explored_tasks(config, tasks)
     check_seeds(config.episodes, config.exploration_seeds, config.layouts if explored else ())
     planners = list(dict.fromkeys(config.planners)) or [config.planner.name]
-    for name in config.planner_options:
-        if name not in planners and name != config.teacher:
-            raise ConfigurationError(
-                f"planner_options.{name}: '{name}' is none of the planners of this bench ({', '.join(planners)})."
-            )
+    others = [config.teacher] if config.teacher else []
+    require_among("planner_options", config.planner_options, [*planners, *others], "planners")
     check_arms(config, registry)
     worlds = [replace(config, seeds=[seed]) for seed in dict.fromkeys(config.seeds)]
     found = []
@@ -117,27 +113,11 @@ def designs(config: BenchConfig, registry: Registry) -> list[Design]:
 def with_planner(config: BenchConfig, registry: Registry, name: str) -> BenchConfig:
     """The bench with one of its planners, configured; a planner is not its own fallback."""
     registry.get("planner", name)
-    given = config.planner_options.get(name) or {}
-    if not isinstance(given, Mapping):
-        raise ConfigurationError(
-            f"planner_options.{name} is {given!r}; give options: planner_options.{name}.OPTION=VALUE."
-        )
-    known = sorted({field.name for field in fields(registry.get("planner", name).config)} - {"name"})
-    for option in given:
-        if option not in known:
-            close = get_close_matches(str(option), known, n=1)
-            hint = f" Did you mean '{close[0]}'?" if close else ""
-            raise ConfigurationError(
-                f"planner_options.{name}.{option}: the planner '{name}' has no such option.{hint} "
-                f"It has: {', '.join(known) or 'none'}."
-            )
+    place, known = f"planner_options.{name}", options_of(registry, "planner", name)
+    given = given_options(place, config.planner_options.get(name) or {}, f"the planner '{name}'", known)
     own = config.planner if config.planner.name == name else None
-    base = asdict(own) if own is not None else {"name": name}
-    planner = (
-        own
-        if own is not None and not given
-        else registry.configure({"planner": {**base, **given}}, "planner")[0]
-    )
+    base = {"name": name} if own is None else asdict(own)
+    planner = own if own and not given else registry.configure({"planner": {**base, **given}}, "planner")[0]
     fallback = ComponentConfig(name="none") if config.fallback.name == name else config.fallback
     return replace(config, planner=planner, fallback=fallback)
 
@@ -173,26 +153,28 @@ def _design(
     tasks: Sequence[str],
     explored: Sequence[str],
 ) -> Design:
-    around = _around(config, registry, tasks)
     taught = _around(teaching, registry, explored)
-    exploring = _exploration(teaching, explored, taught)
-    plan = _episodes(config, teaching, registry, tasks, around, [taught[task] for task in explored])
+    exploring = []
+    for task in explored:
+        for seed in dict.fromkeys(config.exploration_seeds):
+            place: dict[str, str | int] = {"task": task, "arm": EXPLORED, "seed": seed}
+            how = (config.exploration, config.exploration_replan)
+            key = cell_key(EXPLORATION, place, taught[task], *how)
+            factors = {**place, "planner": planner_label(teaching)}
+            exploring.append(Planned(task, EXPLORED, seed, {"both": key}, factors))
+    plan = _episodes(config, teaching, registry, tasks, [taught[task] for task in explored])
     return Design(config, teaching, tasks, plan, exploring)
 
 
 def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:
     """What all episodes of a task have in common and could change their outcome, by task."""
-    from gvla2.evaluation.provenance import code_digest
-
+    asking = ASKING_CODE if _model(config, registry) else ()
+    tries = (config.replan, config.max_parts, *(["agreement"] if config.agreement else []))
     found = {}
-    asks = bool(_model(config, registry))
     for task in tasks:
-        root = chosen_parts(config, registry, task)
-        typed = configured(registry, root, (*LOOP, *GEOMETRY))
-        tries = (config.replan, config.max_parts, *(["agreement"] if config.agreement else []))
-        modules = sorted({type(one).__module__ for one in typed})
-        code = code_digest((*MEASURING_CODE, *(ASKING_CODE if asks else ()), *modules))
-        found[task] = (list(map(asdict, typed)), asdict(config.depth_noise), tries, code, VERSION)
+        typed = configured(registry, chosen_parts(config, registry, task), (*LOOP, *GEOMETRY))
+        told = (list(map(asdict, typed)), asdict(config.depth_noise), tries)
+        found[task] = (*told, code_of(typed, *MEASURING_CODE, *asking), VERSION)
     return found
 
 
@@ -209,32 +191,32 @@ def _episodes(
     teaching: BenchConfig,
     registry: Registry,
     tasks: Sequence[str],
-    around: Mapping[str, Any],
     taught: Sequence[Any],
 ) -> list[Planned]:
-    from gvla2.evaluation.results import cell_key
-
+    around = _around(config, registry, tasks)
     learnt = (
         list(_explored_tasks(config, tasks)), config.exploration_seeds, config.exploration,
         config.exploration_replan, taught,
     )  # fmt: skip
-    memories = {arm: _memory_key(config, registry, arm) for arm in config.chosen_arms}
     common: dict[str, str | int] = {
-        kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")
+        **{kind: getattr(config, kind).name for kind in ("robot", "perceiver", "verifier")},
+        "planner": planner_label(config),
+        "model": _model(config, registry),
+        "depth_noise": _noise_label(config),
+        "scale": str(config.scale),
+        **({"world": config.world} if config.world == LEARNABLE else {}),
+        **({"replan": config.replan} if config.replan else {}),
     }
-    common |= {"planner": planner_label(config), "model": _model(config, registry)}
-    common |= {"depth_noise": _noise_label(config), "scale": str(config.scale)}
-    common |= {"world": config.world} if config.world == LEARNABLE else {}
-    common |= {"replan": config.replan} if config.replan else {}
+    other = teaching is not config and planner_label(teaching) != planner_label(config)
+    arms = [(arm, _memory_key(config, registry, arm)) for arm in arms_of(config)]
     plan = []
     for task in tasks:
-        for arm in arms_of(config):
-            past: Any = () if arm.source in ("off", "none") else (learnt, memories[arm.name])
-            other = teaching is not config and planner_label(teaching) != planner_label(config)
+        for arm, memory in arms:
+            past: Any = () if arm.source in ("off", "none") else (learnt, memory)
             teacher = planner_label(teaching) if past and other else ""
             told = {"teacher": teacher, **({"variant": arm.variant} if arm.variant else {})}
-            changed = [count for count in (arm.replan, arm.explored) if count is not None]
-            past = (past, arm.replan, arm.explored) if changed else past
+            if arm.replan is not None or arm.explored is not None:
+                past = (past, arm.replan, arm.explored)
             for place, layout in _places(config):
                 here: dict[str, str | int] = {"task": task, "arm": arm.name, **place}
                 keys = {p: cell_key(SUITE, here, p, around[task], past) for p in PROFILES}
@@ -260,26 +242,8 @@ def _places(config: BenchConfig) -> list[tuple[dict[str, str | int], int]]:
     ]
 
 
-def _memory_key(config: BenchConfig, registry: Registry, name: str) -> Any:
-    arm = arm_named(config, name)
+def _memory_key(config: BenchConfig, registry: Registry, arm: BenchArm) -> Any:
     if arm.source in ("off", "best_theta"):
         return arm.source
-    root = chosen_memory(config, registry, arm, "")
-    from gvla2.evaluation.provenance import code_digest
-
-    typed = configured(registry, root, MEMORY)
-    code = code_digest(tuple(sorted({type(one).__module__ for one in typed})))
-    return [arm.source, list(map(asdict, typed)), code]
-
-
-def _exploration(config: BenchConfig, tasks: Sequence[str], around: Mapping[str, Any]) -> list[Planned]:
-    from gvla2.evaluation.results import cell_key
-
-    plan = []
-    for task in tasks:
-        for seed in dict.fromkeys(config.exploration_seeds):
-            place: dict[str, str | int] = {"task": task, "arm": EXPLORED, "seed": seed}
-            key = cell_key(EXPLORATION, place, around[task], config.exploration, config.exploration_replan)
-            factors = {**place, "planner": planner_label(config)}
-            plan.append(Planned(task, EXPLORED, seed, {"both": key}, factors))
-    return plan
+    typed = configured(registry, chosen_memory(config, registry, arm, ""), MEMORY)
+    return [arm.source, list(map(asdict, typed)), code_of(typed)]

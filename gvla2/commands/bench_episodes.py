@@ -6,29 +6,24 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry, load_plugins, nothing_in
-from gvla2.commands.bench_arms import Arm, arm_named, has_bank
+from gvla2.catalog import Registry, nothing_in
+from gvla2.commands.bench_arms import BenchArm, arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_subjects import subject_options
-from gvla2.errors import Gvla2Error
+from gvla2.commands.run import GEOMETRY, LOOP, EpisodeReporter, build_parts
 from gvla2.evaluation.robot.design import failure_class
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from gvla2.episode import Parts
     from gvla2.evaluation.robot.experience import Experience
     from gvla2.language.endpoint import LanguageModel
     from gvla2.memory.contracts import Memory, MemoryTask
-    from gvla2.record.contents import EpisodeRecord, Stage
+    from gvla2.record.contents import EpisodeRecord
+    from gvla2.record.recorder import RunRecorder
 
-LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
-GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 MEMORY = ("memory", "retriever", "embedder", "inducer", "judge")
 HELPED = ("camera", *MEMORY, "language")
 EXPLORED = "exploration"
@@ -58,7 +53,7 @@ class EpisodeUnit:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class EpisodeOutcome:
     """What became of one episode; plain data. ``succeeded`` by profile; ``spent`` is what planning took, by measure;
     ``experience`` from exploration alone, one an attempt and part.
     """
@@ -88,7 +83,7 @@ def chosen_parts(
     return {**root, "task": subject_options(config, registry, subject), "memory": {"name": "none"}}
 
 
-def chosen_memory(config: BenchConfig, registry: Registry, arm: Arm, bank: str) -> dict[str, Any]:
+def chosen_memory(config: BenchConfig, registry: Registry, arm: BenchArm, bank: str) -> dict[str, Any]:
     """What to build for an arm's memory; one that has a ``url`` option keeps its bank in the file ``bank``."""
     options = {"name": arm.memory, **arm.options}
     if has_bank(registry, arm):
@@ -106,15 +101,7 @@ def configured(registry: Registry, root: Mapping[str, Any], kinds: Iterable[str]
     return [options for options, _ in (*found, *([registry.configure(root, "language")] if asking else []))]
 
 
-def run_there(unit: EpisodeUnit) -> list[Outcome]:
-    """As :func:`run_unit`, in a worker process; errors travel back as their message alone."""
-    try:
-        return run_unit(unit, _registry())
-    except Gvla2Error as error:
-        raise Gvla2Error(str(error)) from None
-
-
-def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
+def run_unit(unit: EpisodeUnit, registry: Registry) -> list[EpisodeOutcome]:
     """Run the unit's episodes here. An episode in which a component crashed is a failure; the next has fresh parts."""
     outcomes = []
     for layout in unit.layouts:
@@ -128,20 +115,15 @@ def run_unit(unit: EpisodeUnit, registry: Registry) -> list[Outcome]:
     return outcomes
 
 
-def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
+def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> EpisodeOutcome:
     from gvla2.episode import EpisodeRequest, run_episode
     from gvla2.evaluation.robot.experience import Experience
 
-    request = EpisodeRequest(
-        seed=layout,
-        depth_noise=unit.config.depth_noise,
-        source=f"{unit.task}-{unit.arm}-{layout}",
-        replan=_tries(unit),
-        planner_timeout=unit.config.planner_timeout,
-        max_parts=unit.config.max_parts,
-        agreement=unit.config.agreement,
-    )
-    listener = _Watcher(Path(unit.film) / str(layout), unit) if unit.film else _Watcher()
+    same = ("depth_noise", "planner_timeout", "max_parts", "agreement")
+    options: dict[str, Any] = {name: getattr(unit.config, name) for name in same}
+    source = f"{unit.task}-{unit.arm}-{layout}"
+    request = EpisodeRequest(seed=layout, source=source, replan=_tries(unit), **options)
+    listener = EpisodeReporter(_filming(unit, layout))
     started = time.perf_counter()
     with suppress(Exception):  # the record says what crashed; an ablation of many hours must not end with it
         run_episode(parts, request, listener)
@@ -153,7 +135,7 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
     succeeded = {"eased": bool(judged and judged.eased), "strict": bool(judged and judged.strict)}
     failure = failure_class(record)
     explored = Experience.of(record, parts.skills) if unit.arm == EXPLORED else ()
-    return Outcome(
+    return EpisodeOutcome(
         layout,
         succeeded,
         round(seconds, 3),
@@ -163,6 +145,14 @@ def _run(unit: EpisodeUnit, parts: Parts, layout: int) -> Outcome:
         _notes(record),
         explored,
     )
+
+
+def _filming(unit: EpisodeUnit, layout: int) -> RunRecorder | None:
+    """What leaves all that `gvla2 run` would, where a film was asked for."""
+    from gvla2.record.recorder import RunRecorder
+
+    told = f"# gvla2 bench suite=robot: task {unit.task}, arm {unit.arm}\n"
+    return RunRecorder(Path(unit.film) / str(layout), told, command="bench") if unit.film else None
 
 
 def _tries(unit: EpisodeUnit) -> int:
@@ -217,33 +207,6 @@ def _notes(record: EpisodeRecord) -> dict[str, Any]:
     }
 
 
-class _Watcher:
-    """Keeps the latest record; with a folder it also leaves there all that `gvla2 run` would."""
-
-    def __init__(self, folder: Path | None = None, unit: EpisodeUnit | None = None) -> None:
-        from gvla2.record.recorder import RunRecorder
-
-        self.latest: EpisodeRecord | None = None
-        told = f"# gvla2 bench suite=robot: task {unit.task}, arm {unit.arm}\n" if unit else ""
-        self._recorder = RunRecorder(folder, told, command="bench") if folder else None
-
-    def begin(self, stage: Stage) -> None:
-        pass
-
-    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
-        self.latest = record
-        if self._recorder:
-            self._recorder.stage(record, stage)
-
-    def frame(self, image: NDArray[np.uint8]) -> None:
-        if self._recorder:
-            self._recorder.frame(image)
-
-    def finish(self) -> None:
-        if self._recorder and self.latest is not None:
-            self._recorder.finish(self.latest)
-
-
 def _exploring(config: BenchConfig, registry: Registry, layout: int, language: LanguageModel | None) -> Any:
     """The planner with its theta varied, another way in each episode; as it is, where it has no such option."""
     given = {field.name for field in fields(config.planner)}
@@ -279,23 +242,12 @@ _kept: dict[str, Parts] = {}
 
 
 def _parts_of(unit: EpisodeUnit, registry: Registry) -> Parts:
-    from gvla2.episode import Parts
-    from gvla2.loop.refine import GeometryParts
-
     key = repr((unit.config, unit.task, bool(unit.film)))
     if key not in _kept:
         _forget_parts()
         root = chosen_parts(unit.config, registry, unit.task, filmed=bool(unit.film))
-        built: dict[str, Any] = {}
-        registry.build_all(root, (*LOOP, "memory", *GEOMETRY), built)
-        choices = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
-        _kept[key] = Parts(
-            **{kind: built[kind] for kind in (*LOOP, "memory")},
-            geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
-            choices={**choices, "task": unit.task},
-            skills=registry.skills,
-            language=built.get("language"),
-        )
+        named = {kind: getattr(unit.config, kind).name for kind in (*LOOP, *GEOMETRY) if kind != "task"}
+        _kept[key] = build_parts(root, registry, {**named, "task": unit.task})
     return replace(_kept[key], choices={**_kept[key].choices, "memory": unit.arm})
 
 
@@ -304,8 +256,3 @@ def _forget_parts() -> None:
         parts.robot.close()
         parts.memory.close()
     _kept.clear()
-
-
-@cache
-def _registry() -> Registry:
-    return load_plugins()

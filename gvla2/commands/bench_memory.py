@@ -6,7 +6,7 @@ import logging
 import os
 import platform
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_memory_progress import MemoryProgress
+from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.memory.figure import Figure, Test
+    from gvla2.evaluation.memory.figure import Figure, Row, Test
     from gvla2.evaluation.memory.released_peer import ReleasedPeer
     from gvla2.evaluation.memory.setting import Setting
-    from gvla2.evaluation.results import Cell, Results
+    from gvla2.evaluation.results import Cell
     from gvla2.memory.contracts import Embedder
 
 DATA = "generated"
@@ -44,35 +44,44 @@ class _Planned:
     order: int
 
 
-def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
-    """Measure what the database lacks, one test after the other in this process; all rows, in the table's order.
+def run(bench: BenchRun) -> list[Cell]:
+    """Measure what the database lacks, one test after the other in this process.
 
     The rows of a finished test are stored at once, so that an interrupted bench goes on where it stopped.
     """
-    from gvla2.evaluation.memory.suite import SUITE, chosen_tests
+    from gvla2.evaluation.memory.setting import Setting
+    from gvla2.evaluation.memory.suite import chosen_tests
 
-    tests = chosen_tests(config.memory.tests)
-    released = _released(config.memory.peer)
+    config, options = bench.config, bench.config.memory
+    tests = chosen_tests(options.tests)
+    released = _released(options.peer)
     questions = _question_file(config.data.root)
     plan = [_planned(test, config, released, questions) for test in tests]
     keys = [key for planned in plan for key in planned.keys]
-    known = {} if config.results.fresh else results.with_keys(keys)
-    known = {key: cell for key, cell in known.items() if cell.notes.get("status") == "ok"}
+    known = bench.known(keys)
     missing = [planned for planned in plan if not known.keys() >= set(planned.keys)]
-    if known:
-        log.info("%d of %d rows are in %s already.", len(known), len(keys), results.url)
     with (
-        MemoryProgress({planned.test: _seconds(planned) for planned in missing}, config.quiet) as progress,
-        _scratch(config.memory.folder or str(folder)) as scratch,
+        bench.progress(sum(map(_seconds, missing)), seconds=True) as progress,
+        _scratch(options.folder or str(bench.folder)) as scratch,
     ):
-        setting = _setting(config, registry, scratch, released, questions)
+        setting = Setting(
+            scratch,
+            scale=options.scale,
+            seed=options.seed,
+            released=released,
+            question_file=questions,
+            embedders=_embedders(bench.registry),
+        )
         for planned in missing:
-            progress.begin(planned.test)
-            setting.tell = progress.tell
-            cells = _measure(planned, setting)
-            results.add(run_id, SUITE, cells)
-            known |= {cell.key: cell for cell in cells}
-            progress.done(planned.test)
+            label, expected = planned.test.label, _seconds(planned)
+
+            def tell(share: float, what: str, label: str = label, expected: float = expected) -> None:
+                progress.reached(min(share, 1.0) * expected, f"{label}: {what}" if what else label)
+
+            tell(0.0, "")
+            setting.tell = tell
+            known |= bench.store(_measure(planned, setting))
+            progress.done(expected, label)
     return [known[key] for key in keys]
 
 
@@ -111,65 +120,44 @@ def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
     except Gvla2Error as error:
         status = f"failed: {error}"
     return [
-        _cell(key, planned, place, figures.get(row.name, Figure(None)), status)
+        figure_cell(
+            key,
+            row,
+            figures.get(row.name, Figure(None)),
+            size=planned.size,
+            on=test.on,
+            order=[planned.order, planned.size, place],
+            status=status,
+        )
         for place, (key, row) in enumerate(zip(planned.keys, test.rows, strict=True))
     ]
 
 
-def _cell(key: str, planned: _Planned, place: int, figure: Figure, status: str) -> Cell:
+def figure_cell(
+    key: str, row: Row, figure: Figure, *, size: int, on: str, order: Sequence[int], status: str
+) -> Cell:
+    """A figure as a row of the results: of a test of this ``size`` on ``on``, at its place in the table."""
     from gvla2.evaluation.memory.figure import passed
     from gvla2.evaluation.results import Cell
 
-    row = planned.test.rows[place]
     goal = row.goal if figure.goal is None else figure.goal
-    factors: dict[str, str | int] = {
-        "test": row.name,
-        "n": planned.size if figure.n is None else figure.n,
-        "on": planned.test.on,
-    }
-    measures = {
-        "value": figure.value,
-        "peer_value": figure.peer_value,
-        "released_value": figure.released,
-        "goal": goal,
-    }
+    measures = {"value": figure.value, "peer_value": figure.peer_value, "released_value": figure.released}
     notes: dict[str, Any] = {
         "status": status,
-        "size": planned.size,
-        "order": [planned.order, planned.size, place],
-        "title": row.title,
-        "unit": row.unit,
-        "better": row.better,
-        "digits": row.digits,
+        "size": size,
+        "order": list(order),
+        **{name: getattr(row, name) for name in ("title", "unit", "better", "digits")},
         "peer": figure.peer,
         "passed": passed(figure.value, goal, row.better),
         "note": figure.note,
     }
-    return Cell(key, factors, measures, notes)
+    factors: dict[str, str | int] = {"test": row.name, "n": size if figure.n is None else figure.n, "on": on}
+    return Cell(key, factors, {**measures, "goal": goal}, notes)
 
 
 def _seconds(planned: _Planned) -> float:
     """About how long it takes: nothing is quicker than opening what it needs."""
     return 0.5 + planned.test.seconds * planned.size / planned.test.size
-
-
-def _setting(
-    config: BenchConfig,
-    registry: Registry,
-    scratch: Path,
-    released: ReleasedPeer | None,
-    questions: Path | None,
-) -> Setting:
-    from gvla2.evaluation.memory.setting import Setting
-
-    return Setting(
-        scratch,
-        scale=config.memory.scale,
-        seed=config.memory.seed,
-        released=released,
-        question_file=questions,
-        embedders=_embedders(registry),
-    )
 
 
 def _embedders(registry: Registry) -> dict[str, Callable[[], Embedder]]:

@@ -22,7 +22,7 @@ _EPISODES = (
     "tasks",
     "episodes",
 )
-_ARMS = ("arms", "own_arms", "arm_options")
+_ARMS = ("arms", "own_arms")
 
 OPTIONS: Mapping[str, frozenset[str]] = MappingProxyType(
     {

@@ -6,33 +6,34 @@ import time
 from types import TracebackType
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn
 
 EVERY = 10.0
 """Seconds between lines where there is no terminal."""
+_FEW = 5.0
+"""Seconds of work that tell too little about a machine."""
 
 
 class BenchProgress:
     """A bar with the time left on a terminal, a line now and then elsewhere; nothing when ``quiet``.
 
-    ``total`` counts cells to measure.
+    ``total`` counts cells to measure; with ``seconds`` it is about how long everything takes, for work whose pieces
+    differ much, and how the first ones do corrects it for this machine.
     """
 
-    def __init__(self, total: int, quiet: bool = False, console: Console | None = None) -> None:
+    def __init__(
+        self, total: float, quiet: bool = False, console: Console | None = None, *, seconds: bool = False
+    ) -> None:
         self._console = console or Console(stderr=True, highlight=False)
-        self._total, self._done, self._quiet = total, 0, quiet or total == 0
+        self._total, self._quiet, self._seconds = total, quiet or total == 0, seconds
+        self._begun = 0.0
+        self._done = 0.0
         self._began = self._told = time.monotonic()
         self._bar: Progress | None = None
         if self._console.is_terminal and not self._console.is_dumb_terminal and not self._quiet:
-            self._bar = Progress(
-                TextColumn("{task.description}", markup=False),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TextColumn("left:"),
-                TimeRemainingColumn(),
-                console=self._console,
-            )
-            self._task = self._bar.add_task("measuring", total=total)
+            columns = TextColumn("{task.description}", markup=False), TextColumn("{task.fields[left]}")
+            self._bar = Progress(columns[0], BarColumn(), columns[1], console=self._console)
+            self._task = self._bar.add_task("measuring", total=total, left="")
 
     def __enter__(self) -> BenchProgress:
         if self._bar is not None:
@@ -45,21 +46,25 @@ class BenchProgress:
         if self._bar is not None:
             self._bar.stop()
 
-    def done(self, cells: int, what: str) -> None:
-        """So many more cells are measured, those of ``what``."""
-        self._done += cells
+    def done(self, amount: float, what: str) -> None:
+        """So much more is measured, that of ``what``."""
+        self._begun += amount
+        self.reached(0.0, what)
+
+    def reached(self, part: float, what: str) -> None:
+        """So much of what is not done yet is measured."""
+        self._done = min(self._begun + max(part, 0.0), self._total)
+        now = time.monotonic()
+        minutes, rest = divmod(round(self.left()), 60)
+        count = "" if self._seconds else f"{self._done:.0f} of {self._total:.0f} cells, "
         if self._bar is not None:
-            self._bar.update(self._task, advance=cells, description=what)
-        elif not self._quiet:
-            now = time.monotonic()
-            if now - self._told >= EVERY or self._done >= self._total:
-                self._told = now
-                left = (now - self._began) / self._done * (self._total - self._done)
-                self._console.print(
-                    f"{self._done} of {self._total} cells, {what}, {_clock(left)} left", markup=False
-                )
+            left = f"{count}{minutes}:{rest:02d} left"
+            self._bar.update(self._task, completed=self._done, description=what, left=left)
+        elif not self._quiet and (now - self._told >= EVERY or self._begun >= 0.999 * self._total):
+            self._told = now
+            self._console.print(f"{count}{what}, {minutes}:{rest:02d} left", markup=False)
 
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes}:{rest:02d}"
+    def left(self) -> float:
+        """Seconds until the end, by how long it took up to here."""
+        spent, few = time.monotonic() - self._began, _FEW if self._seconds else 0.0
+        return (self._total - self._done) * (spent + few) / (self._done + few) if self._done + few else 0.0

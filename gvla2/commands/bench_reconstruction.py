@@ -1,25 +1,22 @@
-"""``gvla2 bench suite=reconstruction``: the five ablation rows on every object."""
+"""``gvla2 bench suite=reconstruction``: the ablation rows on every object."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from itertools import product
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_measuring import KINDS, Unit, chosen_parts, lpips_of, measure_there, measure_unit
-from gvla2.commands.bench_progress import BenchProgress
-from gvla2.commands.bench_workers import in_processes, workers_for
+from gvla2.commands.bench_frame import BenchRun, code_of
+from gvla2.commands.bench_measuring import KINDS, ObjectUnit, chosen_parts, lpips_of, measure_unit
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.ablation import Measured
     from gvla2.evaluation.datasets import Dataset
-    from gvla2.evaluation.results import Cell, Results
+    from gvla2.evaluation.results import Cell
 
 MEASURING_CODE = (
     "gvla2.geometry",
@@ -37,31 +34,31 @@ MEASURING_CODE = (
 log = logging.getLogger(__name__)
 
 
-def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
-    """Measure what the database lacks; all cells of the design, in its order. Pictures go to ``folder/pictures``.
-
-    Every finished object is stored at once, so that an interrupted bench goes on where it stopped.
-    """
-    from gvla2.evaluation.ablation import SUITE
+def run(bench: BenchRun) -> list[Cell]:
+    """Measure what the database lacks, an object and baseline after the other. Pictures go to ``folder/pictures``."""
     from gvla2.evaluation.datasets import open_dataset
+    from gvla2.record.files import write_bytes
 
-    data = config.data
+    config, data = bench.config, bench.config.data
     dataset = open_dataset(data.kind, data.root, data.objects, size=data.size, samples=data.samples)
     _check_names(config)
-    units = list(_design(config, registry, dataset))
+    units = list(_design(config, bench.registry, dataset))
     keys = [want.key for unit in units for want in unit.wanted]
-    known = {} if config.results.fresh else results.with_keys(keys)
-    known = {key: cell for key, cell in known.items() if cell.notes.get("status") == "ok"}
-    missing = [_without(unit, known) for unit in units]
-    missing = [unit for unit in missing if unit.wanted]
-    if known:
-        log.info("%d of %d cells are in %s already.", len(known), len(keys), results.url)
-    total = sum(len(unit.wanted) for unit in missing)
-    with BenchProgress(total, config.quiet) as progress:
-        for unit, measured in _measure(missing, registry, config.workers):
-            cells = [_keep_picture(one, unit, folder) for one in measured]
-            results.add(run_id, SUITE, cells)
-            known |= {cell.key: cell for cell in cells}
+    known = bench.known(keys)
+    left = [replace(unit, wanted=tuple(w for w in unit.wanted if w.key not in known)) for unit in units]
+    missing = [unit for unit in left if unit.wanted]
+    with bench.progress(sum(len(unit.wanted) for unit in missing)) as progress:
+        for unit, measured in bench.measured(measure_unit, missing):
+            cells = []
+            for one in measured:
+                cell = one.cell
+                if one.picture is not None:
+                    parts = ("object", "baseline", "drift", "noise", "variant")
+                    name = "-".join(str(cell.factors[part]) for part in parts)
+                    path = write_bytes(bench.folder / "pictures" / f"{name}.png", one.picture)
+                    cell = replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
+                cells.append(cell)
+            known |= bench.store(cells)
             progress.done(len(cells), f"{unit.item.name}, {unit.baseline}")
     return [known[key] for key in keys]
 
@@ -89,11 +86,10 @@ def _check_names(config: BenchConfig) -> None:
                 raise ConfigurationError(f"No {what} '{name}'. Available: {', '.join(there)}.")
 
 
-def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterator[Unit]:
+def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterator[ObjectUnit]:
     """Every cell of the design with its key, one unit an object and baseline."""
     from gvla2.evaluation.ablation import SUITE, VARIANTS, Wanted
     from gvla2.evaluation.protocol import VERSION
-    from gvla2.evaluation.provenance import code_digest
     from gvla2.evaluation.results import cell_key
 
     lpips = lpips_of(config.lpips_weights) is not None
@@ -101,77 +97,37 @@ def _design(config: BenchConfig, registry: Registry, dataset: Dataset) -> Iterat
         log.warning(
             "LPIPS is not measured: its weights are absent. Fetch them with: gvla2 data fetch=[lpips]"
         )
+    baselines, seeds = list(dict.fromkeys(config.baselines)), list(dict.fromkeys(config.seeds))
+    noises, drifts = list(dict.fromkeys(config.noise)), list(dict.fromkeys(config.drifts))
+    variants = list(dict.fromkeys(config.variants or VARIANTS))
     chosen: dict[tuple[str, int, str], tuple[dict[str, Any], str]] = {}
-    for baseline in dict.fromkeys(config.baselines):
-        for seed, noise in product(dict.fromkeys(config.seeds), dict.fromkeys(config.noise)):
-            root = chosen_parts(config, registry, baseline, seed, noise)
-            typed = [registry.configure(root, kind)[0] for kind in KINDS]
-            code = code_digest((*MEASURING_CODE, *sorted({type(one).__module__ for one in typed})))
-            chosen[baseline, seed, noise] = dict(zip(KINDS, map(asdict, typed), strict=True)), code
+    for baseline, seed, noise in product(baselines, seeds, noises):
+        root = chosen_parts(config, registry, baseline, seed, noise)
+        typed = [registry.configure(root, kind)[0] for kind in KINDS]
+        options = dict(zip(KINDS, map(asdict, typed), strict=True))
+        chosen[baseline, seed, noise] = options, code_of(typed, *MEASURING_CODE)
+    weights = (lpips, config.lpips_weights, config.surface_samples)
+    protocol = (VERSION, dataset.size, dataset.samples, *weights)
+    parts = {kind: getattr(config, kind).name for kind in ("axis", "fusion", "renderer")}
     for item in dataset.items:
         print_of_files = item.fingerprint()
-        for baseline in dict.fromkeys(config.baselines):
+        for baseline in baselines:
             wanted = []
-            for seed, noise in product(dict.fromkeys(config.seeds), dict.fromkeys(config.noise)):
-                for drift in dict.fromkeys(config.drifts):
-                    for variant in dict.fromkeys(config.variants or VARIANTS):
-                        factors: dict[str, str | int] = {
-                            "data": dataset.kind,
-                            "object": item.name,
-                            "baseline": baseline,
-                            "drift": drift,
-                            "variant": variant,
-                            "seed": seed,
-                            "prior": config.prior.name,
-                            "noise": _noise_name(config.prior.name, noise),
-                            "axis": config.axis.name,
-                            "fusion": config.fusion.name,
-                            "renderer": config.renderer.name,
-                            "mode": config.mode,
-                            "compat": config.compat,
-                        }
-                        protocol = (
-                            VERSION,
-                            dataset.size,
-                            dataset.samples,
-                            lpips,
-                            config.lpips_weights,
-                            config.surface_samples,
-                        )
-                        key = cell_key(
-                            SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files
-                        )
-                        wanted.append(Wanted(key, factors))
-            yield Unit(dataset, item, baseline, tuple(wanted), config)
-
-
-def _noise_name(prior: str, noise: str) -> str:
-    """What a caption says of a prior's noise: its name where it was drawn."""
-    return {"depth": noise, "none": "none"}.get(prior, "its own")
-
-
-def _without(unit: Unit, known: Mapping[str, Cell]) -> Unit:
-    left = tuple(want for want in unit.wanted if want.key not in known)
-    return replace(unit, wanted=left)
-
-
-def _measure(units: Sequence[Unit], registry: Registry, asked: int) -> Iterator[tuple[Unit, list[Measured]]]:
-    workers = workers_for(asked, len(units))
-    if workers == 1:
-        for unit in units:
-            yield unit, measure_unit(unit, registry)
-    else:
-        yield from in_processes(measure_there, units, workers)
-
-
-def _keep_picture(measured: Measured, unit: Unit, folder: Path) -> Cell:
-    """Store the cell's picture, if any, and note its path."""
-    from gvla2.record.files import write_bytes
-
-    cell = measured.cell
-    if measured.picture is None:
-        return cell
-    factors = cell.factors
-    name = "-".join(str(factors[part]) for part in ("object", "baseline", "drift", "noise", "variant"))
-    path = write_bytes(folder / "pictures" / f"{name}.png", measured.picture)
-    return replace(cell, notes={**cell.notes, "picture": str(path.absolute())})
+            for seed, noise, drift, variant in product(seeds, noises, drifts, variants):
+                factors: dict[str, str | int] = {
+                    "data": dataset.kind,
+                    "object": item.name,
+                    "baseline": baseline,
+                    "drift": drift,
+                    "variant": variant,
+                    "seed": seed,
+                    "prior": config.prior.name,
+                    # What a caption says of a prior's noise: its name where it was drawn.
+                    "noise": {"depth": noise, "none": "none"}.get(config.prior.name, "its own"),
+                    **parts,
+                    "mode": config.mode,
+                    "compat": config.compat,
+                }
+                key = cell_key(SUITE, factors, chosen[baseline, seed, noise], protocol, print_of_files)
+                wanted.append(Wanted(key, factors))
+            yield ObjectUnit(dataset, item, baseline, tuple(wanted), config)

@@ -3,69 +3,53 @@
 from __future__ import annotations
 
 import logging
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
 from gvla2.commands.bench_arms import arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
 from gvla2.commands.bench_design import Design, Planned, designs
-from gvla2.commands.bench_episodes import (
-    EXPLORED,
-    EpisodeUnit,
-    Outcome,
-    chosen_memory,
-    run_there,
-    run_unit,
-)
-from gvla2.commands.bench_films import worth_filming
+from gvla2.commands.bench_episodes import EXPLORED, EpisodeOutcome, EpisodeUnit, chosen_memory, run_unit
+from gvla2.commands.bench_frame import BenchRun
 from gvla2.commands.bench_progress import BenchProgress
 from gvla2.commands.bench_subjects import kind_of
-from gvla2.commands.bench_workers import in_processes, workers_for
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.robot.design import EXPLORATION, NOT_MEASURED, SUITE, others_of
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.results import Cell, Results
+    from gvla2.evaluation.results import Cell
     from gvla2.evaluation.robot.experience import Experience
 
 DATA = "simulated"
 TOGETHER = 5
 """Episodes that a process runs before their rows are stored."""
+COMPARED = "off"
+"""The arm that the others are compared with."""
 
 log = logging.getLogger(__name__)
 
 
-def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
+def run(bench: BenchRun) -> list[Cell]:
     """Run what the database lacks; all rows of the design, in its order, planner by planner.
 
-    Episodes are stored a few at a time, so that an interrupted bench goes on where it stopped. Exploration is kept,
-    too: every arm of a planner learns from the same episodes, of which the banks in ``folder/banks`` are made.
+    Exploration is kept, too: every arm of a planner learns from the same episodes, of which the banks in
+    ``folder/banks`` are made.
     """
-    parted = designs(config, registry)
-    plan = {key: one for design in parted for one in design.plan for key in one.keys.values()}
-    exploring = {key: one for design in parted for one in design.exploring for key in one.keys.values()}
-    known = _known(config, results, (*plan, *exploring))
-    lacking = [*_lacking(plan.values(), known), *_lacking(exploring.values(), known)]
-    number = sum(len(design.plan) for design in parted) + len(exploring)
-    if len(lacking) < number:
-        log.info("%d of %d episodes are in %s already.", number - len(lacking), number, results.url)
-    shown: list[Cell] = []
-    with BenchProgress(len(lacking), config.quiet) as progress:
-        for design in parted:
-            bench = _PlannerBench(design, registry, results, run_id, folder, progress)
-            shown += bench.measure(known)
-    return shown
+    parted = designs(bench.config, bench.registry)
+    episodes = [one for design in parted for one in (*design.plan, *design.exploring)]
+    known = bench.known([key for one in episodes for key in one.keys.values()])
+    with bench.progress(len(_lacking(episodes, known))) as progress:
+        return [c for design in parted for c in _PlannerBench(design, bench, progress).measure(known)]
 
 
 def _lacking(wanted: Iterable[Planned], known: Mapping[str, Cell]) -> list[Planned]:
     """The episodes of which a profile is not known, each once."""
-    once = {id(one): one for one in wanted}
-    return [one for one in once.values() if not known.keys() >= set(one.keys.values())]
+    once = {tuple(one.keys.values()): one for one in wanted}
+    return [one for keys, one in once.items() if not known.keys() >= set(keys)]
 
 
 @dataclass(frozen=True)
@@ -73,10 +57,7 @@ class _PlannerBench:
     """One planner's way through the bench: explore, freeze, test, film."""
 
     design: Design
-    registry: Registry
-    results: Results
-    run_id: int
-    folder: Path
+    bench: BenchRun
     progress: BenchProgress
 
     def measure(self, known: dict[str, Cell]) -> list[Cell]:
@@ -84,30 +65,23 @@ class _PlannerBench:
         design = self.design
         lacking = _lacking(design.exploring, known)
         self._carry_out(lacking, _units(design.teaching, lacking), EXPLORATION, known)
-        _require_measured(design.exploring, known)
         experiences = _experiences(design.exploring, known)
         lacking = _lacking(design.plan, known)
         banks = self._banks(lacking, experiences)
-        self._carry_out(
-            lacking, _units(design.config, lacking, experiences, banks, design.tasks), SUITE, known
-        )
-        cells = [known[key] for one in design.plan for key in one.keys.values()]
-        shown = self._filmed(cells, experiences, banks)
-        self.results.add(
-            self.run_id, SUITE, [new for old, new in zip(cells, shown, strict=True) if new is not old]
-        )
-        return shown
+        units = _units(design.config, lacking, experiences, banks, design.tasks)
+        self._carry_out(lacking, units, SUITE, known)
+        cells = {key: known[key] for one in design.plan for key in one.keys.values()}
+        filmed = self._filmed(cells, experiences, banks)
+        self.bench.store(list(filmed.values()))
+        return list((cells | filmed).values())
 
     def _carry_out(
         self, planned: Sequence[Planned], units: Sequence[EpisodeUnit], suite: str, known: dict[str, Cell]
     ) -> None:
         by_place = {(one.task, one.arm, one.layout): one for one in planned}
-        for unit, outcomes in _measure(units, self.registry, self.design.config.workers):
-            cells = []
-            for outcome in outcomes:
-                cells += _cells(by_place[unit.task, unit.arm, outcome.layout], outcome)
-            self.results.add(self.run_id, suite, cells)
-            known.update({cell.key: cell for cell in cells})
+        for unit, outcomes in self.bench.measured(run_unit, units, tries=3):
+            cells = [c for each in outcomes for c in _cells(by_place[unit.task, unit.arm, each.layout], each)]
+            known |= self.bench.store(cells, suite)
             self.progress.done(len(outcomes), f"{unit.config.planner.name}, {unit.task}, {unit.arm}")
 
     def _banks(
@@ -124,15 +98,15 @@ class _PlannerBench:
         taught: dict[str, str] = {}
         for task, arm in dict.fromkeys((one.task, one.arm) for one in planned):
             made = arm_named(self.design.config, arm)
-            if not has_bank(self.registry, made):
+            if not has_bank(self.bench.registry, made):
                 continue
             own = made.source == "shuffled"
             name = f"{arm}-{list(self.design.tasks).index(task)}" if own else arm
             if name not in taught:
-                path = make_folder(self.folder / "banks" / self.design.place).absolute() / f"{name}.db"
-                root = chosen_memory(self.design.config, self.registry, made, str(path))
+                path = make_folder(self.bench.folder / "banks" / self.design.place).absolute() / f"{name}.db"
+                root = chosen_memory(self.design.config, self.bench.registry, made, str(path))
                 lessons = first(experiences, made.explored)
-                with closing(self.registry.build(root, "memory")) as memory:
+                with closing(self.bench.registry.build(root, "memory")) as memory:
                     for other, learnt in lessons.items():
                         if not own or other != task:
                             teach(memory, learnt)
@@ -142,36 +116,55 @@ class _PlannerBench:
 
     def _filmed(
         self,
-        cells: Sequence[Cell],
+        cells: Mapping[str, Cell],
         experiences: Mapping[str, Sequence[Experience]],
         banks: Mapping[tuple[str, str], str],
-    ) -> list[Cell]:
-        """The cells, some with the folder of their film: the episode run once more, which is the same."""
+    ) -> dict[str, Cell]:
+        """Those cells that get the folder of their film: the episode run once more, which is the same."""
         design = self.design
-        by_key = {cell.key: cell for cell in cells}
+        found: dict[str, Cell] = {}
         chosen = [
             one
-            for one in worth_filming(design.plan, by_key, design.config.videos)
-            if not Path(str(by_key[one.keys["eased"]].notes.get("film", "")) or "/nowhere").is_dir()
+            for one in worth_filming(design.plan, cells, design.config.videos)
+            if not Path(str(cells[one.keys["eased"]].notes.get("film", "")) or "/nowhere").is_dir()
         ]
         banks = {**banks, **self._banks((o for o in chosen if (o.task, o.arm) not in banks), experiences)}
         for one in chosen:
-            place = (self.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()
+            place = (self.bench.folder / "failures" / design.place / f"{one.task}-{one.arm}").absolute()
             (unit,) = _units(design.config, [one], experiences, banks, design.tasks, str(place))
             log.info("Filming %s, %s, %s, layout %d.", design.planner, one.task, one.arm, one.layout)
-            (outcome,) = run_unit(unit, self.registry)
-            cell = by_key[one.keys["eased"]]
+            (outcome,) = run_unit(unit, self.bench.registry)
+            cell = cells[one.keys["eased"]]
             same = outcome.succeeded["eased"] == cell.measures["success"]
             notes = {"film": str(place / str(one.layout)), "film_agrees": same}
-            by_key[cell.key] = replace(cell, notes={**cell.notes, **notes})
-        return list(by_key.values())
+            found[cell.key] = replace(cell, notes={**cell.notes, **notes})
+        return found
 
 
-def _known(config: BenchConfig, results: Results, keys: Iterable[str]) -> dict[str, Cell]:
-    if config.results.fresh:
-        return {}
-    found = results.with_keys(list(keys))
-    return {key: cell for key, cell in found.items() if cell.notes.get("status") == "ok"}
+def worth_filming(plan: Sequence[Planned], cells: Mapping[str, Cell], videos: int) -> list[Planned]:
+    """Episodes of a plan to look at, ``videos`` for each row and arm at most.
+
+    Where an arm and memory off ended differently on one layout both are shown; what is left shows failures.
+    """
+    at = {(one.task, one.arm, one.layout): one for one in plan}
+    ended = {id(one): cells[one.keys["eased"]].measures["success"] for one in plan}
+    chosen: list[Planned] = []
+    taken: Counter[tuple[str, str]] = Counter()
+
+    def take(one: Planned) -> None:
+        if one not in chosen and taken[one.task, one.arm] < videos:
+            chosen.append(one)
+            taken[one.task, one.arm] += 1
+
+    for one in plan:
+        other = at.get((one.task, COMPARED, one.layout), one)
+        if {ended[id(one)], ended[id(other)]} == {True, False} and taken[one.task, one.arm] < videos:
+            take(one)
+            take(other)
+    for one in plan:
+        if ended[id(one)] == 0:
+            take(one)
+    return chosen
 
 
 def _units(
@@ -215,18 +208,7 @@ def first(
     return found
 
 
-def _measure(
-    units: Sequence[EpisodeUnit], registry: Registry, asked: int
-) -> Iterator[tuple[EpisodeUnit, list[Outcome]]]:
-    workers = workers_for(asked, len(units))
-    if workers == 1:
-        for unit in units:
-            yield unit, run_unit(unit, registry)
-    else:
-        yield from in_processes(run_there, units, workers, tries=3)
-
-
-def _cells(planned: Planned, outcome: Outcome) -> list[Cell]:
+def _cells(planned: Planned, outcome: EpisodeOutcome) -> list[Cell]:
     from gvla2.evaluation.results import Cell
 
     measured = outcome.failure not in NOT_MEASURED
@@ -245,21 +227,20 @@ def _cells(planned: Planned, outcome: Outcome) -> list[Cell]:
     return cells
 
 
-def _require_measured(exploring: Sequence[Planned], known: Mapping[str, Cell]) -> None:
-    """Raises :class:`Gvla2Error` where exploration has gaps: arms that learnt less would pass for full ones."""
-    gaps = [one for one in exploring if known[one.keys["both"]].notes.get("status") != "ok"]
+def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str, list[Experience]]:
+    """What each task's exploration brought, in the order of its seeds.
+
+    Raises :class:`Gvla2Error` where exploration has gaps: arms that learnt less would pass for full ones.
+    """
+    from gvla2.evaluation.robot.experience import Experience
+
+    gaps = [one for one in plan if known[one.keys["both"]].notes.get("status") != "ok"]
     if gaps:
         tasks = ", ".join(dict.fromkeys(one.task for one in gaps))
         raise Gvla2Error(
-            f"{len(gaps)} of {len(exploring)} explored episodes could not be measured ({tasks}): no answer in time, or "
+            f"{len(gaps)} of {len(plan)} explored episodes could not be measured ({tasks}): no answer in time, or "
             "no language model. What was measured is kept; run again, or with a longer planner_timeout=SECONDS."
         )
-
-
-def _experiences(plan: Sequence[Planned], known: Mapping[str, Cell]) -> dict[str, list[Experience]]:
-    """What each task's exploration brought, in the order of its seeds."""
-    from gvla2.evaluation.robot.experience import Experience
-
     found: dict[str, list[Experience]] = {}
     for one in plan:
         told = known[one.keys["both"]].notes.get("experience") or ()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields
-from difflib import get_close_matches
 from typing import Any
 
 from gvla2.catalog import Registry
 from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_frame import given_options, options_of, require_among
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.robot.design import PAPER
+from gvla2.evaluation.robot.design import PAPER, ordered
 
 LEARNABLE = "learnable"
 FAMILY = ", family "
@@ -24,24 +22,23 @@ def subjects(config: BenchConfig, registry: Registry) -> dict[str, dict[str, Any
     :class:`ConfigurationError` for options that a task does not have.
     """
     found: dict[str, dict[str, Any]] = {}
-    names = list(dict.fromkeys(config.tasks)) or default_tasks(config, registry)
-    for task in config.task_options:
-        if task not in names:
-            raise ConfigurationError(
-                f"task_options.{task}: '{task}' is none of the tasks of this bench ({', '.join(names)})."
-            )
-    for name in [n for n in PAPER if n in names] + [n for n in names if n not in PAPER]:
-        options = task_options(config, registry, name)
+    names = ordered(config.tasks or default_tasks(config, registry))
+    require_among("task_options", config.task_options, names, "tasks")
+    for name in names:
+        known, place = options_of(registry, "task", name), f"task_options.{name}"
+        options = given_options(place, config.task_options.get(name) or {}, f"the task '{name}'", known)
         told = ", ".join(f"{option}={value}" for option, value in sorted(options.items()))
         label = f"{name} ({told})" if told else name
+        world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
+        for asked, option in ((config.scale != 1, "scale"), (config.world == LEARNABLE, "family")):
+            if asked and option not in known:
+                why = f"scale is {config.scale}" if option == "scale" else f"world is {LEARNABLE}"
+                raise ConfigurationError(f"{why}, but the task '{name}' has no option '{option}'.")
         if config.scale != 1:
-            _require(registry, name, "scale", f"scale is {config.scale}")
             options["scale"] = config.scale
         if config.world != LEARNABLE:
             found[label] = {"name": name, **options}
             continue
-        _require(registry, name, "family", f"world is {LEARNABLE}")
-        world = {"world": LEARNABLE, "world_seed": config.seeds[0], "families": config.families}
         for family in range(config.families):
             found[f"{label}{FAMILY}{family}"] = {"name": name, **options, **world, "family": family}
     return found
@@ -68,38 +65,10 @@ def kind_of(label: str) -> str:
 
 
 def _can_be_built(registry: Registry, name: str) -> bool:
-    if "family" not in _known(registry, name):
+    if "family" not in options_of(registry, "task", name):
         return False
     try:
         registry.build({"task": {"name": name, "world": LEARNABLE}}, "task")
     except ConfigurationError:
         return False
     return True
-
-
-def task_options(config: BenchConfig, registry: Registry, name: str) -> dict[str, Any]:
-    """What ``task_options`` gives a task. Raises :class:`ConfigurationError` for an option that it does not have."""
-    given = config.task_options.get(name) or {}
-    if not isinstance(given, Mapping):
-        raise ConfigurationError(
-            f"task_options.{name} is {given!r}; give options: task_options.{name}.OPTION=VALUE."
-        )
-    known = sorted(_known(registry, name) - {"name"})
-    for option in given:
-        if option not in known:
-            close = get_close_matches(str(option), known, n=1)
-            hint = f" Did you mean '{close[0]}'?" if close else ""
-            raise ConfigurationError(
-                f"task_options.{name}.{option}: the task '{name}' has no such option.{hint} "
-                f"It has: {', '.join(known) or 'none'}."
-            )
-    return dict(given)
-
-
-def _require(registry: Registry, name: str, option: str, why: str) -> None:
-    if option not in _known(registry, name):
-        raise ConfigurationError(f"{why}, but the task '{name}' has no option '{option}'.")
-
-
-def _known(registry: Registry, name: str) -> set[str]:
-    return {field.name for field in fields(registry.get("task", name).config)}

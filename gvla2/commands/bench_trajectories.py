@@ -7,16 +7,15 @@ import random
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gvla2.catalog import Registry
-from gvla2.commands.bench_arms import Arm
-from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_arms import BenchArm
 from gvla2.commands.bench_episodes import chosen_memory, configured
-from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_frame import BenchRun
+from gvla2.commands.bench_memory import figure_cell
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.results import Cell, Results, cell_key
+from gvla2.evaluation.memory.figure import Figure, Row
+from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
     from gvla2.agents.trajectories import Trial
@@ -41,7 +40,7 @@ class _Judged:
         return 0.5 if self.verdict.outcome == "unavailable" else self.verdict.quality
 
 
-def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, folder: Path) -> list[Cell]:
+def run(bench: BenchRun) -> list[Cell]:
     """Judge a sample of the runs, let a memory learn from them in that light, and ask it about other runs' tasks.
 
     The plain peer is a rule of one line: a run whose account holds the fewer complaints in its last tenth, the better.
@@ -49,6 +48,7 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
     from gvla2.agents.trajectories import read_trials
     from gvla2.evaluation.provenance import code_digest, versions
 
+    config, registry = bench.config, bench.registry
     if not config.agents.trajectories:
         raise ConfigurationError(
             "agents.trajectories is not set: give a folder with Terminal-Bench's trials or mini-swe-agent's "
@@ -56,43 +56,46 @@ def run(config: BenchConfig, registry: Registry, results: Results, run_id: int, 
         )
     trials = read_trials(config.agents.trajectories)
     chosen = random.Random(config.seeds[0]).sample(trials, min(config.agents.most, len(trials)))
-    root = chosen_memory(config, registry, Arm("governed", "governed"), ":memory:")
+    root = chosen_memory(config, registry, BenchArm("governed", "governed"), ":memory:")
     options = [str(one) for one in configured(registry, root, ("verifier", "inducer"))]
     around = (VERSION, code_digest(MEASURING_CODE), versions(), options, [trial.id for trial in chosen])
-    keys = {name: cell_key(SUITE, name, *around) for name in _ROWS}
-    known = {} if config.results.fresh else results.with_keys(list(keys.values()))
+    keys = {row.name: cell_key(SUITE, row.name, *around) for row in _ROWS}
+    known = bench.known(list(keys.values()), well=False)
     if len(known) == len(keys):
         return [known[key] for key in keys.values()]
     with tempfile.TemporaryDirectory(prefix="gvla2-bench-") as place:
-        root = chosen_memory(config, registry, Arm("governed", "governed"), f"{place}/memory.db")
+        root = chosen_memory(config, registry, BenchArm("governed", "governed"), f"{place}/memory.db")
         built = registry.build_all(root, ("verifier", "memory"))
         try:
-            figures = _measured(chosen, built, config, str(getattr(config.verifier, "name", "")))
+            figures = _measured(chosen, built, bench)
         finally:
             built["memory"].close()
-    cells = [_cell(keys[name], name, figures[name], len(chosen), order) for order, name in enumerate(_ROWS)]
-    results.add(run_id, SUITE, cells)
+    cells = []
+    for order, row in enumerate(_ROWS):
+        figure, n = figures[row.name], len(chosen)
+        status = "ok" if figure.value is not None else "not measured: nothing to compute it from"
+        cells.append(
+            figure_cell(keys[row.name], row, figure, size=n, on=DATA, order=[order, n, 0], status=status)
+        )
+    bench.store(cells)
     return cells
 
 
-_ROWS: Mapping[str, tuple[str, str, str, int]] = {
-    "auc": ("Verifier: AUC against the known outcomes", "", "higher", 3),
-    "judged": ("Verifier: runs that it could judge", "%", "higher", 1),
-    "calibration": ("Verifier: expected calibration error", "", "lower", 3),
-    "tokens": ("Verifier: tokens a run", "", "lower", 0),
-    "seconds": ("Verifier: seconds a run", "s", "lower", 2),
-    "kept": ("Memory: lessons active a run", "", "higher", 2),
-    "provisional": ("Memory: lessons provisional a run", "", "lower", 2),
-    "false": ("Memory: active hints of runs that had failed", "%", "lower", 1),
-    "told": ("Memory: next tasks that are told something", "%", "higher", 1),
-}
-Value = tuple[float | None, float | None, str]
-"""A figure, the plain peer's, and a note."""
+_ROWS = (
+    Row("auc", "Verifier: AUC against the known outcomes", "", "higher", digits=3),
+    Row("judged", "Verifier: runs that it could judge", "%", "higher", digits=1),
+    Row("calibration", "Verifier: expected calibration error", "", "lower", digits=3),
+    Row("tokens", "Verifier: tokens a run", "", "lower", digits=0),
+    Row("seconds", "Verifier: seconds a run", "s", "lower"),
+    Row("kept", "Memory: lessons active a run", "", "higher"),
+    Row("provisional", "Memory: lessons provisional a run", "", "lower"),
+    Row("false", "Memory: active hints of runs that had failed", "%", "lower", digits=1),
+    Row("told", "Memory: next tasks that are told something", "%", "higher", digits=1),
+)
+PEER = "plain rule"
 
 
-def _measured(
-    trials: Sequence[Trial], built: Mapping[str, Any], config: BenchConfig, verifier: str
-) -> dict[str, Value]:
+def _measured(trials: Sequence[Trial], built: Mapping[str, Any], bench: BenchRun) -> dict[str, Figure]:
     import time
 
     from gvla2.evaluation.agents.discrimination import auc, auc_interval, calibration_error
@@ -102,7 +105,7 @@ def _measured(
     kept = provisional = false = told = 0
     spent, asked = 0.0, 0
     began = time.monotonic()
-    with BenchProgress(len(trials), config.quiet) as progress:
+    with bench.progress(len(trials)) as progress:
         for trial in trials:
             task = MemoryTask(query=trial.instruction)
             told += bool(memory.recall(task).text)
@@ -124,24 +127,25 @@ def _measured(
     tasks = [one.trial.task for one in judged]
     scores, plain = [one.score for one in judged], [plain_score(one.trial.account) for one in judged]
     able = [one for one in judged if one.verdict.outcome != "unavailable"]
+    bounds = auc_interval(scores, truths, tasks)
+    told_of = f"95 % interval over tasks {bounds[0]:.3f} to {bounds[1]:.3f}; " if bounds else ""
+    verifier = getattr(bench.config.verifier, "name", "")
+    peer = f"{told_of}verifier {verifier}; peer: complaints in the last tenth of the account"
+    sure = calibration_error([one.score for one in able], [one.trial.resolved for one in able])
+    succeeded = f"{100 * sum(truths) / len(truths):.0f} % of the runs had succeeded"
+    many = len(judged)
     return {
-        "auc": (
-            auc(scores, truths),
-            auc(plain, truths),
-            _interval(auc_interval(scores, truths, tasks), verifier),
+        "auc": Figure(auc(scores, truths), PEER, auc(plain, truths), note=peer),
+        "judged": Figure(100 * len(able) / many, PEER, 100.0),
+        "calibration": Figure(sure, PEER, calibration_error(plain, truths), note=succeeded),
+        "tokens": Figure(asked / many, PEER, 0.0),
+        "seconds": Figure(spent / many, note="on this machine, with what else it did"),
+        "kept": Figure(kept / many),
+        "provisional": Figure(provisional / many),
+        "false": Figure(
+            100 * false / kept if kept else None, note="hints believed of runs whose tests failed"
         ),
-        "judged": (100 * len(able) / len(judged), 100.0, ""),
-        "calibration": (
-            calibration_error([one.score for one in able], [one.trial.resolved for one in able]),
-            calibration_error(plain, truths),
-            f"{100 * sum(truths) / len(truths):.0f} % of the runs had succeeded",
-        ),
-        "tokens": (asked / len(judged), 0.0, ""),
-        "seconds": (spent / len(judged), None, "on this machine, with what else it did"),
-        "kept": (kept / len(judged), None, ""),
-        "provisional": (provisional / len(judged), None, ""),
-        "false": (100 * false / kept if kept else None, None, "hints believed of runs whose tests failed"),
-        "told": (100 * told / len(judged), None, "asked before the run itself was learnt from"),
+        "told": Figure(100 * told / many, note="asked before the run itself was learnt from"),
     }
 
 
@@ -152,22 +156,3 @@ def plain_score(account: str) -> float:
     words = ("error", "traceback", "failed", "exception", "not found", "no such")
     complaints = sum(any(word in line.lower() for word in words) for line in last)
     return 1.0 - complaints / max(1, len(last))
-
-
-def _interval(found: tuple[float, float] | None, verifier: str) -> str:
-    bounds = f"95 % interval over tasks {found[0]:.3f} to {found[1]:.3f}; " if found else ""
-    return f"{bounds}verifier {verifier}; peer: complaints in the last tenth of the account"
-
-
-def _cell(key: str, name: str, value: Value, n: int, order: int) -> Cell:
-    title, unit, better, digits = _ROWS[name]
-    status = "ok" if value[0] is not None else "not measured: nothing to compute it from"
-    return Cell(
-        key,
-        {"test": name, "n": n, "on": "published runs"},
-        {"value": value[0], "peer_value": value[1], "released_value": None, "goal": None},
-        {
-            "status": status, "size": n, "order": [order, n, 0], "title": title, "unit": unit, "better": better,
-            "digits": digits, "peer": "plain rule" if value[1] is not None else "", "passed": None, "note": value[2],
-        },
-    )  # fmt: skip

@@ -51,7 +51,7 @@ def in_processes(
         except BrokenProcessPool as error:
             if attempt == tries:
                 raise Gvla2Error(
-                    "A worker process died, perhaps for want of memory. What was measured is kept; "
+                    "A worker process died; it may have run out of memory. What was measured is kept; "
                     "run again with fewer: workers=1."
                 ) from error
             log.warning("A worker process died; %d of %d parts are done again.", len(left), len(tasks))

@@ -2,32 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from gvla2.commands.calibrate_config import CalibrateConfig
     from gvla2.plugins import Registry
 
 
-def job(config: CalibrateConfig, registry: Registry) -> float:
-    """Calibrate into Hydra's output folder; the RMSE in metres, for sweepers."""
-    from gvla2.commands.hydra_job import output_folder
+@dataclass
+class CalibrateConfig:
+    """``pairs`` is the file of recorded pose pairs; ``out`` where the calibration is written, "" for the run's folder.
 
-    return calibrate(config, output_folder())
+    ``method`` takes that solver's answer instead of the best one's; ``serial`` must be the recording's camera, when
+    given.
+    """
+
+    pairs: str = ""
+    out: str = ""
+    method: str = ""
+    serial: str = ""
 
 
-def calibrate(config: CalibrateConfig, folder: Path) -> float:
-    """As :func:`job`, into ``folder``: ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted.
+def job(config: CalibrateConfig, registry: Registry, folder: Path) -> float:
+    """Calibrate; the RMSE in metres, for sweepers.
 
+    ``folder`` gets ``residuals.svg`` in any case, ``hand_eye.json`` when the result is accepted.
     Raises :class:`ConfigurationError` for a wrong option, :class:`gvla2.errors.RobotError` for a recording that
     can't be read, determines nothing, or gives a result that is refused.
     """
     import numpy as np
 
-    from gvla2.commands.calibrate_plot import residuals_svg
+    from gvla2.record.page import render
     from gvla2.robot.calibration import LARGEST_RMSE, Calibration, load_recording
     from gvla2.robot.hand_eye import solve
     from gvla2.writing import write_whole
@@ -41,9 +49,12 @@ def calibrate(config: CalibrateConfig, folder: Path) -> float:
         )
     solutions = solve(recording.pairs, recording.mount)
     plot = folder / "residuals.svg"
-    write_whole(plot, residuals_svg(solutions, LARGEST_RMSE).encode())
-    for solution in solutions:
-        turn = np.degrees(np.sqrt(np.mean(solution.turns**2)))
+    shifts = [(1e3 * solution.shifts).tolist() for solution in solutions]
+    turns = [np.degrees(solution.turns).tolist() for solution in solutions]
+    rms = [float(np.sqrt(np.mean(np.square(each)))) for each in turns]
+    drawn = {"shifts": shifts, "turns": turns, "rms": rms, "limit": LARGEST_RMSE}
+    write_whole(plot, render("residuals.svg.jinja", solutions=solutions, **drawn).strip().encode())
+    for solution, turn in zip(solutions, rms, strict=True):
         print(f"{solution.method:<18} RMSE {1e3 * solution.rmse:7.3f} mm  {turn:7.4f} degrees")
     print(f"plot: {plot}")
     by_name = {solution.method: solution for solution in solutions}
@@ -64,10 +75,3 @@ def calibrate(config: CalibrateConfig, folder: Path) -> float:
     made.save(path)
     print(f"calibration: {path}")
     return made.rmse
-
-
-def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 calibrate [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
-
-    return launch("calibrate", job, argv)

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import hydra
 from hydra.errors import HydraException, MissingConfigException
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from gvla2.catalog import Registry
 from gvla2.commands.completion import hydra_application
@@ -28,12 +28,7 @@ from gvla2.kinds import chosen_kinds
 
 PROBE_SECONDS = 90
 PACKAGES = ("gvla2", "hydra-core", "omegaconf", "numpy", "scipy", "numba", "trimesh", "sqlmodel")
-CV2_OWNERS = (
-    "opencv-python",
-    "opencv-python-headless",
-    "opencv-contrib-python",
-    "opencv-contrib-python-headless",
-)
+CV2_OWNERS = tuple(f"opencv{kind}-python{head}" for kind in ("", "-contrib") for head in ("", "-headless"))
 SYSTEM_PACKAGES = {
     "libX11": "libx11-6",
     "libGL": "libgl1",
@@ -45,22 +40,13 @@ SYSTEM_PACKAGES = {
 """Debian and Ubuntu packages of shared libraries that Python wheels expect of the system."""
 
 
-@dataclass(frozen=True)
-class Needed:
-    """A module that the default run imports, its distribution and how to get it."""
-
-    module: str
-    distribution: str
-    purpose: str
-    install: str
-
-
-NEEDED = (
-    Needed("embreex", "embreex", "cameras by ray casting", "pip install gvla2"),
-    Needed("sapien", "sapien", "the simulated Panda", "pip install 'gvla2[sim]'"),
-    Needed("pinocchio", "pin", "kinematics and collision checks", "pip install 'gvla2[sim]'"),
-    Needed("ompl", "ompl", "motion planning", "pip install 'gvla2[sim]'"),
-)
+NEEDED = {
+    "embreex": ("embreex", "cameras by ray casting", "pip install gvla2"),
+    "sapien": ("sapien", "the simulated Panda", "pip install 'gvla2[sim]'"),
+    "pinocchio": ("pin", "kinematics and collision checks", "pip install 'gvla2[sim]'"),
+    "ompl": ("ompl", "motion planning", "pip install 'gvla2[sim]'"),
+}
+"""Modules that the default run imports: the distribution of each, what it is for, and how to get it."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +68,7 @@ class Check:
 def examine(registry: Registry) -> list[Check]:
     """All checks, in the order of the table. Slow probes run side by side in processes of their own."""
     with ThreadPoolExecutor(max_workers=4) as pool:
-        imports = pool.submit(probe, "imports", *(n.module for n in NEEDED))
-        vulkan = pool.submit(probe, "vulkan")
+        imports = pool.submit(probe, "imports", *NEEDED)
         torch = pool.submit(probe, "torch") if installed("torch") else None
         composed, blamed, checks = configurations(registry)
         choosing = [name for name, config in composed.items() if chosen_kinds(config, registry.kinds)]
@@ -94,10 +79,8 @@ def examine(registry: Registry) -> list[Check]:
             *plugins(registry, blamed),
             *needed_modules(imports.result()),
             *(c for name in choosing for c in components(name, built[name].result())),
-            *weights(composed),
             *output_folders(composed),
             opencv(),
-            rendering(vulkan.result()),
             torch_device(torch.result() if torch else None),
         ]
 
@@ -180,14 +163,13 @@ def needed_modules(answer: dict[str, str]) -> Iterator[Check]:
     if "slow" in answer:
         yield _slow("libraries", answer["slow"], "run")
         return
-    for needed in NEEDED:
-        fault = answer.get("crash") or answer.get(needed.module, "")
-        label = f"{needed.distribution} ({needed.purpose})"
+    for module, (distribution, purpose, advice) in NEEDED.items():
+        fault = answer.get("crash") or answer.get(module, "")
+        label = f"{distribution} ({purpose})"
         if not fault:
-            yield Check(label, "ok", installed(needed.distribution) or "importable")
+            yield Check(label, "ok", installed(distribution) or "importable")
             continue
         library = re.search(r"(lib\w+)[\w.+-]*\.so", fault)
-        advice = needed.install
         if library and "cannot open shared object" in fault:
             package = SYSTEM_PACKAGES.get(library.group(1), f"the package that has {library.group(1)}")
             advice = f"Install the system's {library.group(1)}: apt install {package}"
@@ -212,24 +194,6 @@ def components(name: str, answer: dict[str, Any]) -> Iterator[Check]:
             yield Check(label, "ok", f"built in {built['seconds']} s")
 
 
-def weights(composed: dict[str, DictConfig]) -> Iterator[Check]:
-    """Whether files of weights that the defaults name exist."""
-    named = []
-    for name, config in composed.items():
-        for kind in chosen_kinds(config):
-            options = OmegaConf.to_container(config[kind], resolve=False)
-            assert isinstance(options, dict)
-            for option, value in ((str(o), v) for o, v in options.items()):
-                if re.search(r"(weights|checkpoint)$", option) and isinstance(value, str) and value:
-                    named.append((name, f"{kind}.{option}", value))
-    for name, option, value in named:
-        exists = Path(value).expanduser().exists()
-        advice = "" if exists else f"Download the file and set {option}=FILE."
-        yield Check(f"weights of {name}", "ok" if exists else "fail", f"{option}={value}", advice, (name,))
-    if not named:
-        yield Check("weights", "ok", "the defaults ask for none")
-
-
 def output_folders(composed: dict[str, DictConfig]) -> Iterator[Check]:
     """Whether runs can write their folders."""
     for name, config in composed.items():
@@ -245,23 +209,14 @@ def output_folders(composed: dict[str, DictConfig]) -> Iterator[Check]:
 
 def opencv() -> Check:
     """Who owns the module cv2: two distributions write the same files."""
-    owners = [f"{name} {installed(name)}" for name in CV2_OWNERS if installed(name)]
-    if len(owners) < 2:
-        return Check("cv2", "ok", f"owned by {owners[0]}" if owners else "not installed, not needed")
-    if len({installed(name) for name in CV2_OWNERS if installed(name)}) == 1:
-        return Check("cv2", "ok", f"{' and '.join(owners)} write the same files, of one version")
-    advice = (
-        f"Keep one: pip uninstall {' '.join(n for n in CV2_OWNERS if installed(n))}, then install one again."
-    )
-    return Check("cv2", "warn", f"{' and '.join(owners)} write the same files", advice)
-
-
-def rendering(answer: dict[str, str]) -> Check:
-    """Vulkan is an option: cameras are ray cast without it."""
-    if answer.get("device"):
-        return Check("Vulkan", "ok", "a device renders (optional)")
-    reason = next((answer[word] for word in ("crash", "slow", "error") if answer.get(word)), "")
-    return Check("Vulkan", "ok", f"none, cameras are ray cast on the CPU ({reason})")
+    found = {name: installed(name) for name in CV2_OWNERS if installed(name)}
+    owners = " and ".join(f"{name} {version}" for name, version in found.items())
+    if len(found) < 2:
+        return Check("cv2", "ok", f"owned by {owners}" if owners else "not installed, not needed")
+    if len(set(found.values())) == 1:
+        return Check("cv2", "ok", f"{owners} write the same files, of one version")
+    advice = f"Keep one: pip uninstall {' '.join(found)}, then install one again."
+    return Check("cv2", "warn", f"{owners} write the same files", advice)
 
 
 def torch_device(answer: dict[str, str] | None) -> Check:

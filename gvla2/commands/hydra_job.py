@@ -27,19 +27,19 @@ from omegaconf.errors import OmegaConfBaseException
 from gvla2.catalog import Registry, load_plugins
 from gvla2.commands.config_errors import explain, unreadable_choice
 from gvla2.commands.primary import CONFIG_MODULE, PRIMARY, VERSION_BASE
-from gvla2.commands.printable import printable
 from gvla2.errors import Gvla2Error, OutputError
 from gvla2.hydra_bridge import register, register_resolvers
 from gvla2.kinds import KINDS, SLOTS
+from gvla2.record.text import printable
 
-JobFunction = Callable[[Any, Registry], object]
-"""Gets the typed configuration (an instance of the command's dataclass) and the catalog."""
+JobFunction = Callable[[Any, Registry, Path], object]
+"""Gets the typed configuration (an instance of the command's dataclass), the catalog and the job's folder."""
 
 log = logging.getLogger(__name__)
 RAY_ADDRESS = "hydra.launcher.ray.init.address="
 
 
-class Job:
+class HydraTask:
     """A job function as Hydra calls it. It travels to worker processes by the function's name.
 
     There it loads the plugins afresh, and an error travels back as its message alone: exceptions with
@@ -63,7 +63,9 @@ class Job:
             self.registry = load_plugins()
         registry = self.registry
         try:
-            return self.function(OmegaConf.to_object(config), registry)
+            # A command that only looks runs without Hydra's folder.
+            folder = Path(HydraConfig.get().runtime.output_dir) if HydraConfig.initialized() else Path()
+            return self.function(OmegaConf.to_object(config), registry, folder)
         except Exception as error:
             log.info("The job failed.", exc_info=True)
             if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
@@ -85,11 +87,6 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM, from a batch system, say: it unwinds like Ctrl-C, so that the run's folder is complete."""
 
 
-def output_folder() -> Path:
-    """The folder of the job that runs now; Hydra has made it."""
-    return Path(HydraConfig.get().runtime.output_dir)
-
-
 def launch(
     config_name: str, function: JobFunction, argv: Sequence[str], errors: list[str] | None = None
 ) -> int:
@@ -100,20 +97,10 @@ def launch(
     of an error is added to ``errors``, too.
     ``GVLA2_DEBUG=1`` or ``HYDRA_FULL_ERROR=1`` keep the traceback.
     """
-    if {"-m", "--multirun"} & set(argv) and {"-c", "--cfg", "-i", "--info"} & {
-        w.partition("=")[0] for w in argv
-    }:
-        print(
-            "gvla2: --cfg and --info show one job: leave -m away, and give each option one value.",
-            file=sys.stderr,
-        )
-        return 2
-    if advice := dashed_option(argv):
-        print(f"gvla2: {printable(advice)}", file=sys.stderr)
-        return 2
-    if silent := _silent_cluster(argv):
-        print(f"gvla2: {printable(silent)}", file=sys.stderr)
-        return 1
+    for advice, status in ((_sweep_shown(argv), 2), (dashed_option(argv), 2), (_silent_cluster(argv), 1)):
+        if advice:
+            print(f"gvla2: {printable(advice)}", file=sys.stderr)
+            return status
     # Presets of runs name any group; `gvla2 memory` has none, and is to answer at once.
     schema = PRIMARY[config_name]
     own = {f.name for f in fields(schema)} & {*KINDS, *SLOTS} if config_name == "memory" else None
@@ -121,14 +108,12 @@ def launch(
     register(registry, {config_name: schema}, own)
     # Hydra composes twice, and brings logging and folders, which a command that only looks has no use for.
     plain = config_name == "memory" and not any(word.lstrip("+~").startswith(("-", "hydra")) for word in argv)
-    decorated = hydra.main(
-        config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
-    )
-    main = (
-        partial(_once, Job(function, registry), config_name, argv)
-        if plain
-        else decorated(Job(function, registry))
-    )
+    task = HydraTask(function, registry)
+    if plain:
+        main = partial(_once, task, config_name, argv)
+    else:
+        where = f"pkg://{CONFIG_MODULE}"
+        main = hydra.main(config_path=where, config_name=config_name, version_base=VERSION_BASE)(task)
 
     def tell(error: Exception, known: Registry | None = None) -> int:
         if errors is not None:
@@ -160,11 +145,19 @@ def launch(
     return 0
 
 
-def _once(job: Job, config_name: str, argv: Sequence[str]) -> None:
+def _once(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
     """Compose one configuration and run the job with it."""
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         config = hydra.compose(config_name, list(argv))
     job(config)
+
+
+def _sweep_shown(argv: Sequence[str]) -> str:
+    """What to say where a sweep is asked to show its configuration; "" otherwise."""
+    showing = {"-c", "--cfg", "-i", "--info"} & {word.partition("=")[0] for word in argv}
+    if showing and {"-m", "--multirun"} & set(argv):
+        return "--cfg and --info show one job: leave -m away, and give each option one value."
+    return ""
 
 
 def dashed_option(argv: Sequence[str]) -> str:

@@ -9,11 +9,12 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from gvla2.commands.memory_words import Invocation, UsageError, as_typed, understood, wants_json
-from gvla2.commands.printable import printable
+from gvla2.record.text import printable
 
 if TYPE_CHECKING:
     from gvla2.commands.memory_answers import Answer
@@ -80,12 +81,12 @@ class VerbJob:
     answer: Answer | None = None
     error: Exception | None = None
 
-    def __call__(self, config: MemoryCommandConfig, registry: Registry) -> None:
+    def __call__(self, config: MemoryCommandConfig, registry: Registry, folder: Path) -> None:
         """Run the verb."""
-        from gvla2.commands.memory_access import Request
+        from gvla2.commands.memory_access import VerbRequest
 
         asked = self.invocation
-        request = Request(tuple(asked.words), asked.yes, config, registry, asked.json)
+        request = VerbRequest(tuple(asked.words), asked.yes, config, registry, asked.json)
         try:
             self.answer = VERBS[asked.verb].load()(request)
         except Exception as error:  # told by main, with the exit status of a wrong word where it is one
@@ -124,7 +125,7 @@ def tell(job: VerbJob, status: int, errors: Sequence[str] = ()) -> int:
         status = 2 if isinstance(job.error, WrongWordError) else status
     if job.invocation.json and status:
         said = str(job.error) if job.error is not None else " ".join(errors)
-        print(json.dumps({"error": said or "It was not done: see standard error."}))
+        print(json.dumps({"error": said or "It failed: see standard error."}))
     return give(job.answer, as_json=job.invocation.json) if job.answer is not None else status
 
 

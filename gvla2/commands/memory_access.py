@@ -43,7 +43,7 @@ class WrongWordError(Gvla2Error):
 
 
 @dataclass(frozen=True)
-class Request:
+class VerbRequest:
     """A verb's words and flags, the configuration, and the plugins."""
 
     words: tuple[str, ...]
@@ -74,7 +74,7 @@ class Request:
 
 
 @contextmanager
-def opened(request: Request, *, create: bool = False) -> Iterator[Store]:
+def opened(request: VerbRequest, *, create: bool = False) -> Iterator[Store]:
     """The store; only ``create`` makes a database, or writes to a bank that is not there.
 
     Raises :class:`MemoryStoreError` for a database that is absent, locked or corrupt, :class:`NotFoundError` for a
@@ -95,7 +95,7 @@ def opened(request: Request, *, create: bool = False) -> Iterator[Store]:
 
 
 @contextmanager
-def opened_bank(request: Request) -> Iterator[KnowledgeBank]:
+def opened_bank(request: VerbRequest) -> Iterator[KnowledgeBank]:
     """The bank with the retriever and embedder that were chosen; as :func:`opened` otherwise."""
     from gvla2.memory.bank import KnowledgeBank
 

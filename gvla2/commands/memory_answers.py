@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, TypeVar
@@ -14,10 +14,10 @@ from typing import Any, TypeVar
 from rich.table import Table
 from rich.text import Text
 
-from gvla2.commands.memory_listing import Column, Listing
-from gvla2.commands.printable import one_line, printable
-from gvla2.commands.tables import console
+from gvla2.commands.tables import Listing, console
 from gvla2.memory.records import Record
+from gvla2.record.files import plain
+from gvla2.record.text import one_line, printable
 
 T = TypeVar("T")
 
@@ -34,76 +34,41 @@ class Answer:
 def give(answer: Answer, *, as_json: bool) -> int:
     """Print the answer; the exit status."""
     if as_json:
-        sys.stdout.write(json.dumps(plain(answer.data), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+        text = json.dumps(plain(answer.data), indent=2, ensure_ascii=False, allow_nan=False)
+        sys.stdout.write(text.encode("utf-8", "replace").decode() + "\n")
         return answer.status
     out = console()
     for part in answer.shown:
         if isinstance(part, str):
-            out.print(Text(part), soft_wrap=True)
+            out.print(Text(printable(part)), soft_wrap=True)
         else:
             out.print(part.laid_out(out.width) if isinstance(part, Listing) else part)
     return answer.status
 
 
-def plain(data: Any) -> Any:
-    """As JSON takes it: dataclasses as objects, bytes as hexadecimal, what is no finite number as null."""
-    match data:
-        case bool() | int() | None:
-            return data
-        case str():
-            return data.encode("utf-8", "replace").decode()
-        case float():
-            return data if math.isfinite(data) else None
-        case bytes():
-            return data.hex()
-        case Mapping():
-            return {str(key): plain(value) for key, value in data.items()}
-        case Sequence() | set() | frozenset():
-            return [plain(value) for value in data]
-    if dataclasses.is_dataclass(data) and not isinstance(data, type):
-        return {f.name: plain(getattr(data, f.name)) for f in dataclasses.fields(data)}
-    if callable(getattr(data, "item", None)):  # a number of numpy
-        return plain(data.item())
-    return str(data)
-
-
 def record_data(record: Record) -> dict[str, Any]:
-    """A record with its JSON columns read; one that is damaged stays text."""
-    data: dict[str, Any] = {f.name: getattr(record, f.name) for f in dataclasses.fields(record)}
-    for name in ("verifier", "signature", "effect", "provenance"):
-        try:
+    """A record with its JSON columns read."""
+    return read_columns(record, "verifier", "signature", "effect", "provenance")
+
+
+def read_columns(thing: Any, *columns: str) -> dict[str, Any]:
+    """A row's fields, those of JSON read; one that is damaged stays text."""
+    data: dict[str, Any] = {f.name: getattr(thing, f.name) for f in dataclasses.fields(thing)}
+    for name in columns:
+        with suppress(ValueError):
             data[name] = json.loads(data[name]) if data[name] else None
-        except ValueError:
-            continue
     return data
 
 
 def records_listing(records: Sequence[Record]) -> Listing:
     """One row a record."""
-    columns = (
-        Column("id"),
-        Column("type", spare=3),
-        Column("state"),
-        Column("outcome", spare=2),
-        Column("conf.", spare=1),
-        Column("count", spare=4),
-        Column("used", spare=5),
-        Column("content", prose=True),
-    )
+    columns = ("id", "type", "state", "outcome", "conf.", "count", "used", "content")
     rows = [
-        (
-            printable(record.id),
-            record.type,
-            record.state,
-            record.outcome,
-            f"{record.confidence:.2f}",
-            str(record.count),
-            str(record.usage),
-            one_line(record.content, 160),
-        )
-        for record in records
-    ]
-    return Listing(columns, rows)
+        (r.id, r.type, r.state, r.outcome, f"{r.confidence:.2f}", str(r.count), str(r.usage),
+         one_line(r.content))
+        for r in records
+    ]  # fmt: skip
+    return Listing(columns, rows, prose=("content",))
 
 
 def clock(seconds: float) -> str:

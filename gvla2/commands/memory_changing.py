@@ -8,19 +8,20 @@ import time
 from pathlib import Path
 from typing import Any
 
-from gvla2.commands.memory_access import Request, WrongWordError, opened, opened_bank, record_of
-from gvla2.commands.memory_answers import Answer, plain
-from gvla2.commands.printable import counted, one_line, printable
+from gvla2.commands.memory_access import VerbRequest, WrongWordError, opened, opened_bank, record_of
+from gvla2.commands.memory_answers import Answer
 from gvla2.commands.tables import row, table
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.interop.exporting import export_path
 from gvla2.memory.interop.importing import import_path
 from gvla2.memory.storage.audit import repair as mend
+from gvla2.record.files import plain
+from gvla2.record.text import count, one_line, printable
 
 MOST_REMARKS = 20
 
 
-def import_(request: Request) -> Answer:
+def import_(request: VerbRequest) -> Answer:
     """Read a memory of the released layout; 1 when lines could not be read (the others are stored)."""
     config = request.config
     path = Path("/dev/stdin" if request.words[0] == "-" else request.words[0]).expanduser()
@@ -29,47 +30,37 @@ def import_(request: Request) -> Answer:
             f"There is nothing at {path}. Give a .jsonl file, or a folder with active.jsonl."
         )
     with opened(request, create=True) as store:
-        done = import_path(
-            store,
-            config.bank,
-            path,
-            trusted=config.trusted,
-            actor="gvla2 memory",
-        )
+        done = import_path(store, config.bank, path, trusted=config.trusted, actor="gvla2 memory")
     told = [
-        f"New in the bank '{config.bank}': {counted(len(done.added), 'record')}; known already: {done.known}."
+        f"New in the bank '{config.bank}': {count(len(done.added), 'record')}; known already: {done.known}."
     ]
     if done.held_back:
         told.append(
-            f"Provisional until verified episodes of two sources bear them out: {done.held_back} "
+            f"Provisional until verified episodes from two sources confirm them: {done.held_back} "
             "(trusted=true is for a backup of one's own)."
         )
-    told += [printable(str(remark)) for remark in done.remarks[:MOST_REMARKS]]
+    told += [str(remark) for remark in done.remarks[:MOST_REMARKS]]
     if len(done.remarks) > MOST_REMARKS:
-        told.append(f"{counted(len(done.remarks) - MOST_REMARKS, 'more remark')}; --json has all.")
+        told.append(f"{count(len(done.remarks) - MOST_REMARKS, 'more remark')}; --json has all.")
     if done.broken:
-        told.append(f"{counted(len(done.broken), 'line')} could not be read.")
+        told.append(f"{count(len(done.broken), 'line')} could not be read.")
     return Answer(done, told, status=1 if done.broken else 0)
 
 
-def export(request: Request) -> Answer:
+def export(request: VerbRequest) -> Answer:
     """Write the bank in the released layout."""
     config, path = request.config, Path(request.words[0]).expanduser()
     with opened(request) as store:
-        done = export_path(
-            store,
-            config.bank,
-            path,
-            states=config.states or None,  # type: ignore[arg-type]  # checked by the configuration
-        )
-    files = ", ".join(printable(str(file)) for file in done.files)
-    told = [f"{counted(done.records, 'record')}: {files}."]
+        states: Any = config.states or None  # checked by the configuration
+        done = export_path(store, config.bank, path, states=states)
+    files = ", ".join(str(file) for file in done.files)
+    told = [f"{count(done.records, 'record')}: {files}."]
     if done.left_out:
-        told.append(f"Left out: {counted(done.left_out, 'record')} of other states; states=[...] chooses.")
+        told.append(f"Left out: {count(done.left_out, 'record')} of other states; states=[...] chooses.")
     return Answer(done, told)
 
 
-def forget(request: Request) -> Answer:
+def forget(request: VerbRequest) -> Answer:
     """Forget records for good, after asking."""
     with opened(request) as store:
         words = dict.fromkeys(request.words)
@@ -82,19 +73,19 @@ def forget(request: Request) -> Answer:
                 return Answer({"forgotten": []}, ["Nothing was forgotten."], status=1)
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             gone = tx.forget(*(record.id for record in records), why="asked for")
-    told = [f"Forgotten for good: {', '.join(map(printable, gone)) or 'nothing'}.", *map(printable, tx.also)]
+    told = [f"Forgotten for good: {', '.join(gone) or 'nothing'}.", *tx.also]
     return Answer({"forgotten": gone, "also": tx.also}, told)
 
 
 def _confirmed(count: int) -> bool:
     if not sys.stdin.isatty():
-        raise WrongWordError("Forgetting cannot be undone and nobody can be asked here: say --yes.")
+        raise WrongWordError("Forgetting cannot be undone, and there is no terminal to ask on: add --yes.")
     what = "it" if count == 1 else f"these {count}"
     print(f"Forget {what} for good? It cannot be undone. [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().casefold() in ("y", "yes")
 
 
-def compact(request: Request) -> Answer:
+def compact(request: VerbRequest) -> Answer:
     """Give space back; with archived_days=N forget what has been archived for longer, too."""
     days, now = request.config.archived_days, time.time()
     gone: list[str] = []
@@ -110,30 +101,30 @@ def compact(request: Request) -> Answer:
         after = store.stats(request.bank)["bytes"]
     told = f"{before / 1e6:.2f} MB before, {after / 1e6:.2f} MB now"
     if days is not None:
-        told += f"; forgotten: {counted(len(gone), 'archived record')}"
+        told += f"; forgotten: {count(len(gone), 'archived record')}"
     return Answer({"bytes_before": before, "bytes": after, "forgotten": len(gone)}, [f"{told}."])
 
 
-def repair(request: Request) -> Answer:
+def repair(request: VerbRequest) -> Answer:
     """Make rows, vectors and links what the events say they are; 1 when something is wrong still."""
     with opened_bank(request) as bank, opened(request) as store:
         with store.writing(request.bank, actor="gvla2 memory", now=time.time()) as tx:
             records, forgotten = mend(tx, bank.embedder)
         left = bank.verify()
-    told = [f"Made again from the events: {', '.join(map(printable, records)) or 'nothing'}."]
+    told = [f"Restored from the events: {', '.join(records) or 'nothing'}."]
     if forgotten:
-        told.append(f"Forgotten, as no event created it: {', '.join(map(printable, forgotten))}.")
-    told += [f"Still wrong: {printable(str(problem))}" for problem in left]
+        told.append(f"Removed, because no event created it: {', '.join(forgotten)}.")
+    told += [f"Still wrong: {problem}" for problem in left]
     return Answer({"repaired": records, "forgotten": forgotten, "problems": left}, told, int(bool(left)))
 
 
-def govern(request: Request) -> Answer:
+def govern(request: VerbRequest) -> Answer:
     """One pass over the whole bank: stale failures, conflicts, summaries, the budget."""
     with opened_bank(request) as bank:
         return _changes(bank.govern(), "The bank needs no changes.")
 
 
-def replay(request: Request) -> Answer:
+def replay(request: VerbRequest) -> Answer:
     """Verify stored episodes again: what is provisional, contested or of low confidence."""
     verifier = request.registry.build(request.config, "verifier")
     with opened_bank(request) as bank:

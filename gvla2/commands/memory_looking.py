@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
-from gvla2.commands.memory_access import NotFoundError, Request, opened, opened_bank, record_of, time_of
-from gvla2.commands.memory_answers import Answer, clock, record_data, records_listing, shortened
-from gvla2.commands.memory_listing import Column, Listing
-from gvla2.commands.printable import counted, one_line, printable
-from gvla2.commands.tables import row, table
+from gvla2.commands.memory_access import NotFoundError, VerbRequest, opened, opened_bank, record_of, time_of
+from gvla2.commands.memory_answers import Answer, clock, read_columns, record_data, records_listing, shortened
+from gvla2.commands.tables import Listing, row, table
 from gvla2.memory.records import Record
 from gvla2.memory.storage.events import Event
 from gvla2.memory.storage.view import BankView
+from gvla2.record.text import count, one_line
 
+T = TypeVar("T")
 _SERVED = (
-    "Rows that cannot be read are not served; rows that were changed behind the bank's back are served as they are, "
-    "until `gvla2 memory repair` makes them again from the events."
+    "Unreadable rows are not recalled; rows edited outside gvla2 are used as they are, "
+    "until `gvla2 memory repair` restores them from the events."
 )
 
 
-def list_records(request: Request) -> Answer:
+def list_records(request: VerbRequest) -> Answer:
     """The records of the bank."""
     with opened(request) as store, store.reading(request.bank) as view:
         records = view.records(request.config.states or None)
@@ -31,7 +30,7 @@ def list_records(request: Request) -> Answer:
     )
 
 
-def show(request: Request) -> Answer:
+def show(request: VerbRequest) -> Answer:
     """All of one record, its links and its last events."""
     with opened(request) as store, store.reading(request.bank) as view:
         record = record_of(view, request.words[0])
@@ -41,26 +40,33 @@ def show(request: Request) -> Answer:
         row(listing, name, _value(name, value))
     for link in links:
         way = f"{link.kind} {link.target}" if link.source == record.id else f"{link.kind} of {link.source}"
-        row(listing, "link", printable(way))
+        row(listing, "link", way)
     data = {"record": record_data(record), "links": links, "events": [_event_data(e) for e in events]}
     return Answer(data, [listing, events_listing(events[-10:])])
 
 
-def search(request: Request) -> Answer:
+def search(request: VerbRequest) -> Answer:
     """The records that the words find, best first, with every term of their scores."""
     words = " ".join(request.words)
     with opened_bank(request) as bank:
         hits = bank.search(words, request.limit or len(bank.records()))
-    found = [
-        {"record": record_data(h.record), "score": h.score, "terms": dict(h.terms), "reliable": h.reliable}
-        for h in hits
-    ]
-    data = {"query": words, "found": found}
+    data = {
+        "query": words,
+        "found": [
+            {
+                "record": record_data(h.record),
+                "score": h.score,
+                "terms": dict(h.terms),
+                "reliable": h.reliable,
+            }
+            for h in hits
+        ],
+    }
     if not hits:
         return Answer(data, ["Nothing is similar."])
     rows = [
         (
-            printable(hit.record.id),
+            hit.record.id,
             "recalled" if hit.reliable else "passed over",
             f"{hit.score:.3f}",
             one_line(hit.record.content, 120),
@@ -68,28 +74,20 @@ def search(request: Request) -> Answer:
         )
         for hit in hits
     ]
-    columns = (
-        Column("id"),
-        Column("would be"),
-        Column("score"),
-        Column("content", prose=True),
-        Column("terms", prose=True),
-    )
+    columns = ("id", "would be", "score", "content", "terms")
     reliable = sum(hit.reliable for hit in hits)
     told = f"A recall for these words would show {reliable or 'none'} of them."
-    return Answer(data, [Listing(columns, rows), told])
+    return Answer(data, [Listing(columns, rows, prose=columns[3:]), told])
 
 
-def history(request: Request) -> Answer:
+def history(request: VerbRequest) -> Answer:
     """What happened to a record, from its first event on; forgotten ones too."""
     with opened(request) as store, store.reading(request.bank) as view:
         events = view.history(request.words[0]) or view.history(record_of(view, request.words[0]).id)
-    shown, more = shortened(events, request.limit)
-    data = [_event_data(event) for event in shortened(events, request.data_limit)[0]]
-    return Answer(data, [events_listing(shown), *([more] if more else [])])
+    return _bounded(events, request, events_listing, _event_data)
 
 
-def as_of(request: Request) -> Answer:
+def as_of(request: VerbRequest) -> Answer:
     """The records as they were at a time, or one of them."""
     at = time_of(request.words[0])
     with opened(request) as store, store.reading(request.bank) as view:
@@ -105,21 +103,23 @@ def as_of(request: Request) -> Answer:
     return _listing(records, request, f"The bank had no records at {clock(at)}.")
 
 
-def conflicts(request: Request) -> Answer:
+def conflicts(request: VerbRequest) -> Answer:
     """Pairs of records that contradict each other."""
     with opened(request) as store, store.reading(request.bank) as view:
         pairs = _conflicts(view)
     if not pairs:
         return Answer([], ["No records contradict each other."])
-    names = ("id", "state", "says", "against", "state", "says")
-    columns = [Column(name, prose=name == "says", spare=int(name == "state")) for name in names]
-    shown, more = shortened(pairs, request.limit)
-    rows = [[w for r in pair for w in (printable(r.id), r.state, one_line(r.content, 90))] for pair in shown]
-    data = [
-        {"records": [record_data(record) for record in pair]}
-        for pair in shortened(pairs, request.data_limit)[0]
-    ]
-    return Answer(data, [Listing(columns, rows), *([more] if more else [])])
+    columns = ("id", "state", "says", "against", "its state", "which says")
+    return _bounded(
+        pairs,
+        request,
+        lambda shown: Listing(
+            columns,
+            [[w for r in p for w in (r.id, r.state, one_line(r.content, 90))] for p in shown],
+            prose=("says", "which says"),
+        ),
+        lambda pair: {"records": [record_data(record) for record in pair]},
+    )
 
 
 def _conflicts(view: BankView) -> list[tuple[Record, Record]]:
@@ -132,7 +132,7 @@ def _conflicts(view: BankView) -> list[tuple[Record, Record]]:
     return [(there[a], there[b]) for a, b in sorted(pairs) if a in there and b in there]
 
 
-def stats(request: Request) -> Answer:
+def stats(request: VerbRequest) -> Answer:
     """How many records there are of each state and type, and how large everything is; for every bank without one."""
     with opened(request) as store:
         counts = store.stats(request.bank)
@@ -148,27 +148,24 @@ def stats(request: Request) -> Answer:
         if name in ("seq", "hash", "head"):
             continue  # below, in one piece
         told = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
-        row(listing, name, printable(", ".join(told) if isinstance(told, list) else str(told)))
+        row(listing, name, ", ".join(told) if isinstance(told, list) else str(told))
     return Answer(data, [listing, f"Head of the chain: {data['head']}"])
 
 
-def verify(request: Request) -> Answer:
+def verify(request: VerbRequest) -> Answer:
     """Whether the chain of events, the rows and the vectors hold; 1 when something is wrong."""
     with opened_bank(request) as bank:
         problems = bank.verify(head=request.config.head)
         counts = bank.stats()
     data = {"bank": request.bank, "sound": not problems, "problems": problems, "head": _head(counts)}
     if not problems:
-        told = (
-            f"The bank '{request.bank}' is sound: {counted(counts['events'], 'event')}, and all rows agree."
-        )
+        told = f"The bank '{request.bank}' is sound: {count(counts['events'], 'event')}, and all rows agree."
         return Answer(data, [told])
-    columns = (Column("where"), Column("id"), Column("what", prose=True))
-    rows = [(p.where, printable(p.id), printable(p.what)) for p in problems]
-    told = f"{counted(len(problems), 'problem')}."
+    rows = [(p.where, p.id, p.what) for p in problems]
+    told = f"{count(len(problems), 'problem')}."
     if any(problem.where == "record" for problem in problems):
         told += f" {_SERVED}"
-    return Answer(data, [Listing(columns, rows, style="red"), told], status=1)
+    return Answer(data, [Listing(("where", "id", "what"), rows, ("what",), "red"), told], status=1)
 
 
 def _head(counts: Mapping[str, Any]) -> str:
@@ -178,26 +175,18 @@ def _head(counts: Mapping[str, Any]) -> str:
 
 def events_listing(events: Sequence[Event]) -> Listing:
     """One row an event."""
-    columns = (
-        Column("event"),
-        Column("time"),
-        Column("who", spare=1),
-        Column("what"),
-        Column("why", prose=True),
-        Column("change", prose=True),
-    )
     rows = [
         (
             str(event.seq),
             clock(event.at),
-            printable(event.actor),
-            printable(event.action + (f" {event.target}" if event.target else "")),
+            event.actor,
+            event.action + (f" {event.target}" if event.target else ""),
             "(forgotten)" if event.erased else one_line(event.why, 120),
             one_line(_change_words(event), 200),
         )
         for event in events
     ]
-    return Listing(columns, rows)
+    return Listing(("event", "time", "who", "what", "why", "change"), rows, prose=("why", "change"))
 
 
 def _change_words(event: Event) -> str:
@@ -220,28 +209,30 @@ def _short(value: Any) -> str:
 
 
 def _event_data(event: Event) -> dict[str, Any]:
-    data = {f.name: getattr(event, f.name) for f in dataclasses.fields(event)}
-    for name in ("scores", "change"):
-        try:
-            data[name] = json.loads(data[name]) if data[name] else None
-        except ValueError:
-            continue
-    return data | {"erased": event.erased}
+    return read_columns(event, "scores", "change") | {"erased": event.erased}
 
 
-def _listing(records: Sequence[Record], request: Request, nothing: str) -> Answer:
+def _listing(records: Sequence[Record], request: VerbRequest, nothing: str) -> Answer:
     if not records:
         return Answer([], [nothing])
-    shown, more = shortened(records, request.limit)
-    data = (
-        [record_data(record) for record in shortened(records, request.data_limit)[0]] if request.json else []
-    )
-    return Answer(data, [records_listing(shown), *([more] if more else [])])
+    return _bounded(records, request, records_listing, record_data)
+
+
+def _bounded(
+    items: Sequence[T],
+    request: VerbRequest,
+    laid_out: Callable[[Sequence[T]], Listing],
+    data_of: Callable[[T], Any],
+) -> Answer:
+    """As many of the items as were asked for: a listing, and a JSON document with its own bound."""
+    shown, more = shortened(items, request.limit)
+    data = [data_of(item) for item in shortened(items, request.data_limit)[0]] if request.json else []
+    return Answer(data, [laid_out(shown), *([more] if more else [])])
 
 
 def _value(name: str, value: Any) -> str:
     if name in ("created", "updated", "used"):
         return clock(value) if value else "never"
     if isinstance(value, dict | list):
-        return printable(json.dumps(value, ensure_ascii=False))[:4000]
-    return "" if value is None else printable(_short(value))
+        return json.dumps(value, ensure_ascii=False)[:4000]
+    return "" if value is None else _short(value)

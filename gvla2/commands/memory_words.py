@@ -100,11 +100,11 @@ def _check(asked: Invocation, fewest: int, most: int | None) -> None:
     see = f"See `gvla2 memory {asked.verb} --help`."
     if len(asked.words) < fewest or not all(word.strip() for word in asked.words):
         raise UsageError(
-            f"`gvla2 memory {asked.verb}` needs {'a word' if fewest == 1 else 'words'} more. {see}"
+            f"`gvla2 memory {asked.verb}` needs {'an argument' if fewest == 1 else 'arguments'}. {see}"
         )
     if most is not None and len(asked.words) > most:
         raise UsageError(f"`gvla2 memory {asked.verb}` does not take '{asked.words[most]}'. {see}")
     if asked.yes and asked.verb != "forget":
-        raise UsageError(f"`gvla2 memory {asked.verb}` asks nothing: --yes is for forget. {see}")
+        raise UsageError(f"--yes is for forget alone. {see}")
     if asked.json and asked.verb == "forget" and not asked.yes:
-        raise UsageError(f"With --json nobody is asked: `gvla2 memory forget` needs --yes then. {see}")
+        raise UsageError(f"`gvla2 memory forget --json` cannot ask for consent: it needs --yes. {see}")

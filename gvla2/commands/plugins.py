@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import inspect
 import json
@@ -13,22 +14,22 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from gvla2.catalog import Offer, Registry, load_plugins
-from gvla2.commands.printable import printable
-from gvla2.commands.skill_listing import SKILL, find_skill, print_skills, skills_json
 from gvla2.commands.tables import console, row, table
-from gvla2.discovery import closest
-from gvla2.errors import ConfigurationError
+from gvla2.discovery import Plugin
+from gvla2.errors import ConfigurationError, UnknownComponentError
 from gvla2.fitness import structured
 from gvla2.kinds import KINDS
+from gvla2.record.text import printable
+from gvla2.skills.skill import Skill
 
-USAGE = f"""\
-Usage: gvla2 plugins [KIND [NAME]] [--json]
+SKILL = "skill"
+"""The word for skills, in the place of a kind: all are offered at once, none is chosen."""
 
+EPILOG = f"""\
   gvla2 plugins                 everything that can be chosen
-  gvla2 plugins planner         the planners with their options (also: kind=planner)
-  gvla2 plugins planner skill   one of them (also: kind=planner name=skill)
+  gvla2 plugins planner         the planners with their options
+  gvla2 plugins planner skill   one of them
   gvla2 plugins skill [NAME]    the skills that every planner may call, with their roles and numbers
-  --json                        the same for programs
 
 Kinds: {", ".join(KINDS)}, skill, and those that plugins add.
 GVLA2_DISABLE_PLUGINS=name1,name2 skips plugins in every command.
@@ -46,26 +47,28 @@ class Option:
 
 def main(argv: Sequence[str]) -> int:
     """Print the catalog. Broken plugins are told and do not change the exit status, 0."""
-    if any(word in ("-h", "--help") for word in argv):
-        print(USAGE)
-        return 0
-    words = [word for word in argv if word != "--json"]
+    parser = argparse.ArgumentParser(
+        "gvla2 plugins", epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("kind", nargs="?", default="", metavar="KIND")
+    parser.add_argument("name", nargs="?", default="", metavar="NAME")
+    parser.add_argument("--json", action="store_true", help="the same for programs")
+    asked = parser.parse_args(argv)
+    registry = load_plugins()
     try:
-        kind, name = _selection(words)
-        registry = load_plugins()
-        if kind == SKILL and name:
-            find_skill(registry, name)
-        elif kind and kind != SKILL:
-            registry.get(kind, name) if name else registry.kind_of(kind)
+        if asked.kind == SKILL:
+            find_skills(registry, asked.name)
+        elif asked.kind:
+            registry.get(asked.kind, asked.name) if asked.name else registry.kind_of(asked.kind)
     except ConfigurationError as error:
         print(f"gvla2: {printable(str(error))}", file=sys.stderr)
         return 2
-    if "--json" in argv:
-        print(json.dumps(as_json(registry, kind, name), indent=2))
-    elif kind == SKILL:
-        print_skills(registry, name)
+    if asked.json:
+        print(json.dumps(as_json(registry, asked.kind, asked.name), indent=2))
+    elif asked.kind == SKILL:
+        _print_skills(registry, asked.name)
     else:
-        _print(registry, kind, name)
+        _print(registry, asked.kind, asked.name)
     return 0
 
 
@@ -113,7 +116,9 @@ def as_json(registry: Registry, kind: str = "", name: str = "") -> dict[str, Any
             for k in ([kind] if kind else registry.kinds)
             if k != SKILL
         },
-        "skills": skills_json(registry, name) if kind in ("", SKILL) else [],
+        "skills": [_skill_json(registry, s) for s in find_skills(registry, name)]
+        if kind in ("", SKILL)
+        else [],
         "plugins": [dataclasses.asdict(plugin) for plugin in registry.plugins],
         "problems": [dataclasses.asdict(problem) for problem in registry.problems],
     }
@@ -138,7 +143,7 @@ def _print(registry: Registry, kind: str, name: str) -> None:
     for k in [kind] if kind else registry.kinds:
         offers = {n: o for n, o in registry.offers(k).items() if name in ("", n)}
         for n, offer in offers.items():
-            row(listing, k, n, offer.component.summary, _origin(offer))
+            row(listing, k, n, offer.component.summary, _origin(offer.plugin))
         if not offers:
             row(listing, k, "-", "nothing is offered", "")
         listing.add_section()
@@ -148,7 +153,7 @@ def _print(registry: Registry, kind: str, name: str) -> None:
             if name in ("", n):
                 _print_options(out, kind, n, offer)
     else:
-        print_skills(registry)
+        _print_skills(registry)
         out.print(
             "`gvla2 plugins KIND` shows the options; `gvla2 run KIND=CHOICE KIND.OPTION=VALUE` sets them."
         )
@@ -176,26 +181,48 @@ def _print_options(out: Any, kind: str, name: str, offer: Offer) -> None:
     out.print(listing)
 
 
-def _origin(offer: Offer) -> str:
-    plugin = offer.plugin
+def _origin(plugin: Plugin) -> str:
     return f"{plugin.name} ({plugin.origin})" if plugin.origin else plugin.name
 
 
-def _selection(words: Sequence[str]) -> tuple[str, str]:
-    """Kind and name from ``KIND NAME`` or ``kind=KIND name=NAME``; "" where not given."""
-    chosen = {"kind": "", "name": ""}
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals:
-            key, value = ("name" if chosen["kind"] else "kind"), word
-        if word.startswith("-") or key not in chosen or chosen[key]:
-            raise ConfigurationError(
-                f"`gvla2 plugins` does not take '{word}'.{closest(key, chosen)} See `gvla2 plugins --help`."
-            )
-        chosen[key] = value
-    if chosen["name"] and not chosen["kind"]:
-        raise ConfigurationError("Say which kind the name is of: gvla2 plugins KIND NAME.")
-    return chosen["kind"], chosen["name"]
+def find_skills(registry: Registry, name: str = "") -> list[Skill]:
+    """The skill of that name, or all; raises :class:`UnknownComponentError` with the names that exist."""
+    if name and name not in registry.skills:
+        raise UnknownComponentError(SKILL, name, registry.skills)
+    return [registry.skills[name]] if name else list(registry.skills.values())
+
+
+def _print_skills(registry: Registry, name: str = "") -> None:
+    out = console()
+    skills = find_skills(registry, name)
+    listing = table("skill", "called", "what it does", "from")
+    for each in skills:
+        row(listing, each.name, each.signature(), each.description, _origin(registry.skill_plugin(each.name)))
+    if not skills:
+        row(listing, "-", "-", "nothing is offered", "")
+    out.print(listing)
+    if name:
+        roles = table("role", "what it is", "needed", "relations")
+        for role in skills[0].roles:
+            row(roles, role.name, role.meaning, "yes" if role.required else "no", ", ".join(role.relations))
+        numbers = table("parameter", "unit", "range", "meaning")
+        for p in skills[0].parameters:
+            row(numbers, p.name, p.unit or "-", f"{p.least:g} to {p.most:g}", p.meaning)
+        out.print(roles, numbers)
+
+
+def _skill_json(registry: Registry, skill: Skill) -> dict[str, Any]:
+    return {
+        "name": skill.name,
+        "signature": skill.signature(),
+        "description": skill.description,
+        "plugin": registry.skill_plugin(skill.name).name,
+        "roles": [dataclasses.asdict(role) for role in skill.roles],
+        "parameters": [
+            {"name": p.name, "unit": p.unit, "meaning": p.meaning, "range": [p.least, p.most]}
+            for p in skill.parameters
+        ],
+    }
 
 
 def _type_name(hint: Any) -> str:

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.calibrate_config import CalibrateConfig
-from gvla2.commands.data_config import DataCommandConfig
+from gvla2.commands.calibrate import CalibrateConfig
+from gvla2.commands.data import DataCommandConfig
 from gvla2.commands.memory_config import MemoryCommandConfig
 from gvla2.commands.reconstruct_config import ReconstructConfig
-from gvla2.commands.report_config import ReportConfig
+from gvla2.commands.report import ReportConfig
 from gvla2.commands.run_config import RunConfig
 
 PRIMARY: Mapping[str, type] = MappingProxyType(

@@ -26,16 +26,6 @@ def imports(modules: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def vulkan(_: Sequence[str]) -> dict[str, str]:
-    """Whether sapien finds a device that renders."""
-    try:
-        render: Any = import_module("sapien").render
-        render.RenderSystem()
-    except Exception as error:
-        return {"device": "", "error": str(error)}
-    return {"device": str(render.get_device_summary()), "error": ""}
-
-
 def torch(_: Sequence[str]) -> dict[str, str]:
     """Version of torch and the device it would compute on."""
     module: Any = import_module("torch")
@@ -91,7 +81,6 @@ def components(names: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 PROBES: Mapping[str, Callable[[Sequence[str]], Any]] = {
     "imports": imports,
-    "vulkan": vulkan,
     "torch": torch,
     "components": components,
 }

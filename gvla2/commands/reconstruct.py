@@ -27,20 +27,18 @@ KINDS = ("reconstructor", "prior", "axis", "fusion", "renderer")
 log = logging.getLogger(__name__)
 
 
-def job(config: ReconstructConfig, registry: Registry) -> float:
-    """Reconstruct into Hydra's output folder; the mean symmetric IoU with the input masks, for sweepers.
-
-    Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
-    """
-    from gvla2.commands.hydra_job import output_folder
-
-    record = reconstruct(config, registry, output_folder())
+def job(config: ReconstructConfig, registry: Registry, folder: Path) -> float:
+    """As :func:`reconstruct`; the mean symmetric IoU with the input masks, for sweepers."""
+    record = reconstruct(config, registry, folder)
     assert record.measures is not None
     return record.measures.after.numbers()["symmetric_iou"]
 
 
 def reconstruct(config: ReconstructConfig, registry: Registry, folder: Path) -> ReconstructionRecord:
-    """As :func:`job`, into ``folder``; returns what was done and measured."""
+    """Reconstruct into ``folder``; what was done and measured.
+
+    Raises :class:`gvla2.errors.Gvla2Error` for views, components or files that cannot be used.
+    """
     from gvla2.record.progress import Progress
 
     with Progress(quiet=config.quiet) as progress:
@@ -75,7 +73,7 @@ def _reconstruct(
     from gvla2.record.reconstruction.measures import measure
     from gvla2.record.reconstruction.recorder import ReconstructionRecorder
     from gvla2.record.reconstruction.sections import summary_line
-    from gvla2.record.wording import count
+    from gvla2.record.text import count
 
     with steps.step("read"):
         given = read_inputs(config)
@@ -162,10 +160,3 @@ def _tell_stages(result: BranchResult, steps: _Steps) -> None:
         log.info("%s: %s. %s (%.2f s)", stage.stage, stage.status, stage.reason, stage.seconds)
         found = f"{stage.status}: {stage.reason}" if stage.reason else stage.status
         steps.progress.line(STATES[stage.status], stage.stage, stage.seconds, found)
-
-
-def main(argv: list[str]) -> int:
-    """Entry of ``gvla2 reconstruct [overrides]``; the process's exit status."""
-    from gvla2.commands.hydra_job import launch
-
-    return launch("reconstruct", job, argv)

@@ -77,7 +77,7 @@ def _held_out(folder: Path, config: ReconstructConfig, views: Views) -> Views | 
         shared = {view.name for view in views} & {view.name for view in held_out}
         if shared:
             raise GeometryError(
-                f"The views {', '.join(sorted(shared))} are both input and target: what was used cannot judge."
+                f"The views {', '.join(sorted(shared))} are both input and target; choose other targets."
             )
         return held_out
     model = _gso_model(folder)

@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gvla2.commands.run_config import ResultsConfig
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from gvla2.commands.report_config import ReportConfig
     from gvla2.plugins import Registry
 
-
-def job(config: ReportConfig, registry: Registry) -> int:
-    """Make the report into Hydra's output folder; the number of cells in it."""
-    from gvla2.commands.hydra_job import output_folder
-
-    return make_report(config, output_folder())
+FORMATS = ("terminal", "markdown", "latex", "html")
 
 
-def make_report(config: ReportConfig, folder: Path) -> int:
-    """As :func:`job`, into ``folder``.
+@dataclass
+class ReportConfig:
+    """A selection of the results database.
+
+    ``where`` keeps the cells whose factors have one of the values given (``where.object=[apple,bowl]``); ``runs``
+    keeps those of some runs; ``formats`` are the forms that the table is made in.
+    """
+
+    suite: str = "reconstruction"
+    where: dict[str, list[str]] = field(default_factory=dict)
+    runs: list[int] = field(default_factory=list)
+    formats: list[str] = field(default_factory=lambda: list(FORMATS))
+    results: ResultsConfig = field(default_factory=ResultsConfig)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.formats if name not in FORMATS]
+        if unknown or not self.formats:
+            raise ConfigurationError(f"formats is {self.formats}; choose among {', '.join(FORMATS)}.")
+
+
+def job(config: ReportConfig, registry: Registry, folder: Path) -> int:
+    """Make the report into ``folder``; the number of cells in it.
 
     Raises :class:`ConfigurationError` when the database is not there, or nothing in it fits the selection.
     """

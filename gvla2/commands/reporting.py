@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from gvla2.commands.report import FORMATS
 from gvla2.commands.tables import console, row, table
 
 if TYPE_CHECKING:
     from gvla2.evaluation.results import Cell, Run
     from gvla2.evaluation.table_formats import AnyTable
     from gvla2.evaluation.tables import AnyLayout
-
-FORMATS = ("terminal", "markdown", "latex", "html")
 
 
 def publish(

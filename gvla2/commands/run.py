@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,29 +31,36 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+LOOP = ("robot", "task", "perceiver", "planner", "fallback", "verifier")
+GEOMETRY = ("reconstructor", "prior", "axis", "fusion", "renderer")
 _TELLING = 4
 """Parts of a run's folder that tell its episode from all others: the day, the time, the job of a sweep, the seed."""
 
 
 @dataclass
-class _Listener:
-    """Passes an episode's news to its recorder and to the terminal; keeps the latest record."""
+class EpisodeReporter:
+    """Passes an episode's news to its recorder and to the terminal, where there are any; keeps the latest record."""
 
-    recorder: RunRecorder
-    progress: Progress
+    recorder: RunRecorder | None = None
+    progress: Progress | None = None
     latest: EpisodeRecord | None = None
 
     def begin(self, stage: Stage) -> None:
-        self.progress.begin(stage)
+        """A stage begins."""
+        if self.progress is not None:
+            self.progress.begin(stage)
 
     def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """A stage ended, well or not."""
         self.latest = record
-        if record.failure is not None:
-            log.info("%s: %s (%s)", stage, record.failure.message, record.failure.kind)
-        else:
-            log.info("%s: %.2f s", stage, record.timings.get(stage, 0.0))
-        self.recorder.stage(record, stage)
-        self.progress.stage(record, stage)
+        if self.recorder is not None:
+            self.recorder.stage(record, stage)
+        if self.progress is not None:
+            failure, seconds = record.failure, record.timings.get(stage, 0.0)
+            log.info(
+                "%s: %s", stage, f"{failure.message} ({failure.kind})" if failure else f"{seconds:.2f} s"
+            )
+            self.progress.stage(record, stage)
 
     def name_culprit(self, who: str) -> None:
         """Say in the latest record whose code crashed."""
@@ -62,23 +69,35 @@ class _Listener:
             self.latest = replace(self.latest, failure=replace(failure, message=f"{who}: {failure.message}"))
 
     def moment(self, moment: Moment) -> None:
-        self.recorder.moment(moment)
+        """The robot's state at the next frame."""
+        if self.recorder is not None:
+            self.recorder.moment(moment)
 
     def frame(self, image: NDArray[np.uint8]) -> None:
-        self.recorder.frame(image)
+        """A frame of the moving robot."""
+        if self.recorder is not None:
+            self.recorder.frame(image)
+
+    def finish(self) -> None:
+        """Write the page, also when Ctrl-C comes while it is being made; a second one gives it up."""
+        if self.recorder is None or self.latest is None:
+            return
+        try:
+            self.recorder.finish(self.latest)
+        except KeyboardInterrupt:
+            self.recorder.finish(self.latest)
+            raise
 
 
-def job(config: RunConfig, registry: Registry) -> float:
-    """Run the configured episodes into Hydra's output folder; the share that succeeded, for sweepers.
+def job(config: RunConfig, registry: Registry, folder: Path) -> float:
+    """Run the configured episodes into ``folder``; the share that succeeded, for sweepers.
 
     A job of a sweep has a bank of its own unless one is named, and is not run again in a folder where it is done.
     Raises :class:`Gvla2Error` when an episode could not be carried out (the robot would not start, say); an
     episode that was carried out and failed is a result.
     """
     from gvla2.commands import sweeps
-    from gvla2.commands.hydra_job import output_folder
 
-    folder = output_folder()
     records: list[EpisodeRecord] = []
     if not sweeps.in_sweep():
         return run_episodes(config, registry, folder)
@@ -105,7 +124,7 @@ def run_episodes(
     label: str = "",
     records: list[EpisodeRecord] | None = None,
 ) -> float:
-    """As :func:`job`, into ``folder``: the episode itself for one; for several ``episode_NNN``, an overview, the
+    """As :func:`job` in no sweep: the episode itself for one; for several ``episode_NNN``, an overview, the
     aggregate ``result.json`` (brought up to date after each) and the composed configuration.
 
     ``label`` begins each line on the terminal; ``records`` gets what was run, also before an error.
@@ -122,7 +141,9 @@ def run_episodes(
         write_text(folder / "config.yaml", composed)
     records = [] if records is None else records
     with ExitStack() as stack:
-        parts = _build(config, registry, stack)
+        parts = build_parts(config, registry)
+        stack.enter_context(closing(parts.robot))
+        stack.enter_context(closing(parts.memory))
         progress = stack.enter_context(Progress(quiet=config.quiet, label=label))
         progress.say(bank_line(config, parts.memory))
         tracker, viewer = (registry.build(config, kind) for kind in ("tracker", "view"))
@@ -131,7 +152,10 @@ def run_episodes(
         for number in range(config.episodes):
             target = folder if config.episodes == 1 else folder / f"episode_{number:03d}"
             recorder = RunRecorder(target, composed, command="run")
-            record = _run_one(parts, config, config.seed + number, _Listener(recorder, progress), blame)
+            listener = EpisodeReporter(recorder, progress)
+            source = "/".join(target.parts[-_TELLING:])
+            record = _run_one(parts, config, config.seed + number, listener, blame, source)
+            progress.finish(record, target)
             records.append(record)
             tracking.episode(number, record, target)
             if config.episodes > 1:
@@ -156,28 +180,23 @@ def bank_line(config: RunConfig, memory: Memory) -> str:
     return f"memory {options.name}, bank '{options.bank}' of {url}: {held} {'lesson' if held == 1 else 'lessons'}"
 
 
-def _build(config: RunConfig, registry: Registry, stack: ExitStack) -> Parts:
-    """All components of the run; robot and memory are closed when ``stack`` unwinds."""
-    parts = build_parts(config, registry)
-    stack.enter_context(closing(parts.robot))
-    stack.enter_context(closing(parts.memory))
-    return parts
+def build_parts(config: object, registry: Registry, choices: Mapping[str, str] | None = None) -> Parts:
+    """All components that the configuration chose; the caller closes the robot and the memory.
 
-
-def build_parts(config: RunConfig, registry: Registry) -> Parts:
-    """All components that the configuration chose; the caller closes the robot and the memory."""
+    ``choices`` is what the record calls them, by default their names by group.
+    """
     from gvla2.episode import Parts
     from gvla2.loop.refine import GeometryParts
 
-    loop = ("robot", "task", "perceiver", "memory", "planner", "fallback", "verifier")
-    geometry = ("reconstructor", "prior", "axis", "fusion", "renderer")
     built: dict[str, Any] = {}
-    registry.build_all(config, (*loop, *geometry), built)
-    chosen = [group for group in registry.groups if group != "language" or group in built]
+    registry.build_all(config, (*LOOP, "memory", *GEOMETRY), built)
+    if choices is None:
+        chosen = [group for group in registry.groups if group != "language" or group in built]
+        choices = {kind: getattr(config, kind).name for kind in chosen}
     return Parts(
-        **{kind: built[kind] for kind in loop},
-        geometry=GeometryParts(**{kind: built[kind] for kind in geometry}),
-        choices={kind: getattr(config, kind).name for kind in chosen},
+        **{kind: built[kind] for kind in (*LOOP, "memory")},
+        geometry=GeometryParts(**{kind: built[kind] for kind in GEOMETRY}),
+        choices=choices,
         skills=registry.skills,
         language=built.get("language"),
     )
@@ -206,44 +225,25 @@ def _run_one(
     parts: Parts,
     config: RunConfig,
     seed: int,
-    listener: _Listener,
+    listener: EpisodeReporter,
     blame: Callable[[BaseException], str],
+    source: str,
 ) -> EpisodeRecord:
     from gvla2.episode import EpisodeRequest, run_episode
 
-    request = EpisodeRequest(
-        seed=seed,
-        instruction=config.instruction,
-        depth_noise=config.depth_noise,
-        source="/".join(listener.recorder.folder.parts[-_TELLING:]),
-        replan=config.replan,
-        planner_timeout=config.planner_timeout,
-        max_parts=config.max_parts,
-        agreement=config.agreement,
-    )
+    same = ("instruction", "depth_noise", "replan", "planner_timeout", "max_parts", "agreement")
+    options: dict[str, Any] = {name: getattr(config, name) for name in same}
     try:
-        record = run_episode(parts, request, listener)
+        return run_episode(parts, EpisodeRequest(seed=seed, source=source, **options), listener)
     except Exception as error:
         if not isinstance(error, Gvla2Error) and (who := blame(error)):
             error.add_note(f"{who}.")
             listener.name_culprit(who)
         raise
     finally:
-        listener.progress.close()
-        # Also after an interrupt or a crash: the folder is complete up to there.
-        if listener.latest is not None:
-            _finish(listener.recorder, listener.latest)
-    listener.progress.finish(record, listener.recorder.folder)
-    return record
-
-
-def _finish(recorder: RunRecorder, record: EpisodeRecord) -> None:
-    """Write the page, also when Ctrl-C comes while it is being made; a second one gives it up."""
-    try:
-        recorder.finish(record)
-    except KeyboardInterrupt:
-        recorder.finish(record)
-        raise
+        if listener.progress is not None:
+            listener.progress.close()
+        listener.finish()  # also after an interrupt or a crash: the folder is complete up to there
 
 
 def main(argv: list[str]) -> int:

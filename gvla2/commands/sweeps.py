@@ -26,11 +26,11 @@ from gvla2.errors import Gvla2Error
 
 if TYPE_CHECKING:
     from gvla2.commands.run_config import RunConfig
-    from gvla2.evaluation.results import Cell
     from gvla2.record.contents import EpisodeRecord
 
 JOB = "job.json"
 _BANK = "memory.db"
+_MEASURES = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens")
 _NOT_OF_THE_RESULT = ("quiet", "results", "tracker", "view")
 
 
@@ -141,11 +141,19 @@ def conclude(status: int, argv: Sequence[str]) -> int:
 def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> None:
     from gvla2.commands.reporting import publish
     from gvla2.evaluation.provenance import commit, versions
-    from gvla2.evaluation.results import Results, Run, cell_key, now
+    from gvla2.evaluation.results import Cell, Results, Run, cell_key, now
     from gvla2.evaluation.runs import RUNS, SUITE
     from gvla2.record.files import write_text
 
-    cells = [_cell(cell_key(SUITE, str(place)), place, row) for place, row in rows]
+    cells = [
+        Cell(
+            cell_key(SUITE, str(place)),
+            {"job": row["job"], **row["overrides"]},
+            {name: float(row[name]) for name in _MEASURES},
+            {"status": row["status"], "folder": str(place)},
+        )
+        for place, row in rows
+    ]
     with Results.open(str(rows[0][1]["results"])) as results:
         before = [run for run in results.runs(SUITE) if run.folder == str(folder)]
         number = before[0].id if before else None
@@ -165,36 +173,19 @@ def _publish(folder: Path, rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> No
         print(f"{file.suffix[1:]}: {file}")
 
 
-def _cell(key: str, place: Path, row: Mapping[str, Any]) -> Cell:
-    from gvla2.evaluation.results import Cell
-
-    measures = ("episodes", "succeeded", "succeeded_strict", "seconds", "tokens")
-    return Cell(
-        key,
-        {"job": row["job"], **row["overrides"]},
-        {name: float(row[name]) for name in measures},
-        {"status": row["status"], "folder": str(place)},
-    )
-
-
 def _csv(rows: Sequence[tuple[Path, Mapping[str, Any]]]) -> str:
-    """One line a job: what varied, then what came of it."""
-    from gvla2.evaluation.runs import varied
-    from gvla2.evaluation.statistics import wilson_interval
-
-    names = varied([row["overrides"] for _, row in rows])
+    """One line a job: what was overridden, what came of it, and its page."""
+    lines = [
+        {"job": row["job"], **row["overrides"], **{name: row[name] for name in (*_MEASURES, "status")},
+         "page": place / "index.html"}
+        for place, row in rows
+    ]  # fmt: skip
     text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    counts = ("episodes", "succeeded", "succeeded_strict")
-    table.writerow(["job", *names, *counts, "success", "low", "high", "seconds", "tokens", "status", "page"])
-    for place, row in rows:
-        interval: list[object] = ["", "", ""]
-        if row["episodes"]:
-            low, high = wilson_interval(row["succeeded"], row["episodes"])
-            interval = [round(row["succeeded"] / row["episodes"], 4), round(low, 4), round(high, 4)]
-        told = [row["overrides"].get(name, "") for name in names]
-        ended = [row["seconds"], row["tokens"], row["status"], place / "index.html"]
-        table.writerow([row["job"], *told, *(row[name] for name in counts), *interval, *ended])
+    table = csv.DictWriter(
+        text, list(dict.fromkeys(name for line in lines for name in line)), lineterminator="\n"
+    )
+    table.writeheader()
+    table.writerows(lines)
     return text.getvalue()
 
 

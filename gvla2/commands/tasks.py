@@ -6,13 +6,14 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gvla2.errors import Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.record.gallery import Shown
+    from gvla2.record.gallery import TaskShown
     from gvla2.robot.backend import RobotBackend
     from gvla2.robot.task import Task
 
@@ -23,11 +24,8 @@ demonstration carries it out. The demonstrations know the true state; no planner
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write the page; the exit status is 1 when a task could not be laid out, 2 for wrong usage."""
-    try:
-        options = _parser().parse_args(argv)
-    except SystemExit as stop:
-        return int(stop.code or 0)
+    """Write the page; the exit status is 1 when a task could not be laid out."""
+    options = _parser().parse_args(argv)
     from gvla2.record.files import write_text
     from gvla2.record.gallery import gallery_page
 
@@ -41,10 +39,10 @@ def main(argv: Sequence[str]) -> int:
     return int(any(task.problem for task in shown))
 
 
-def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[Shown]:
+def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> Iterator[TaskShown]:
     """The named tasks, or all of them, one by one as they are photographed; progress goes to stderr."""
     from gvla2.catalog import load_plugins
-    from gvla2.record.gallery import Shown
+    from gvla2.record.gallery import TaskShown
 
     registry = load_plugins()
     offers = registry.offers("task")
@@ -56,55 +54,45 @@ def show(names: Sequence[str], robot: str, seed: int, *, demonstrate: bool) -> I
             with closing(built["robot"]) as arm:
                 yield _photograph(arm, built["task"], name, offer.summary, seed, demonstrate)
         except Gvla2Error as error:
-            yield Shown(name, offer.summary, "", "", (), problem=str(error))
+            yield TaskShown(name, offer.summary, problem=str(error))
 
 
 def _build(registry: Any, robot: str, task: str) -> dict[str, Any]:
     """Robot and task as ``gvla2 run`` would make them by default."""
-    from hydra import compose, initialize_config_module
+    from hydra import compose
     from omegaconf import OmegaConf
 
-    from gvla2.commands.primary import PRIMARY
-    from gvla2.hydra_bridge import register
+    from gvla2.commands.completion import hydra_application
 
-    register(registry, PRIMARY)
-    with initialize_config_module("gvla2.conf", version_base="1.3"):
+    with hydra_application(registry):
         config = OmegaConf.to_object(compose("run", overrides=[f"task={task}", f"robot={robot}"]))
     return dict(registry.build_all(config, ("robot", "task")))
 
 
 def _photograph(
     robot: RobotBackend, task: Task, name: str, summary: str, seed: int, demonstrate: bool
-) -> Shown:
-    from gvla2.record.gallery import Shown
+) -> TaskShown:
+    from gvla2.record.gallery import TaskShown
     from gvla2.robot import demonstration
 
     instance = robot.reset(task, seed)
     if instance is None:
-        return Shown(name, summary, "", "", (), problem="The robot lays out no task; choose a simulated one.")
+        return TaskShown(name, summary, problem="The robot lays out no task; choose a simulated one.")
     before = robot.observe().views
-    ending, done, after = "", False, None
-    if demonstrate and instance.solution is not None:
-        reports = demonstration.demonstrate(robot, instance)
-        after = robot.observe().views
-        judged = robot.judge()
-        done, strict = (False, False) if judged is None else (judged.eased, judged.strict)
-        stopped = reports[-1].abort if reports else None
-        ending = f"Demonstrated: eased {_word(done)}, strict {_word(strict)}."
-        if stopped is not None:
-            ending += f" It stopped at '{stopped.stage}': {stopped.message}"
-    views = () if after is None else tuple(after)
-    return Shown(
-        name,
-        summary,
-        instance.instruction,
-        instance.goal,
-        tuple(task.instructions),
-        tuple(before),
-        views,
-        ending,
-        done,
+    shown = TaskShown(
+        name, summary, instance.instruction, instance.goal, tuple(task.instructions), tuple(before)
     )
+    if not demonstrate or instance.solution is None:
+        return shown
+    reports = demonstration.demonstrate(robot, instance)
+    after = robot.observe().views
+    judged = robot.judge()
+    done, strict = (False, False) if judged is None else (judged.eased, judged.strict)
+    stopped = reports[-1].abort if reports else None
+    ending = f"Demonstrated: eased {_word(done)}, strict {_word(strict)}."
+    if stopped is not None:
+        ending += f" It stopped at '{stopped.stage}': {stopped.message}"
+    return replace(shown, after=tuple(after), ending=ending, done=done)
 
 
 def _word(reached: bool) -> str:

@@ -24,47 +24,38 @@ class Tracking:
     def __init__(
         self, tracker: Tracker | None, config: Any, folder: Path, viewer: Viewer | None = None
     ) -> None:
-        self._tracker, self._viewer = tracker, viewer
+        self._told: dict[str, Any] = {"tracker": tracker, "viewer": viewer}
         self._config, self._folder = config, folder
 
     def __enter__(self) -> Tracking:
-        if self._tracker is not None:
-            told = OmegaConf.to_container(OmegaConf.structured(self._config), enum_to_str=True)
-            assert isinstance(told, dict)
-            name = "/".join(self._folder.parts[-2:])
-            run = TrackedRun(name, self._folder, {str(key): value for key, value in told.items()})
-            self._guarded(lambda tracker: tracker.begin(run))
+        self._tell("tracker", lambda tracker: tracker.begin(self._begun()))
         return self
+
+    def _begun(self) -> TrackedRun:
+        told = OmegaConf.to_container(OmegaConf.structured(self._config), enum_to_str=True)
+        assert isinstance(told, dict)
+        name = "/".join(self._folder.parts[-2:])
+        return TrackedRun(name, self._folder, {str(key): value for key, value in told.items()})
 
     def episode(self, number: int, record: EpisodeRecord, folder: Path) -> None:
         """Tell of an episode that has ended."""
         measures = measures_of(record)
-        self._guarded(lambda tracker: tracker.episode(number, measures, folder))
-        if self._viewer is not None:
-            try:
-                self._viewer.show(record, folder)
-            except Exception as error:
-                self._viewer = None
-                _left("viewer", error)
+        self._tell("tracker", lambda tracker: tracker.episode(number, measures, folder))
+        self._tell("viewer", lambda viewer: viewer.show(record, folder))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._guarded(lambda tracker: tracker.end(well=error is None))
+        self._tell("tracker", lambda tracker: tracker.end(well=error is None))
 
-    def _guarded(self, call: Callable[[Tracker], None]) -> None:
-        if self._tracker is None:
-            return
+    def _tell(self, who: str, call: Callable[[Any], None]) -> None:
         try:
-            call(self._tracker)
+            if self._told[who] is not None:
+                call(self._told[who])
         except Exception as error:
-            self._tracker = None
-            _left("tracker", error)
-
-
-def _left(who: str, error: Exception) -> None:
-    log.warning("The %s failed and is not told any more: %s: %s", who, type(error).__name__, error)
-    log.info("What the %s raised:", who, exc_info=error)
+            self._told[who] = None
+            log.warning("The %s failed and is not told any more: %s: %s", who, type(error).__name__, error)
+            log.info("What the %s raised:", who, exc_info=error)
 
 
 def measures_of(record: EpisodeRecord) -> dict[str, float]:

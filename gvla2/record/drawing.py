@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from gvla2.record.placement import Rect, around, place
+from gvla2.record.text import one_line
 
 Colour = tuple[int, int, int]
 Point = tuple[float, float]
@@ -53,12 +54,6 @@ def png(image: Image.Image) -> bytes:
 def font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """Pillow's own typeface, so that pictures look the same on every machine."""
     return ImageFont.load_default(size)
-
-
-def shorten(text: str, limit: int) -> str:
-    """``text`` on one line and no longer than ``limit`` characters."""
-    line = " ".join(text.split())
-    return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"
 
 
 class Canvas:
@@ -129,7 +124,7 @@ class Canvas:
 
     def label(self, text: str, near: Rect, colour: Colour, badge: str = "") -> None:
         """A label beside ``near`` (image pixels), with a coloured ``badge`` before it."""
-        self._labels.append((shorten(text, 34), self._moved(near), colour, badge))
+        self._labels.append((one_line(text, 34), self._moved(near), colour, badge))
 
     def keep_clear(self, near: Rect) -> None:
         """Labels avoid this part (image pixels)."""

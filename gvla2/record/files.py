@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -60,7 +60,7 @@ def plain(value: object) -> Any:
     """``value`` in the types that JSON has.
 
     Arrays become lists, numpy scalars numbers, dataclasses and mappings objects with string keys, sets sorted
-    lists, NaN and infinities null, enumerations their values, anything else its text.
+    lists, NaN and infinities null, enumerations their values, bytes hexadecimal, anything else its text.
     """
     if value is None or (isinstance(value, bool | int | str) and not isinstance(value, Enum)):
         return value
@@ -70,12 +70,14 @@ def plain(value: object) -> Any:
         return plain(value.value)
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
+    if isinstance(value, bytes):
+        return value.hex()
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, AbstractSet):
         return sorted((plain(item) for item in value), key=str)
-    if isinstance(value, list | tuple):
+    if isinstance(value, Sequence) and not isinstance(value, str):
         return [plain(item) for item in value]
     return str(value)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
@@ -13,19 +11,7 @@ from PIL import Image
 from gvla2.record import wording
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.files import write_json, write_text
-from gvla2.record.page import render
-
-
-@dataclass(frozen=True)
-class EpisodeRow:
-    """One line of the overview."""
-
-    record: EpisodeRecord
-    link: str
-    headline: str
-    tone: str
-    story: str
-    thumbnail: str
+from gvla2.record.page import data_uri, render
 
 
 def episode_folder(folder: Path, index: int) -> Path:
@@ -41,16 +27,11 @@ def write_index(folder: Path, episodes: Sequence[EpisodeRecord], command: str = 
     """
     rows = []
     for index, record in enumerate(episodes):
+        place = episode_folder(folder, index)
         title, tone = wording.headline(record)
+        told = {"headline": title, "tone": tone, "story": " · ".join(wording.details(record))}
         rows.append(
-            EpisodeRow(
-                record,
-                f"{episode_folder(folder, index).name}/index.html",
-                title,
-                tone,
-                " · ".join(wording.details(record)),
-                _thumbnail(episode_folder(folder, index)),
-            )
+            {"record": record, "link": f"{place.name}/index.html", "thumbnail": _thumbnail(place), **told}
         )
     judged = [r.judgement for r in episodes if r.judgement is not None]
     whole = len(episodes) if judged else 0  # without a referee's word an episode counts as not succeeded
@@ -113,5 +94,5 @@ def _thumbnail(folder: Path, width: int = 192) -> str:
             continue
         stream = io.BytesIO()
         small.save(stream, format="JPEG", quality=82)
-        return f"data:image/jpeg;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}"
+        return data_uri(stream.getvalue())
     return ""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
@@ -12,10 +14,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from gvla2.record import sections, wording
-from gvla2.record.attempts import attempt_rows, part_rows
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.conversation import turns_of
+from gvla2.record.drawing import css_colour, marker_colour
 from gvla2.record.pictures import Pictures
+from gvla2.record.text import count, listing, one_line
 
 
 def render_page(
@@ -41,18 +44,11 @@ def render_page(
         linked=linked,
         headline=title,
         tone=tone,
-        story=sections.story(record),
-        tiles=sections.tiles(record),
         steps=sections.steps(record),
-        attempts=attempt_rows(record),
-        parts=part_rows(record),
-        total=record.seconds,
-        objects=sections.object_rows(record.scene, record.plan) if record.scene else [],
+        attempts=[*record.attempts, replace(record, attempts=())],
         parameters=parameters,
         plan_notes=plan_notes,
         candidates=sections.ranked_candidates(record.plan) if record.plan else [],
-        checks=sections.check_cards(record.checks) if record.checks else [],
-        executed=wording.executed(record),
         turns=turns_of(record),
         finding=lambda stage: wording.finding(record, stage),
     )
@@ -76,6 +72,14 @@ def render(template: str, **values: Any) -> str:
         script_digest=digest,
         data_uri=data_uri,
         terms=sections.terms,
+        checks=sections.CHECKS,
+        outcomes=wording.OUTCOMES,
+        tones=wording.TONES,
+        executed=wording.executed,
+        marker=lambda index: css_colour(marker_colour(index)),
+        swatch=sections.swatch,
+        roles_of=sections.roles_of,
+        call_words=call_words,
         effect_words=sections.effect_words,
         orientation_words=sections.orientation_words,
         guard_words=sections.guard_words,
@@ -86,20 +90,30 @@ def render(template: str, **values: Any) -> str:
         seconds=wording.seconds,
         fixed=wording.fixed,
         mm=lambda metres: wording.fixed(1000 * metres, 1),
-        counted=wording.count,
+        counted=count,
         called=sections.called,
+        finite=lambda value: value if math.isfinite(value) else 0.0,
+        label_of=sections.label_of,
+        listing=listing,
+        one_line=one_line,
     )
     return environment.get_template(template).render(**values)
 
 
+def call_words(record: EpisodeRecord) -> list[str]:
+    """The plan's calls with labels in place of ids: "place(red cube, drawer, in)"."""
+    scene, calls = record.scene, record.plan.calls if record.plan else ()
+    named = [
+        replace(c, theme=sections.called(c.theme, scene), goal=sections.called(c.goal, scene)) for c in calls
+    ]
+    return list(map(str, named))
+
+
 def data_uri(data: bytes) -> str:
     """A GIF, JPEG, PNG or MP4 file as a URI that holds it."""
-    kinds = ((b"GIF8", "image/gif"), (b"\xff\xd8", "image/jpeg"))
-    kind = (
-        "video/mp4"
-        if data[4:8] == b"ftyp"
-        else next((k for s, k in kinds if data.startswith(s)), "image/png")
-    )
+    kinds = {b"GIF8": "image/gif", b"\xff\xd8": "image/jpeg"}
+    kind = next((kind for start, kind in kinds.items() if data.startswith(start)), "image/png")
+    kind = "video/mp4" if data[4:8] == b"ftyp" else kind
     return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 

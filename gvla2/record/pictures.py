@@ -79,19 +79,12 @@ def with_objects(
     )
 
 
-def part_picture(observation: Observation, trajectory: Trajectory, scene: Scene | None) -> bytes:
-    """The planned path of one part in the camera that shows it best, a PNG."""
-    start = observation.world_from_tcp[:3, 3]
-    view = plan_views(observation.pictured(), trajectory)[0]
-    return png(plan_overlay(view, trajectory, start, scene))
-
-
 def plan_pictures(
-    observation: Observation, trajectory: Trajectory, scene: Scene | None
+    observation: Observation, trajectory: Trajectory, scene: Scene | None, count: int = 2
 ) -> tuple[tuple[str, bytes], ...]:
-    """(camera, PNG) of the planned path in the two cameras that show it best."""
+    """(camera, PNG) of the planned path in so many cameras that show it best."""
     start = observation.world_from_tcp[:3, 3]
     return tuple(
         (view.name, png(plan_overlay(view, trajectory, start, scene)))
-        for view in plan_views(observation.pictured(), trajectory)
+        for view in plan_views(observation.pictured(), trajectory, count)
     )

@@ -11,7 +11,8 @@ from rich.status import Status
 from rich.text import Text
 
 from gvla2.record.contents import EpisodeRecord, Stage
-from gvla2.record.wording import State, finding, headline, one_line, state, summary_line
+from gvla2.record.text import one_line
+from gvla2.record.wording import State, finding, headline, state, summary_line
 
 __all__ = ["Progress", "summary_line"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,8 @@ from gvla2.planning.scene import Scene
 from gvla2.record.animation import FrameReel, gif
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.drawing import png
-from gvla2.record.files import make_folder, write_bytes, write_json, write_text
+from gvla2.record.files import write_bytes, write_json, write_text
+from gvla2.record.folder import FolderRecorder
 from gvla2.record.motion import FILM, Motion
 from gvla2.record.overview import write_index
 from gvla2.record.page import render_page
@@ -26,7 +26,6 @@ from gvla2.record.pictures import (
     Pictures,
     camera_pictures,
     main_view,
-    part_picture,
     plain_picture,
     plan_pictures,
     with_objects,
@@ -37,8 +36,6 @@ from gvla2.record.stages import STAGE_FILES
 from gvla2.robot.backend import Moment
 
 __all__ = ["RunRecorder", "write_index"]
-
-_log = logging.getLogger(__name__)
 
 _LINKED = (
     ("result.json", "outcome, machine-readable"),
@@ -61,7 +58,7 @@ LARGEST_FILM = 6_000_000
 """Bytes of a film that the page takes in; a longer one is linked beside it and the animation is shown."""
 
 
-class RunRecorder:
+class RunRecorder(FolderRecorder):
     """The folder of one episode: ``config.yaml`` at once, then what each stage adds, the page at the end.
 
     ``config_yaml`` is the composed configuration as text. Numbers come first: ``result.json`` and the stages' JSON
@@ -70,14 +67,12 @@ class RunRecorder:
     """
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
-        self.folder = make_folder(folder)
-        self.notes: list[str] = []
-        self._command, self._config = command, config_yaml
+        super().__init__(folder, config_yaml)
+        self._command = command
         self._reel = FrameReel()
         self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
-        write_text(folder / "config.yaml", config_yaml)
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -85,7 +80,7 @@ class RunRecorder:
             self._reel.add(image)
             self._motion.frame(image)
         except Exception as error:
-            self._complain("A frame of the animation", error)
+            self.complain("A frame of the animation", error)
 
     def moment(self, moment: Moment) -> None:
         """Keep the robot's state at the next frame. Never raises."""
@@ -102,12 +97,12 @@ class RunRecorder:
         self._write_numbers(record)
         self._write_pictures(record)
         if len(self._reel):
-            self._try("The animation", self._animate)
-        self._try("The film", self._finish_film)
-        self._try("The 3D scene", lambda: self._model(record))
+            self.attempt("The animation", self._animate)
+        self.attempt("The film", self._finish_film)
+        self.attempt("The 3D scene", lambda: self._model(record))
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
-        self._try("The page", lambda: write_text(page, self._page(told)))
+        self.attempt("The page", lambda: write_text(page, self._page(told)))
         self._write_numbers(record)  # once more: notes about pictures belong to the result
         return page
 
@@ -172,9 +167,10 @@ class RunRecorder:
     def _show_parts(self, record: EpisodeRecord) -> None:
         """The plans of the parts before the last, whose own pictures are of it."""
         self._pictures.parts = tuple(
-            (f"part {k}: {part.plan.skill}", part_picture(part.observation, part.plan.trajectory, part.scene))
+            (f"part {k}: {part.plan.skill}", picture)
             for k, part in enumerate(record.parts, 1)
             if part.observation is not None and part.plan is not None and part.plan.trajectory is not None
+            for _, picture in plan_pictures(part.observation, part.plan.trajectory, part.scene, 1)
         )
 
     def _model(self, record: EpisodeRecord) -> None:
@@ -192,8 +188,7 @@ class RunRecorder:
             self._pictures.film = film.read_bytes()
 
     def _page(self, record: EpisodeRecord) -> str:
-        linked = [(name, what) for name, what in _LINKED if (self.folder / name).exists()]
-        return render_page(record, self._pictures, self._config, self._command, linked)
+        return render_page(record, self._pictures, self.config, self._command, self.there(_LINKED))
 
     def _save(self, name: str, data: bytes) -> None:
         if data:
@@ -202,24 +197,7 @@ class RunRecorder:
     def _once(self, key: str, source: Any, what: str, make: Callable[[], object]) -> None:
         """Run ``make`` unless it ran for these very inputs before; records are frozen, so identity tells."""
         parts = source if isinstance(source, tuple) else (source,)
-        before = self._written.get(key)
-        if (
-            before is not None
-            and len(before) == len(parts)
-            and all(a is b for a, b in zip(before, parts, strict=True))
-        ):
+        if list(map(id, self._written.get(key, ()))) == list(map(id, parts)):
             return
         self._written[key] = parts
-        self._try(what, make)
-
-    def _try(self, what: str, make: Callable[[], object]) -> None:
-        try:
-            make()
-        except Exception as error:
-            self._complain(what, error)
-
-    def _complain(self, what: str, error: Exception) -> None:
-        note = f"{what} could not be made: {type(error).__name__}: {error}"
-        if note not in self.notes:
-            self.notes.append(note)
-            _log.warning(note, exc_info=error)
+        self.attempt(what, make)

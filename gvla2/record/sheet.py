@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from gvla2.record.drawing import INK, PAPER, font, png, shorten
+from gvla2.record.drawing import INK, PAPER, font, png
+from gvla2.record.text import one_line
 
 # Anchors of a perceptually even map (after viridis), near to far.
 _NEAR_TO_FAR = np.array(
@@ -59,7 +60,7 @@ def contact_sheet(tiles: Sequence[tuple[str, Image.Image]], columns: int = 2, ga
     pen = ImageDraw.Draw(sheet)
     for k, (name, tile) in enumerate(tiles):
         x, y = gap + (k % columns) * cell_w, gap + (k // columns) * cell_h
-        pen.text((x + 2, y + title / 2), shorten(name, 60), fill=INK, font=font(15), anchor="lm")
+        pen.text((x + 2, y + title / 2), one_line(name, 60), fill=INK, font=font(15), anchor="lm")
         sheet.paste(tile, (x, y + title))
     return sheet
 

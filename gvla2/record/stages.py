@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any
 
 from gvla2.planning.contracts import Plan
@@ -14,59 +14,25 @@ from gvla2.record.conversation import kept
 from gvla2.record.files import plain
 
 
+def _fields(thing: Any, *without: str) -> dict[str, Any]:
+    return {f.name: plain(getattr(thing, f.name)) for f in fields(thing) if f.name not in without}
+
+
 def scene_json(scene: Scene) -> dict[str, Any]:
     """The scene X_t with each object's pose, size and keypoints, metres; point clouds only as their counts."""
-    return {
-        "perceiver": scene.perceiver,
-        "table_height": scene.table_height,
-        "workspace": {"low": plain(scene.workspace.low), "high": plain(scene.workspace.high)},
-        "notes": list(scene.notes),
-        "objects": [
-            {
-                "id": o.id,
-                "label": o.label,
-                "shape": o.shape,
-                "colour": o.colour,
-                "rgb": plain(o.rgb),
-                "world_from_object": plain(o.world_from_object),
-                "extents": plain(o.extents),
-                "keypoints": plain(o.keypoints()),
-                "points": len(o.points),
-                "parent": o.parent,
-                "confidence": o.confidence,
-                "named_by": o.named_by,
-                "sureness": o.sureness,
-                "known": None
-                if o.known is None
-                else {
-                    "name": o.known.name,
-                    "path": o.known.path,
-                    "world_from_scan": plain(o.known.world_from_scan),
-                    "scale": o.known.scale,
-                    "residual": o.known.residual,
-                },
-            }
-            for o in scene.objects
-        ],
-    }
+    things = [
+        {**_fields(o, "points"), "points": len(o.points), "keypoints": plain(o.keypoints())}
+        for o in scene.objects
+    ]
+    return {**_fields(scene, "objects"), "objects": things}
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
     """The plan without its trajectory, which has a file of its own."""
     return {
-        "skill": plan.skill,
-        "roles": dict(plan.roles),
-        "parameters": dict(plan.parameters),
-        "scales": {name: list(scale) for name, scale in plan.scales.items()},
-        "candidates": [asdict(c) for c in plan.candidates],
-        "abstention": asdict(plan.abstention) if plan.abstention else None,
-        "notes": list(plan.notes),
-        "fallback": plan.fallback,
+        **_fields(plan, "trajectory", "transcript", "program"),
         "transcript": kept(plan.transcript),
         "waypoints": len(plan.trajectory) if plan.trajectory is not None else 0,
-        "calls": [asdict(call) for call in plan.calls],
-        "remaining": [asdict(call) for call in plan.remaining],
-        "options": asdict(plan.options),
         "program": plan.program.to_json() if plan.program else None,
     }
 
@@ -78,50 +44,52 @@ def trajectory_json(trajectory: Trajectory) -> dict[str, Any]:
 
 def attempt_json(attempt: EpisodeRecord) -> dict[str, Any]:
     """One of the earlier attempts, or parts of a program: what was planned, executed and found."""
-    plan = attempt.plan
-    return {
-        **attempt.attempted(),
-        "plan": plan_json(plan) if plan else None,
-        "trajectory": trajectory_json(plan.trajectory) if plan and plan.trajectory is not None else None,
-        "report": attempt.report.to_json() if attempt.report else None,
-        "verdict": asdict(attempt.verdict) if attempt.verdict else None,
-        "parts": [attempt_json(part) for part in attempt.parts],
-    }
+    parts = ("plan.json", "trajectory.json", "report.json", "verdict.json")
+    made = {name.removesuffix(".json"): write(attempt) for name, _, write in STAGE_FILES if name in parts}
+    return {**attempt.attempted(), **made, "parts": [attempt_json(part) for part in attempt.parts]}
 
 
 Writer = Callable[[EpisodeRecord], Any]
 
+
+def _of(name: str, write: Callable[[Any], Any] = plain) -> Writer:
+    """The field of the record of that name as JSON; None while there is nothing in it."""
+
+    def content(record: EpisodeRecord) -> Any:
+        made = getattr(record, name)
+        return write(made) if made is not None and made != () else None
+
+    return content
+
+
+def _trajectory(record: EpisodeRecord) -> Any:
+    made = record.plan.trajectory if record.plan else None
+    return trajectory_json(made) if made is not None else None
+
+
+def _attempts(records: tuple[EpisodeRecord, ...]) -> Any:
+    return [attempt_json(each) for each in records]
+
+
 STAGE_FILES: tuple[tuple[str, str, Writer], ...] = (
-    ("scene.json", "the perceived scene", lambda r: scene_json(r.scene) if r.scene else None),
-    ("recalled.json", "what memory offered", lambda r: asdict(r.recalled) if r.recalled else None),
-    ("plan.json", "skill, roles, parameters, candidates", lambda r: plan_json(r.plan) if r.plan else None),
-    (
-        "trajectory.json",
-        "the waypoints",
-        lambda r: trajectory_json(r.plan.trajectory) if r.plan and r.plan.trajectory is not None else None,
-    ),
-    ("checks.json", "findings of the six checks", lambda r: r.checks.to_json() if r.checks else None),
-    (
-        "report.json",
-        "the execution, waypoint by waypoint",
-        lambda r: r.report.to_json() if r.report else None,
-    ),
-    (
-        "scene_after.json",
-        "the scene perceived afterwards",
-        lambda r: scene_json(r.after_scene) if r.after_scene else None,
-    ),
+    ("scene.json", "the perceived scene", _of("scene", scene_json)),
+    ("recalled.json", "what memory offered", _of("recalled")),
+    ("plan.json", "skill, roles, parameters, candidates", _of("plan", plan_json)),
+    ("trajectory.json", "the waypoints", _trajectory),
+    ("checks.json", "findings of the six checks", _of("checks", lambda checks: checks.to_json())),
+    ("report.json", "the execution, waypoint by waypoint", _of("report", lambda report: report.to_json())),
+    ("scene_after.json", "the scene perceived afterwards", _of("after_scene", scene_json)),
     (
         "attempts.json",
         "the attempts before the last, each with its plan and report",
-        lambda r: [attempt_json(each) for each in r.attempts] or None,
+        _of("attempts", _attempts),
     ),
     (
         "parts.json",
         "the parts of the program before the last, each with its plan and report",
-        lambda r: [attempt_json(each) for each in r.parts] or None,
+        _of("parts", _attempts),
     ),
-    ("verdict.json", "the verifier's verdict", lambda r: asdict(r.verdict) if r.verdict else None),
-    ("learned.json", "what memory learnt", lambda r: asdict(r.learned) if r.learned else None),
+    ("verdict.json", "the verifier's verdict", _of("verdict")),
+    ("learned.json", "what memory learnt", _of("learned")),
 )
 """(file, what it is, its content or None while the record lacks it), in the order of the loop."""

@@ -3,16 +3,36 @@
 from __future__ import annotations
 
 import math
-import unicodedata
-from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Literal, get_args
 
+from gvla2.memory.contracts import Learned, MemoryContext
+from gvla2.planning.contracts import Plan
+from gvla2.planning.findings import CheckReport
 from gvla2.record.contents import EpisodeRecord, Stage
+from gvla2.record.text import count, listing, one_line
 
 State = Literal["done", "warn", "failed", "skipped"]
 """How a stage ended: as it should; with a reservation (abstained, rejected); broken off; not reached."""
 
+Tone = Literal["good", "bad", "unsure"]
+
 STAGES: tuple[Stage, ...] = get_args(Stage)
+
+MADE: Mapping[Stage, str] = {
+    "setup": "observation",
+    "observe": "observation",
+    "perceive": "scene",
+    "reconstruct": "refinement",
+    "recall": "recalled",
+    "plan": "plan",
+    "check": "checks",
+    "execute": "report",
+    "verify": "verdict",
+    "learn": "learned",
+    "judge": "judgement",
+}
+"""What of the record each stage fills."""
 
 OUTCOMES = {
     "verified_success": "success",
@@ -22,24 +42,8 @@ OUTCOMES = {
 }
 """The verifier's outcomes in words."""
 
-
-def one_line(text: str, limit: int = 160) -> str:
-    """``text`` on one line, without control characters (a terminal would obey them), at most ``limit`` long."""
-    safe = "".join(" " if unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp") else c for c in text)
-    safe = "".join(c for c in " ".join(safe.split()) if unicodedata.category(c) != "Cf")
-    return safe if len(safe) <= limit else safe[: limit - 1].rstrip() + "…"
-
-
-def count(number: int, one: str, many: str = "") -> str:
-    """A number with its noun: "1 waypoint", "8 waypoints"."""
-    return f"{number} {one if number == 1 else many or one + 's'}"
-
-
-def listing(words: Iterable[str], limit: int = 4) -> str:
-    """The first few words and how many more there are."""
-    given = list(words)
-    more = f" and {len(given) - limit} more" if len(given) > limit else ""
-    return ", ".join(given[:limit]) + more
+TONES: Mapping[str, Tone] = {"verified_success": "good", "verified_fail": "bad", "uncertain": "unsure"}
+"""How they sound."""
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -71,43 +75,23 @@ def state(record: EpisodeRecord, stage: Stage) -> State:
     """How ``stage`` ended."""
     if record.failure is not None and record.failure.stage == stage:
         return "warn" if stage == "plan" and record.plan is not None and record.plan.abstention else "failed"
+    made = getattr(record, MADE[stage])
+    if made is None or made == "":
+        return "done" if stage in record.timings and stage in ("setup", "reconstruct") else "skipped"
     match stage:
-        case "setup":
-            return "done" if "setup" in record.timings or record.observation is not None else "skipped"
-        case "observe":
-            return "done" if record.observation is not None else "skipped"
-        case "perceive":
-            return "done" if record.scene is not None else "skipped"
-        case "reconstruct":
-            return "done" if record.refinement or "reconstruct" in record.timings else "skipped"
-        case "recall":
-            if record.recalled is None:
-                return "skipped"
-            return "warn" if record.recalled.degraded else "done"
+        case "recall" | "learn":
+            return "warn" if made.degraded else "done"
         case "plan":
-            if record.plan is None:
-                return "skipped"
-            return "done" if record.plan.trajectory is not None else "warn"
+            return "done" if made.trajectory is not None else "warn"
         case "check":
-            if record.checks is None:
-                return "skipped"
-            return "done" if record.checks.passed else "failed"
+            return "done" if made.passed else "failed"
         case "execute":
-            if record.report is None:
-                return "skipped"
-            return "done" if record.report.completed else "failed"
+            return "done" if made.completed else "failed"
         case "verify":
-            if record.verdict is None:
-                return "skipped"
-            return "done" if record.verdict.outcome == "verified_success" else "warn"
-        case "learn":
-            if record.learned is None:
-                return "skipped"
-            return "warn" if record.learned.degraded else "done"
+            return "done" if made.outcome == "verified_success" else "warn"
         case "judge":
-            if record.judgement is None:
-                return "skipped"
-            return "done" if record.judgement.eased else "warn"
+            return "done" if made.eased else "warn"
+    return "done"
 
 
 def finding(record: EpisodeRecord, stage: Stage) -> str:
@@ -115,34 +99,35 @@ def finding(record: EpisodeRecord, stage: Stage) -> str:
     failure = record.failure
     if failure is not None and failure.stage == stage:
         return one_line(failure.message or failure.kind)
+    made = getattr(record, MADE[stage])
     match stage:
         case "setup":
             return one_line(record.goal)
-        case "observe":
-            views = record.observation.views if record.observation else ()
-            return f"{count(len(views), 'view')}: {listing(v.name for v in views)}" if len(views) else ""
-        case "perceive":
-            if record.scene is None:
-                return ""
-            labels = listing(one_line(o.label or o.id, 40) for o in record.scene.objects)
-            return count(len(record.scene.objects), "object") + (f": {labels}" if labels else "")
         case "reconstruct":
             return one_line(record.refinement)
-        case "recall":
-            return _recalled(record)
-        case "plan":
-            return _planned(record)
-        case "check":
-            return _checked(record)
         case "execute":
             return executed(record)
+    if made is None:
+        return ""
+    match stage:
+        case "observe":
+            views = made.views
+            return f"{count(len(views), 'view')}: {listing(v.name for v in views)}" if len(views) else ""
+        case "perceive":
+            labels = listing(one_line(o.label or o.id, 40) for o in made.objects)
+            return count(len(made.objects), "object") + (f": {labels}" if labels else "")
+        case "recall":
+            return _recalled(made)
+        case "plan":
+            return _planned(record, made)
+        case "check":
+            return _checked(made)
         case "verify":
             return judged(record)
         case "learn":
-            return _learnt(record)
+            return _learnt(made)
         case "judge":
-            judgement = record.judgement
-            return f"eased {_yes(judgement.eased)}, strict {_yes(judgement.strict)}" if judgement else ""
+            return f"eased {_yes(made.eased)}, strict {_yes(made.strict)}"
 
 
 def executed(record: EpisodeRecord) -> str:
@@ -167,7 +152,7 @@ def judged(record: EpisodeRecord) -> str:
     return verdict.outcome + ("" if verdict.outcome == "unavailable" else f" {fixed(verdict.quality, 2)}")
 
 
-def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure"]]:
+def headline(record: EpisodeRecord) -> tuple[str, Tone]:
     """The episode in two or three words, and how that sounds. A referee's word counts before a verifier's."""
     stopped = record.failure is not None and record.failure.stage not in ("verify", "judge")
     if stopped and record.parts and record.report is None:
@@ -183,11 +168,7 @@ def headline(record: EpisodeRecord) -> tuple[str, Literal["good", "bad", "unsure
     if stopped and record.failure is not None:
         return f"Stopped at {record.failure.stage}", "bad"
     if record.verdict is not None and record.verdict.outcome != "unavailable":
-        word = OUTCOMES[record.verdict.outcome]
-        tone: Literal["good", "bad", "unsure"] = (
-            "good" if word == "success" else "bad" if word == "failure" else "unsure"
-        )
-        return f"Verifier: {word}", tone
+        return f"Verifier: {OUTCOMES[record.verdict.outcome]}", TONES[record.verdict.outcome]
     if record.report is not None:
         return ("Carried out", "unsure") if record.report.completed else ("Stopped on the way", "bad")
     return "Unfinished", "unsure"
@@ -220,10 +201,7 @@ def _yes(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _recalled(record: EpisodeRecord) -> str:
-    recalled = record.recalled
-    if recalled is None:
-        return ""
+def _recalled(recalled: MemoryContext) -> str:
     if recalled.degraded:
         return f"memory unavailable: {one_line(recalled.degraded)}"
     if recalled.abstained:
@@ -234,10 +212,7 @@ def _recalled(record: EpisodeRecord) -> str:
     return count(len(recalled.items), "record") + (f", {binding} binding" if binding else "")
 
 
-def _planned(record: EpisodeRecord) -> str:
-    plan = record.plan
-    if plan is None:
-        return ""
+def _planned(record: EpisodeRecord, plan: Plan) -> str:
     if plan.abstention is not None:
         return f"abstained, {plan.abstention.kind}: {one_line(plan.abstention.message)}"
     if plan.trajectory is None:
@@ -248,26 +223,16 @@ def _planned(record: EpisodeRecord) -> str:
     return place + count(len(plan.trajectory), "waypoint") + skill + left
 
 
-def _checked(record: EpisodeRecord) -> str:
-    checks = record.checks
-    if checks is None:
-        return ""
+def _checked(checks: CheckReport) -> str:
     repaired = f", {count(len(checks.repairs), 'repair')}" if checks.repairs else ""
     if checks.passed:
         return f"all checks passed{repaired}"
     return f"rejected{repaired}: {one_line(listing(checks.reasons, 2))}"
 
 
-def _learnt(record: EpisodeRecord) -> str:
-    learned = record.learned
-    if learned is None:
-        return ""
+def _learnt(learned: Learned) -> str:
     if learned.degraded:
         return f"nothing stored: {one_line(learned.degraded)}"
-    counts = (
-        ("added", len(learned.added)),
-        ("merged", len(learned.merged)),
-        ("provisional", len(learned.provisional)),
-        ("discarded", learned.discarded),
-    )
-    return ", ".join(f"{n} {word}" for word, n in counts if n) or "nothing new"
+    counts = {name: len(getattr(learned, name)) for name in ("added", "merged", "provisional")}
+    counts["discarded"] = learned.discarded
+    return ", ".join(f"{n} {word}" for word, n in counts.items() if n) or "nothing new"

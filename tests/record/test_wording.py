@@ -7,7 +7,8 @@ from gvla2.memory.contracts import Verdict
 from gvla2.planning.trajectory import Orientation
 from gvla2.record import sections
 from gvla2.record.contents import EpisodeRecord, Failure
-from gvla2.record.wording import STAGES, finding, headline, number, one_line, seconds, state
+from gvla2.record.text import one_line
+from gvla2.record.wording import STAGES, finding, headline, number, seconds, state
 
 
 def test_each_stage_of_a_full_run_is_done_and_says_something(episode: Callable[..., EpisodeRecord]) -> None:

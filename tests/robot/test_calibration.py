@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gvla2.commands.calibrate import calibrate
-from gvla2.commands.calibrate_config import CalibrateConfig
+from gvla2.catalog import load_plugins
+from gvla2.commands.calibrate import CalibrateConfig, job
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import invert_rigid, look_along, rigid
 from gvla2.robot.calibration import Calibration, Intrinsics, load_recording
@@ -160,7 +160,7 @@ def recording(tmp_path: Path, pairs, **changes) -> Path:
 
 def test_the_command_writes_calibration_and_plot(tmp_path: Path, capsys):
     path = recording(tmp_path, recorded(np.random.default_rng(2)))
-    rmse = calibrate(CalibrateConfig(pairs=str(path)), tmp_path)
+    rmse = job(CalibrateConfig(pairs=str(path)), load_plugins(), tmp_path)
     said = capsys.readouterr().out
     assert all(word in said for word in ("park", "tsai", "refined", "hand_eye.json"))
     assert (tmp_path / "residuals.svg").read_text().startswith("<svg")
@@ -173,7 +173,7 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
     rng = np.random.default_rng(2)
     path = recording(tmp_path, recorded(rng, shift=0.02, turn=0.05))
     with pytest.raises(RobotError, match="RMSE"):
-        calibrate(CalibrateConfig(pairs=str(path)), tmp_path)
+        job(CalibrateConfig(pairs=str(path)), load_plugins(), tmp_path)
     assert not (tmp_path / "hand_eye.json").exists()
     assert (tmp_path / "residuals.svg").exists()
     pairs = recorded(rng)
@@ -182,7 +182,7 @@ def test_a_bad_recording_leaves_no_calibration(tmp_path: Path):
     body["pairs"][3]["base_from_tcp"][0][0] = float("nan")
     broken.write_text(json.dumps(body))
     with pytest.raises(RobotError, match="pair 3"):
-        calibrate(CalibrateConfig(pairs=str(broken)), tmp_path)
+        job(CalibrateConfig(pairs=str(broken)), load_plugins(), tmp_path)
 
 
 def test_options_are_checked(tmp_path: Path):
@@ -193,4 +193,4 @@ def test_options_are_checked(tmp_path: Path):
         ({"method": "guess"}, "No solver 'guess'"),
     ):
         with pytest.raises(ConfigurationError, match=message):
-            calibrate(CalibrateConfig(**{"pairs": str(path), **changes}), tmp_path)
+            job(CalibrateConfig(**{"pairs": str(path), **changes}), load_plugins(), tmp_path)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from gvla2.geometry.gaussians import SH_C0, Gaussians
 from gvla2.geometry.views import View
@@ -120,14 +121,8 @@ def _with_edge(
     picture: NDArray[np.float32], inside: NDArray[np.bool_], thin: bool = False
 ) -> NDArray[np.uint8]:
     """The picture with a mask's edge drawn on it, about two pixels wide, or one."""
-    edge = np.zeros_like(inside)
-    edge[1:] |= inside[1:] != inside[:-1]
-    edge[:, 1:] |= inside[:, 1:] != inside[:, :-1]
-    if not thin:
-        grown = edge.copy()
-        grown[:-1] |= edge[1:]
-        grown[:, :-1] |= edge[:, 1:]
-        edge = grown
+    outside = inside if thin else binary_dilation(inside)
+    edge = outside ^ binary_erosion(inside, border_value=1)
     drawn = picture.astype(np.uint8)
     drawn[edge] = CONTOUR
     return drawn

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.evaluation import metrics
+from gvla2.evaluation.judge import Judge
+from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.views import View, Views
@@ -44,7 +46,7 @@ class ViewFit:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ReconstructionFit:
     """A reconstruction against all input views; ``support`` is s(p) (N,) of ``gaussians``, which are what is drawn."""
 
     gaussians: Gaussians
@@ -69,8 +71,8 @@ class Measures:
     (before, after). ``unmeasured`` says why a number is missing, by its name.
     """
 
-    before: Fit
-    after: Fit
+    before: ReconstructionFit
+    after: ReconstructionFit
     groups: Mapping[Group, tuple[Mapping[str, float], Mapping[str, float]]]
     held_out: tuple[str, ...] = ()
     unmeasured: Mapping[str, str] | None = None
@@ -100,18 +102,24 @@ def measure(
     groups: dict[Group, tuple[Mapping[str, float], Mapping[str, float]]] = {
         "inputs": (before.numbers(), after.numbers())
     }
-    unmeasured: dict[str, str] = {}
-    if held_out is not None:
-        pair, why = _held_out((before.gaussians, after.gaussians), held_out, renderer)
-        groups["held_out"] = pair
-        unmeasured.update({} if not why else {"lpips": why})
-    if truth is not None:
-        groups["truth"] = _against(truth, ends)
+    if held_out is None and truth is None:
+        return Measures(before, after, groups)
+    targets = views if held_out is None else held_out
+    judge, why = _judge(ObjectViews("", views, _on_white(targets), truth), renderer)
+    drawn = [replace(end, gaussians=drawable(end)) for end in ends]
+    pair = [{k: v for k, v in judge.measure(end).measures.items() if v is not None} for end in drawn]
+    for group, named, asked in (
+        ("held_out", ("psnr", "ssim", "lpips"), held_out),
+        ("truth", ("cd_surface", "cd_official"), truth),
+    ):
+        if asked is not None:
+            kept = [{name: numbers[name] for name in named if name in numbers} for numbers in pair]
+            groups[cast(Group, group)] = kept[0], kept[1]
     names = () if held_out is None else tuple(view.name for view in held_out)
-    return Measures(before, after, groups, names, unmeasured)
+    return Measures(before, after, groups, names, {"lpips": why} if why and names else {})
 
 
-def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Fit:
+def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> ReconstructionFit:
     """A reconstruction against the input views; a mesh casts its silhouettes, as in the branch, else the Gaussians."""
     gaussians = drawable(thing)
     centres = np.asarray(gaussians.centres, dtype=np.float64)
@@ -128,7 +136,7 @@ def fit(thing: Reconstruction, views: Views, renderer: Renderer) -> Fit:
         iou = (union - missed - excess) / union if mask.any() else float("nan")
         psnr = metrics.psnr(image, on_white(view)) if mask.any() else float("nan")
         rows.append(ViewFit(view.name, image, alpha, silhouette, iou, missed, excess, psnr))
-    return Fit(gaussians, mask_support(centres, views), tuple(rows))
+    return ReconstructionFit(gaussians, mask_support(centres, views), tuple(rows))
 
 
 def drawable(thing: Reconstruction) -> Gaussians:
@@ -156,45 +164,19 @@ def on_white(view: View) -> Floats:
     return np.asarray(np.where(view.mask[..., None] > 0, image, np.float32(1.0)))
 
 
-def _held_out(
-    ends: Sequence[Gaussians], targets: Views, renderer: Renderer
-) -> tuple[tuple[Mapping[str, float], Mapping[str, float]], str]:
-    """PSNR, SSIM and LPIPS, means over the targets, of both ends; and why LPIPS is missing, or ""."""
-    from gvla2.evaluation.lpips import Lpips, mean_distance
+def _on_white(views: Views) -> Views:
+    """The views laid on white by their masks."""
+    return Views(tuple(replace(v, image=np.rint(255 * on_white(v)).astype(np.uint8)) for v in views))
 
-    pictures = [on_white(view) for view in targets]
-    renders = [[renderer.render(end, view.camera)[0] for view in targets] for end in ends]
-    pair = [
-        {
-            "psnr": _mean([metrics.psnr(a, b) for a, b in zip(images, pictures, strict=True)]),
-            "ssim": _mean([metrics.ssim(a, b) for a, b in zip(images, pictures, strict=True)]),
-        }
-        for images in renders
-    ]
+
+def _judge(views: ObjectViews, renderer: Renderer) -> tuple[Judge, str]:
+    """The judge of a bench, with LPIPS where that can be measured, else why it cannot."""
+    from gvla2.evaluation.lpips import Lpips
+
     try:
-        lpips = Lpips()
-        features = [lpips.features(picture) for picture in pictures]
-        for numbers, images in zip(pair, renders, strict=True):
-            numbers["lpips"] = mean_distance(lpips, images, features)
+        return Judge(views, renderer, Lpips()), ""
     except (MissingDependencyError, GeometryError) as error:
-        return (pair[0], pair[1]), str(error)
-    return (pair[0], pair[1]), ""
-
-
-def _against(truth: Mesh, ends: Sequence[Reconstruction]) -> tuple[Mapping[str, float], Mapping[str, float]]:
-    prepared = metrics.Truth.of(truth)
-    numbers = []
-    for end in ends:
-        centres = None if end.gaussians is None else np.asarray(end.gaussians.centres, dtype=np.float64)
-        points, _ = metrics.surface_points(end.mesh, centres)
-        corners = points if end.mesh is None else end.mesh.vertices
-        numbers.append(
-            {
-                "cd_surface": metrics.cd_surface(points, prepared),
-                "cd_official": metrics.cd_official(corners, prepared),
-            }
-        )
-    return numbers[0], numbers[1]
+        return Judge(views, renderer), str(error)
 
 
 def _mean(values: Sequence[float]) -> float:

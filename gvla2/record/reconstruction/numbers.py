@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Group
-from gvla2.record.wording import count, fixed
+from gvla2.record.text import count
+from gvla2.record.wording import fixed
 
 
 @dataclass(frozen=True)
-class Measure:
+class NumberStyle:
     """How a number is told: its name, decimals, unit, and whether more is better."""
 
     label: str
@@ -22,16 +24,16 @@ class Measure:
     note: str = ""
 
 
-MEASURES: Mapping[str, Measure] = {
-    "symmetric_iou": Measure("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
-    "mask_support": Measure("mask support", 4, "", True, "mean mask value where points project"),
-    "psnr": Measure("PSNR", 2, "dB", True, "colours, on white"),
-    "ssim": Measure("SSIM", 4, "", True, "structure, uniform 7 × 7 window"),
-    "lpips": Measure("LPIPS", 4, "", False, "perceived distance, AlexNet v0.1"),
-    "cd_surface": Measure(
+MEASURES: Mapping[str, NumberStyle] = {
+    "symmetric_iou": NumberStyle("symmetric IoU", 4, "", True, "overlap of silhouettes and masks, both ways"),
+    "mask_support": NumberStyle("mask support", 4, "", True, "mean mask value where points project"),
+    "psnr": NumberStyle("PSNR", 2, "dB", True, "colours, on white"),
+    "ssim": NumberStyle("SSIM", 4, "", True, "structure, uniform 7 × 7 window"),
+    "lpips": NumberStyle("LPIPS", 4, "", False, "perceived distance, AlexNet v0.1"),
+    "cd_surface": NumberStyle(
         "CD surface × 10³", 2, "", False, "in the views’ frame: place, scale and shape count"
     ),
-    "cd_official": Measure("CD official × 10³", 2, "", False, "each shape in its own unit box"),
+    "cd_official": NumberStyle("CD official × 10³", 2, "", False, "each shape in its own unit box"),
 }
 GROUPS: Mapping[Group, tuple[str, str]] = {
     "truth": ("Against the true mesh", "Chamfer distance, 100 000 points a surface"),
@@ -41,29 +43,11 @@ GROUPS: Mapping[Group, tuple[str, str]] = {
 _STEADY = 5e-4  # relative change below which a number counts as unchanged
 
 
-@dataclass(frozen=True)
-class MetricRow:
-    """One number before and after, as text; ``change`` in percent, toned by whether it is for the better."""
+def metric_groups(record: ReconstructionRecord) -> list[dict[str, Any]]:
+    """All numbers before and after, the hardest judge first: by group its ``title``, ``note`` and ``rows``.
 
-    label: str
-    note: str
-    before: str
-    after: str
-    change: str
-    tone: str
-
-
-@dataclass(frozen=True)
-class MetricGroup:
-    """Numbers of one kind."""
-
-    title: str
-    note: str
-    rows: tuple[MetricRow, ...]
-
-
-def metric_groups(record: ReconstructionRecord) -> list[MetricGroup]:
-    """All numbers before and after; the hardest judge first."""
+    A row has ``label``, ``note``, ``before``, ``after``, the ``change`` in percent, all text, and its ``tone``.
+    """
     if record.measures is None:
         return []
     made = []
@@ -73,14 +57,15 @@ def metric_groups(record: ReconstructionRecord) -> list[MetricGroup]:
             continue
         rows = []
         for name, after in pair[1].items():
-            how = MEASURES.get(name, Measure(name.replace("_", " "), 4, "", True))
+            how = MEASURES.get(name, NumberStyle(name.replace("_", " "), 4, "", True))
             before = pair[0].get(name, float("nan"))
             change = _change(before, after)
-            told = "" if change is None else f"{100 * change:+.2f} %".replace("-", "−")
+            said = "" if change is None else f"{100 * change:+.2f} %".replace("-", "−")
             was, now = (f"{fixed(value, how.digits)} {how.unit}".strip() for value in (before, after))
-            rows.append(MetricRow(how.label, how.note, was, now, told, tone_of(group, name, record)))
+            row = {"label": how.label, "note": how.note, "before": was, "after": now, "change": said}
+            rows.append({**row, "tone": tone_of(group, name, record)})
         shown = f"{note}; {count(len(record.measures.held_out), 'view')}" if group == "held_out" else note
-        made.append(MetricGroup(title, shown, tuple(rows)))
+        made.append({"title": title, "note": shown, "rows": rows})
     return made
 
 
@@ -110,12 +95,6 @@ def tone_of(group: Group, name: str, record: ReconstructionRecord) -> str:
 
 def _change(before: float | None, after: float | None) -> float | None:
     """Relative change; None when it cannot be told."""
-    if (
-        before is None
-        or after is None
-        or not math.isfinite(before)
-        or not math.isfinite(after)
-        or before == 0
-    ):
+    if not before or after is None or not math.isfinite(before) or not math.isfinite(after):
         return None
     return (after - before) / abs(before)

@@ -43,19 +43,24 @@ def render_reconstruction(
         headline=title,
         tone=tone,
         options=sections.unusual_options(record),
-        story=sections.story(record),
         tiles=sections.tiles(record),
         steps=sections.steps(record),
-        stages=sections.stage_rows(record),
+        meanings=sections.MEANINGS,
+        states=sections.STATES,
+        stage_numbers=sections.stage_numbers,
+        sentence=sections.sentence,
         groups=metric_groups(record),
         unmeasured={} if measures is None else dict(measures.unmeasured or {}),
         fits=fits,
         total=sum(record.timings.values()),
         scale=scale_css(),
         colours={
-            "missed": css_colour(MISSED),
-            "excess": css_colour(EXCESS),
-            "agreed": css_colour(AGREED),
-            "contour": css_colour(CONTOUR),
+            name: css_colour(colour)
+            for name, colour in (
+                ("missed", MISSED),
+                ("excess", EXCESS),
+                ("agreed", AGREED),
+                ("contour", CONTOUR),
+            )
         },
     )

@@ -20,7 +20,7 @@ from gvla2.record.reconstruction.maps import (
     residual_picture,
     support_picture,
 )
-from gvla2.record.reconstruction.measures import Fit, Measures, on_white
+from gvla2.record.reconstruction.measures import Measures, ReconstructionFit, on_white
 from gvla2.record.reconstruction.turntable import SECONDS_A_TURN, ring, side_by_side, turn
 
 MOST_VIEWS = 12
@@ -68,7 +68,11 @@ def view_pictures(views: Views, measures: Measures, renderer: Renderer) -> tuple
 
 
 def _of_view(
-    k: int, view: View, ends: tuple[Fit, Fit], painted: Sequence[Gaussians], renderer: Renderer
+    k: int,
+    view: View,
+    ends: tuple[ReconstructionFit, ReconstructionFit],
+    painted: Sequence[Gaussians],
+    renderer: Renderer,
 ) -> ViewPictures:
     fits = [end.views[k] for end in ends]
     box = part_of(view, [fit.silhouette for fit in fits])

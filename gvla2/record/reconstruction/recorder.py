@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +13,8 @@ from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
-from gvla2.record.files import make_folder, write_bytes, write_json, write_text
+from gvla2.record.files import write_bytes, write_json, write_text
+from gvla2.record.folder import FolderRecorder
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.page import render_reconstruction
 from gvla2.record.reconstruction.pictures import ReconstructionPictures, turntables, view_pictures
@@ -30,21 +29,13 @@ _LINKED = (
     ("reconstruct.log", "the log"),
 )
 
-log = logging.getLogger(__name__)
 
-
-class ReconstructionRecorder:
+class ReconstructionRecorder(FolderRecorder):
     """The folder of one reconstruction.
 
     A picture that cannot be made becomes a note and a warning, never an error. Every method raises
     :class:`gvla2.errors.OutputError` when the folder cannot be written to; each file is then whole or as it was.
     """
-
-    def __init__(self, folder: Path, config_yaml: str) -> None:
-        self.folder = make_folder(folder)
-        self.notes: list[str] = []
-        self._config = config_yaml
-        write_text(folder / "config.yaml", config_yaml)
 
     def geometry(self, thing: Reconstruction) -> None:
         """``result.ply`` and ``result.glb``, of what there is."""
@@ -92,27 +83,19 @@ class ReconstructionRecorder:
         def turn() -> None:
             made.hero, made.turntable = turntables(record.views, measures, renderer, frames)
 
-        self._try("The pictures of the views", views)
-        self._try("The turntable", turn)
+        self.attempt("The pictures of the views", views)
+        self.attempt("The turntable", turn)
         if made.turntable:
             write_bytes(self.folder / TURNTABLE, made.turntable)
         return made
 
     def page(self, record: ReconstructionRecord, pictures: ReconstructionPictures) -> Path:
         """``index.html``; returns its path. ``result.json`` is written anew with the notes on pictures."""
-        linked = [(name, what) for name, what in _LINKED if (self.folder / name).exists()]
         path = self.folder / PAGE
-        write_text(path, render_reconstruction(self._noted(record), pictures, self._config, linked))
+        page = render_reconstruction(self._noted(record), pictures, self.config, self.there(_LINKED))
+        write_text(path, page)
         self.numbers(record)
         return path
 
     def _noted(self, record: ReconstructionRecord) -> ReconstructionRecord:
         return replace(record, notes=(*record.notes, *self.notes))
-
-    def _try(self, what: str, make: Callable[[], object]) -> None:
-        try:
-            make()
-        except Exception as error:  # a renderer may fail in any way; the geometry is already written
-            note = f"{what} could not be made: {type(error).__name__}: {error}"
-            self.notes.append(note)
-            log.warning(note, exc_info=error)

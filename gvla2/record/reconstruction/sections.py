@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from typing import cast
 
 from gvla2.reconstruction.branch import BranchOptions
 from gvla2.reconstruction.contracts import StageReport
 from gvla2.record.reconstruction.contents import ReconstructionRecord
 from gvla2.record.reconstruction.measures import Group
 from gvla2.record.reconstruction.numbers import GROUPS, MEASURES, told, tone_of
-from gvla2.record.sections import Tile
-from gvla2.record.wording import State, count, listing
+from gvla2.record.sections import Step, share
+from gvla2.record.text import count
+from gvla2.record.wording import State
 
 STATES: Mapping[str, State] = {
     "applied": "done",
@@ -34,39 +36,13 @@ MEANINGS: Mapping[str, tuple[str, str]] = {
     "axis": ("B", "Each axis is scaled and shifted a little, until the silhouettes meet the masks’ edges."),
     "fusion": ("A+B", "Positions of the two sources become one; colours, sizes and opacity stay those of A."),
     "inset": ("", "Gaussians go as far inside their surface that what they paint ends where the masks do."),
-    "output": ("", "The last word of the input views: what explains them worse is not kept."),
+    "output": ("", "Final check against the input views: what explains them worse is not kept."),
 }
 """The source that each stage belongs to, and what it does."""
 
 
 _STAGE_LABELS = {"iou": "symmetric IoU", "support": "mask support", "colour_error": "colour error"}
 _STILL = 1e-4  # mean displacement, as a share of the size, below which an object counts as not moved
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step of the strip; ``share`` of the whole time, percent."""
-
-    name: str
-    anchor: str
-    state: State
-    seconds: float | None
-    share: float
-    finding: str
-
-
-@dataclass(frozen=True)
-class StageRow:
-    """One stage of the branch. ``numbers`` are (name, before, after), as text."""
-
-    name: str
-    source: str
-    meaning: str
-    status: str
-    tone: str
-    reason: str
-    numbers: tuple[tuple[str, str, str], ...]
-    seconds: float
 
 
 def headline(record: ReconstructionRecord) -> tuple[str, str]:
@@ -79,32 +55,6 @@ def headline(record: ReconstructionRecord) -> tuple[str, str]:
     return ("Refined", "good") if tone != "bad" else ("Refined, masks fit worse", "unsure")
 
 
-def story(record: ReconstructionRecord) -> str:
-    """The reconstruction in a few sentences."""
-    result = record.result
-    made = []
-    if result.g0.gaussians is not None:
-        made.append(f"{len(result.g0.gaussians):,} Gaussians")
-    if result.g0.mesh is not None:
-        made.append(f"a mesh of {len(result.g0.mesh.faces):,} triangles")
-    by = record.choices.get("reconstructor", "the reconstructor")
-    sentences = [f"From {count(len(record.views), 'view')} “{by}” made {' and '.join(made)}."]
-    applied = [_spoken(s) for s in result.stages if s.status in ("applied", "partial")]
-    kept_out = [_spoken(s) for s in result.stages if s.status in ("rejected", "fallback")]
-    if applied:
-        sentences.append(f"Applied: {listing(applied, 6)}.")
-    if kept_out:
-        sentences.append(f"Not taken over: {listing(kept_out, 6)}; the reasons are below.")
-    if not applied and not kept_out:
-        sentences.append("No stage had anything to do.")
-    if not record.changed:
-        sentences.append("In the end the first reconstruction was kept as it was.")
-    if record.displacement > 0:
-        share = 100 * record.displacement / record.size
-        sentences.append(f"Points moved by {_percent(share)} of the object’s longest side on average.")
-    return " ".join(sentences)
-
-
 def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     """The branch's options that are not as they are by default."""
     usual = asdict(BranchOptions())
@@ -112,16 +62,16 @@ def unusual_options(record: ReconstructionRecord) -> dict[str, str]:
     return {name: str(value).lower() for name, value in told.items()}
 
 
-def tiles(record: ReconstructionRecord) -> list[Tile]:
-    """Masks, colours and ground truth."""
-    masks = Tile("Silhouettes against the masks", *told("inputs", "symmetric_iou", record))
-    colours = Tile("Colours of the input views", *told("inputs", "psnr", record))
+def tiles(record: ReconstructionRecord) -> list[tuple[str, str, str, str]]:
+    """Masks, colours and ground truth: each a title, a value, its tone and a note."""
+    masks = ("Silhouettes against the masks", *told("inputs", "symmetric_iou", record))
+    colours = ("Colours of the input views", *told("inputs", "psnr", record))
     judges: tuple[tuple[Group, str], ...] = (("truth", "cd_surface"), ("held_out", "psnr"))
     for group, name in judges:
         if record.measures is not None and group in record.measures.groups:
-            return [masks, colours, Tile(GROUPS[group][0], *told(group, name, record))]
-    note = "Nothing that was not used was given to measure by: truth=MESH, or targets=VIEWS."
-    return [masks, colours, Tile("Ground truth", "None given", "idle", note)]
+            return [masks, colours, (GROUPS[group][0], *told(group, name, record))]
+    note = "No independent data was given: truth=MESH, or targets=VIEWS."
+    return [masks, colours, ("Ground truth", "None given", "idle", note)]
 
 
 def steps(record: ReconstructionRecord) -> list[Step]:
@@ -131,13 +81,11 @@ def steps(record: ReconstructionRecord) -> list[Step]:
     total = sum(timings.values()) + sum(s.seconds for s in record.result.stages) or 1.0
     found = {"read": count(len(record.views), "view"), "reconstruct": record.result.g0.status}
 
-    def plain(name: str) -> Step:
-        seconds = timings.get(name)
-        state: State = "done" if seconds is not None else "skipped"
-        if name == "reconstruct" and record.result.g0.status != "ok":
-            state = "warn"
-        share = 100 * (seconds or 0.0) / total
-        return Step(name, anchors[name], state, seconds, share, found.get(name, ""))
+    def own(name: str) -> Step:
+        made = "warn" if name == "reconstruct" and record.result.g0.status != "ok" else "done"
+        state = cast(State, made if name in timings else "skipped")
+        part = share(timings.get(name), total)
+        return Step(name, anchors[name], state, timings.get(name), part, found.get(name, ""))
 
     stages = [
         Step(
@@ -145,42 +93,18 @@ def steps(record: ReconstructionRecord) -> list[Step]:
             "stages",
             STATES[s.status],
             s.seconds,
-            100 * s.seconds / total,
+            share(s.seconds, total),
             f"{s.status}: {s.reason}",
         )
         for s in record.result.stages
     ]
-    return [plain("read"), plain("reconstruct"), *stages, plain("measure"), plain("draw")]
+    return [own("read"), own("reconstruct"), *stages, own("measure"), own("draw")]
 
 
-def stage_rows(record: ReconstructionRecord) -> list[StageRow]:
-    """Each stage of the branch with its reason and numbers."""
-    tones = {
-        "applied": "good",
-        "partial": "good",
-        "rejected": "unsure",
-        "fallback": "unsure",
-        "skipped": "idle",
-    }
-    rows = []
-    for stage in record.result.stages:
-        source, meaning = MEANINGS.get(stage.stage, ("", ""))
-        names = dict.fromkeys((*stage.before, *stage.after))
-        numbers = tuple(
-            (_label(name), _short(stage.before.get(name)), _short(stage.after.get(name))) for name in names
-        )
-        row = StageRow(
-            _spoken(stage),
-            source,
-            meaning,
-            stage.status,
-            tones[stage.status],
-            _sentence(stage.reason),
-            numbers,
-            stage.seconds,
-        )
-        rows.append(row)
-    return rows
+def stage_numbers(stage: StageReport) -> list[tuple[str, str, str]]:
+    """(name, before, after) of each number that a stage tells, as text."""
+    names = dict.fromkeys((*stage.before, *stage.after))
+    return [(_label(name), _short(stage.before.get(name)), _short(stage.after.get(name))) for name in names]
 
 
 def summary_line(record: ReconstructionRecord) -> str:
@@ -213,11 +137,7 @@ def _short(value: float | None) -> str:
     return f"{value:.4f}" if abs(value) < 10 else f"{value:.1f}"
 
 
-def _sentence(text: str) -> str:
+def sentence(text: str) -> str:
     """A reason as it stands in a paragraph: with a capital and a full stop."""
     told = text.strip()
     return told[:1].upper() + told[1:] + ("" if not told or told[-1] in ".!?" else ".")
-
-
-def _percent(share: float) -> str:
-    return f"{share:.2f} %" if share >= 0.01 else "less than 0.01 %"

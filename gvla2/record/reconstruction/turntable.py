@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.reconstruction.contracts import Renderer
-from gvla2.record.drawing import INK, font
+from gvla2.record.animation import Frame
+from gvla2.record.sheet import contact_sheet
 
-Frame = NDArray[np.uint8]
 FIELD_OF_VIEW = np.deg2rad(30.0)
 ELEVATION = np.deg2rad(22.0)
 SECONDS_A_TURN = 4.0
@@ -29,15 +28,12 @@ def ring(points: FloatArray, count: int, size: int, first: FloatArray | None = N
     centre, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
     away = 1.02 * max(radius, 1e-6) / np.sin(0.5 * FIELD_OF_VIEW)
     begin = 0.0 if first is None else float(np.arctan2(*(first - centre)[1::-1]))
-    cameras = []
-    for k in range(count):
-        turn = begin + 2 * np.pi * k / count
-        flat = np.cos(ELEVATION)
-        offset = away * np.array([flat * np.cos(turn), flat * np.sin(turn), np.sin(ELEVATION)])
-        cameras.append(
-            Camera.from_fov(FIELD_OF_VIEW, look_along(centre + offset, -offset), size, size, f"turn {k}")
-        )
-    return tuple(cameras)
+    turns, flat = begin + 2 * np.pi * np.arange(count) / count, np.cos(ELEVATION)
+    offsets = [away * np.array([flat * np.cos(t), flat * np.sin(t), np.sin(ELEVATION)]) for t in turns]
+    return tuple(
+        Camera.from_fov(FIELD_OF_VIEW, look_along(centre + offset, -offset), size, size, f"turn {k}")
+        for k, offset in enumerate(offsets)
+    )
 
 
 def turn(gaussians: Gaussians, cameras: Sequence[Camera], renderer: Renderer) -> list[Frame]:
@@ -47,15 +43,6 @@ def turn(gaussians: Gaussians, cameras: Sequence[Camera], renderer: Renderer) ->
 
 
 def side_by_side(left: Sequence[Frame], right: Sequence[Frame], titles: tuple[str, str]) -> list[Frame]:
-    """Frames of two turns in one picture, so that they never run apart, with a title under each."""
-    joined = []
-    for pair in zip(left, right, strict=True):
-        (height, width), strip = pair[0].shape[:2], 30
-        sheet = Image.new("RGB", (2 * width, height + strip), (255, 255, 255))
-        pen = ImageDraw.Draw(sheet)
-        for k, (frame, title) in enumerate(zip(pair, titles, strict=True)):
-            sheet.paste(Image.fromarray(frame), (k * width, 0))
-            pen.text(((k + 0.5) * width, height + strip / 2), title, fill=INK, font=font(15), anchor="mm")
-        pen.line([(width, 12), (width, height + strip - 12)], fill=(215, 221, 228), width=1)
-        joined.append(np.asarray(sheet))
-    return joined
+    """Frames of two turns in one picture, so that they never run apart, with a title over each."""
+    pairs = zip(map(Image.fromarray, left), map(Image.fromarray, right), strict=True)
+    return [np.asarray(contact_sheet(list(zip(titles, pair, strict=True)))) for pair in pairs]

@@ -1,0 +1,126 @@
+"""What every suite of ``gvla2 bench`` stands on: rows that are known, work that is shared, rows that are stored."""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from gvla2.catalog import Registry, load_plugins
+from gvla2.commands.bench_config import BenchConfig
+from gvla2.commands.bench_progress import BenchProgress
+from gvla2.commands.bench_workers import in_processes, workers_for
+from gvla2.discovery import closest
+from gvla2.errors import ConfigurationError, Gvla2Error
+
+if TYPE_CHECKING:
+    from gvla2.evaluation.results import Cell, Results
+
+Unit = TypeVar("Unit")
+Made = TypeVar("Made")
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class BenchRun:
+    """One call of ``gvla2 bench``, as its suite sees it; ``folder`` takes pictures and whatever else rows name."""
+
+    config: BenchConfig
+    registry: Registry
+    results: Results
+    run_id: int
+    folder: Path
+
+    def known(self, keys: Sequence[str], *, well: bool = True) -> dict[str, Cell]:
+        """The rows that the database has of these keys, with ``well`` those alone whose status is ok."""
+        found = {} if self.config.results.fresh else self.results.with_keys(keys)
+        found = {key: cell for key, cell in found.items() if not well or cell.notes.get("status") == "ok"}
+        if found:
+            log.info("%d of %d rows are in %s already.", len(found), len(keys), self.results.url)
+        return found
+
+    def store(self, cells: Sequence[Cell], suite: str = "") -> dict[str, Cell]:
+        """Put rows into the database at once, so that an interrupted bench goes on where it was; they, by key."""
+        self.results.add(self.run_id, suite or self.config.suite, cells)
+        return {cell.key: cell for cell in cells}
+
+    def progress(self, total: float, *, seconds: bool = False) -> BenchProgress:
+        """How far the bench is, of so many rows or seconds."""
+        return BenchProgress(total, self.config.quiet, seconds=seconds)
+
+    def measured(
+        self, work: Callable[[Unit, Registry], Made], units: Sequence[Unit], tries: int = 1
+    ) -> Iterator[tuple[Unit, Made]]:
+        """Each unit with what a module's function makes of it: here, or in processes as ``workers`` says."""
+        workers = workers_for(self.config.workers, len(units))
+        if workers == 1:
+            for unit in units:
+                yield unit, work(unit, self.registry)
+            return
+        for (_, unit), made in in_processes(_there, [(work, unit) for unit in units], workers, tries):
+            yield unit, made
+
+
+def _there(task: tuple[Callable[[Any, Registry], Made], Any]) -> Made:
+    """Work in a worker process, which finds the plugins itself.
+
+    Errors travel back as their message alone: exceptions with constructors of their own do not survive pickling.
+    """
+    work, unit = task
+    try:
+        return work(unit, _registry())
+    except Gvla2Error as error:
+        plain = ConfigurationError if isinstance(error, ConfigurationError) else Gvla2Error
+        raise plain(str(error)) from None
+
+
+@cache
+def _registry() -> Registry:
+    return load_plugins()
+
+
+def in_a_worker() -> bool:
+    """Whether this process is one of several that share the work."""
+    return multiprocessing.parent_process() is not None
+
+
+def code_of(typed: Iterable[object], *modules: str) -> str:
+    """A digest of the code whose change makes rows out of date: these modules, and those of the typed options."""
+    from gvla2.evaluation.provenance import code_digest
+
+    return code_digest((*modules, *sorted({type(one).__module__ for one in typed})))
+
+
+def options_of(registry: Registry, kind: str, name: str) -> list[str]:
+    """The names of a component's options, sorted."""
+    return sorted({field.name for field in fields(registry.get(kind, name).config)} - {"name"})
+
+
+def given_options(place: str, given: object, owner: str, known: Collection[str]) -> dict[str, Any]:
+    """What ``place`` of the command line gives ``owner``, which has the ``known`` options.
+
+    Raises :class:`ConfigurationError` for what is no options, and for one that does not exist.
+    """
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(f"{place} is {given!r}; give options: {place}.OPTION=VALUE.")
+    for option in given:
+        if option not in known:
+            raise ConfigurationError(
+                f"{place}.{option}: {owner} has no such option.{closest(str(option), known)} "
+                f"It has: {', '.join(sorted(known)) or 'none'}."
+            )
+    return dict(given)
+
+
+def require_among(place: str, given: Collection[str], known: Collection[str], what: str) -> None:
+    """Raises :class:`ConfigurationError` where ``place`` speaks of a name that is none of this bench's."""
+    for name in given:
+        if name not in known:
+            raise ConfigurationError(
+                f"{place}.{name}: '{name}' is none of the {what} of this bench ({', '.join(known)})."
+            )

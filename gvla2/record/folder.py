@@ -1,0 +1,42 @@
+"""What every recorder of a folder does: make it, keep the configuration, and survive pictures that fail."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from gvla2.record.files import make_folder, write_text
+
+log = logging.getLogger(__name__)
+
+
+class FolderRecorder:
+    """The folder of a run: ``config.yaml`` at once, and ``notes`` of what could not be made.
+
+    ``config`` is the composed configuration as text. Raises :class:`~gvla2.errors.OutputError` when the folder cannot
+    be written to.
+    """
+
+    def __init__(self, folder: Path, config: str) -> None:
+        self.folder, self.config = make_folder(folder), config
+        self.notes: list[str] = []
+        write_text(folder / "config.yaml", config)
+
+    def attempt(self, what: str, make: Callable[[], object]) -> None:
+        """Make something that may fail in any way: that becomes a note and a warning, never an error."""
+        try:
+            make()
+        except Exception as error:
+            self.complain(what, error)
+
+    def complain(self, what: str, error: Exception) -> None:
+        """Note, once, what could not be made and why."""
+        note = f"{what} could not be made: {type(error).__name__}: {error}"
+        if note not in self.notes:
+            self.notes.append(note)
+            log.warning(note, exc_info=error)
+
+    def there(self, files: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+        """Those of the files (name, what it is) that the folder has."""
+        return [(name, what) for name, what in files if (self.folder / name).exists()]
