@@ -93,8 +93,7 @@ def _support(depth: FloatArray) -> IntArray:
     count = np.zeros(depth.shape, dtype=np.int64)
     for shift in ((0, 1), (1, -1), (1, 0), (1, 1)):  # each neighbour is the other's neighbour
         near = np.abs(np.roll(depth, shift, axis=(0, 1)) - depth) < ONE_SURFACE
-        count += near
-        count += np.roll(near, np.negative(shift), axis=(0, 1))
+        count += np.add(near, np.roll(near, np.negative(shift), axis=(0, 1)), dtype=np.int64)
     return count
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
@@ -28,8 +26,8 @@ def split_by_height(points: FloatArray, least: int) -> list[IntArray]:
     before: FloatArray | None = None
     for level in np.unique(slices):
         inside = np.nonzero(slices == level)[0]
-        outline: Any = np.percentile(xy[inside], [1.0, 99.0], axis=0) if len(inside) >= 3 else before
-        if before is None or (_overlap(before, outline) < LIKE and len(parts[-1]) >= least):
+        outline = np.percentile(xy[inside], [1.0, 99.0], axis=0) if len(inside) >= 3 else before
+        if before is None or (_overlap(before, outline) < LIKE and len(parts[-1]) >= least):  # type: ignore[arg-type]
             parts.append(inside)
         else:
             parts[-1] = np.concatenate([parts[-1], inside])

@@ -39,8 +39,7 @@ class Pixels:
                 both = (one >= 0) & (other >= 0)
                 pairs.append(np.stack([one[both], other[both]], axis=1))
         touching: IntArray = np.concatenate(pairs)
-        apart = np.linalg.norm(self.points[touching[:, 0]] - self.points[touching[:, 1]], axis=1)
-        return np.asarray(touching[apart < jump])
+        return np.asarray(touching[np.linalg.norm(np.subtract(*self.points[touching.T]), axis=1) < jump])
 
 
 def choose(frames: Sequence[Frame], masks: Sequence[NDArray[np.bool_]], *, on_plane: bool = False) -> Pixels:

@@ -108,8 +108,7 @@ def fit_solid(
         seen, outside = value[:, :first_free], value[:, first_free:first_ray]
         reached = value[:, first_ray:].reshape(len(candidates), -1, rays.shape[1]).min(axis=2)
         seen = np.maximum(seen - slack, 0.0) if filled else seen
-        found: FloatArray = np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1)
-        return found
+        return np.asarray(np.concatenate([seen, np.minimum(outside, 0.0), np.maximum(reached, 0.0)], axis=1))
 
     def jacobian(at: FloatArray) -> FloatArray:
         steps_aside = np.vstack([at, at + STEP * np.eye(len(at))])
@@ -118,13 +117,10 @@ def fit_solid(
 
     def loss(squares: FloatArray) -> FloatArray:
         """Cauchy's, of each kind of evidence as much; the third row 0 keeps to reweighted least squares."""
-        return np.asarray(
-            share * np.stack([np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)])
-        )
+        derived = np.log1p(squares), 1.0 / (1.0 + squares), np.zeros_like(squares)
+        return np.asarray(share * np.stack(derived))
 
-    low, high = (
-        (np.full(len(parameters), -np.inf), np.full(len(parameters), np.inf)) if limits is None else limits
-    )
+    low, high = limits or (np.full(len(parameters), -np.inf), np.full(len(parameters), np.inf))
     bounds = np.asarray(low)[moving], np.asarray(high)[moving]
     found = least_squares(
         lambda at: errors(at[None])[0],  # type: ignore[misc]
