@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from gvla2.component import Component, ComponentConfig
-from gvla2.discovery import DISABLE_VARIABLE, Plugin, Problem, describe, discover
+from gvla2.discovery import DISABLE_VARIABLE, Plugin, PluginProblem, describe, discover
 from gvla2.errors import ConfigurationError, Gvla2Error, PluginError, UnknownComponentError
 from gvla2.fitness import structured
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK
@@ -39,7 +39,7 @@ class Registry:
         self,
         offers: Mapping[str, Mapping[str, Offer]],
         plugins: Iterable[Plugin] = (),
-        problems: Iterable[Problem] = (),
+        problems: Iterable[PluginProblem] = (),
         search_paths: Iterable[str] = (),
         skills: Iterable[tuple[Skill, Plugin]] = (),
         kinds: Mapping[str, Kind] = KINDS,
@@ -198,7 +198,7 @@ def load_plugins(groups: Collection[str] | None = None) -> Registry:
     Of two components of one kind and name, and of two skills of one name, the first in the order of pluggy's calls
     wins (:mod:`gvla2.hookspecs` tells it); the other is reported as a problem.
     """
-    problems: list[Problem] = []
+    problems: list[PluginProblem] = []
     found = collect(discover(problems), problems, groups)
     offers: dict[str, dict[str, Offer]] = {}
     for kind, offered in found.components.items():
@@ -209,14 +209,14 @@ def load_plugins(groups: Collection[str] | None = None) -> Registry:
 
 
 def _first_of_each_name(
-    offered: Iterable[tuple[Any, Plugin]], hook: str, problems: list[Problem]
+    offered: Iterable[tuple[Any, Plugin]], hook: str, problems: list[PluginProblem]
 ) -> dict[str, tuple[Any, Plugin]]:
     first: dict[str, tuple[Any, Plugin]] = {}
     for item, plugin in offered:
         if item.name in first:
             owner = first[item.name][1].name
             message = f"'{item.name}' is already offered by plugin '{owner}', which wins. Rename this one."
-            problems.append(Problem(plugin.name, hook, message))
+            problems.append(PluginProblem(plugin.name, hook, message))
         else:
             first[item.name] = item, plugin
     return first

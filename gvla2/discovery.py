@@ -1,6 +1,6 @@
 """Finding plugins: entry points and what was registered in this process, loaded one by one, each step guarded.
 
-Nothing a plugin does wrong raises here. It becomes a :class:`Problem`, which `gvla2 plugins` shows, and a run
+Nothing a plugin does wrong raises here. It becomes a :class:`PluginProblem`, which `gvla2 plugins` shows, and a run
 that does not need the plugin goes on.
 """
 
@@ -41,7 +41,7 @@ class Plugin:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PluginProblem:
     """What is wrong with a plugin. ``hook`` is "" when the plugin could not be loaded at all."""
 
     plugin: str
@@ -49,7 +49,7 @@ class Problem:
     message: str
 
 
-def discover(problems: list[Problem]) -> Iterator[tuple[Plugin, object]]:
+def discover(problems: list[PluginProblem]) -> Iterator[tuple[Plugin, object]]:
     """Every plugin that is not disabled and loads, in the order in which their hooks are to be called.
 
     That order decides who wins a duplicate name: what was registered in this process, the latest first, then gvla2's
@@ -67,12 +67,12 @@ def discover(problems: list[Problem]) -> Iterator[tuple[Plugin, object]]:
             yield plugin, loaded
     for name in sorted(disabled - seen - {"*"}):
         problems.append(
-            Problem(name, DISABLE_VARIABLE, f"is not installed, so not disabled.{closest(name, seen)}")
+            PluginProblem(name, DISABLE_VARIABLE, f"is not installed, so not disabled.{closest(name, seen)}")
         )
 
 
 def _announced(
-    disabled: set[str], seen: set[str], problems: list[Problem]
+    disabled: set[str], seen: set[str], problems: list[PluginProblem]
 ) -> Iterator[tuple[Plugin, str | EntryPoint]]:
     """The plugins that entry points name, and in place of a module with a list of them those of the list."""
     points = sorted(
@@ -98,12 +98,12 @@ def _announced(
                 yield Plugin(name, plugin.distribution, plugin.version), str(module)
 
 
-def _load(name: str, target: str | EntryPoint, problems: list[Problem]) -> object | None:
+def _load(name: str, target: str | EntryPoint, problems: list[PluginProblem]) -> object | None:
     try:
         with stdout_kept_clean():
             loaded: object = import_module(target) if isinstance(target, str) else target.load()
     except (Exception, SystemExit) as error:
-        problems.append(Problem(name, "", f"could not be loaded: {describe(error)}"))
+        problems.append(PluginProblem(name, "", f"could not be loaded: {describe(error)}"))
         return None
     return loaded
 

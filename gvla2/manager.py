@@ -2,7 +2,7 @@
 
 :func:`collect` registers the plugins with one :class:`pluggy.PluginManager` and calls each hook once, by pluggy's
 rules of order and wrapping. pluggy lets the first error end a call; so what it registers is a guarded twin of each
-plugin, whose functions answer with nothing instead and leave a :class:`~gvla2.discovery.Problem`.
+plugin, whose functions answer with nothing instead and leave a :class:`~gvla2.discovery.PluginProblem`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pluggy
 from pluggy import HookimplOpts
 
 from gvla2 import hookspecs
-from gvla2.discovery import Plugin, Problem, closest, describe, stdout_kept_clean
+from gvla2.discovery import Plugin, PluginProblem, closest, describe, stdout_kept_clean
 from gvla2.fitness import fault_of_item, fault_of_kind
 from gvla2.hookspecs import KINDS_HOOK, SEARCH_PATH_HOOK, SKILL_HOOK, specifications
 from gvla2.kinds import KINDS, SLOTS, Kind
@@ -40,7 +40,9 @@ class Collected:
 
 
 def collect(
-    found: Iterable[tuple[Plugin, object]], problems: list[Problem], groups: Collection[str] | None = None
+    found: Iterable[tuple[Plugin, object]],
+    problems: list[PluginProblem],
+    groups: Collection[str] | None = None,
 ) -> Collected:
     """Register the plugins, the first of which is to be called first, and call every hook, or those of the kinds that
     ``groups`` choose from, and of what these need.
@@ -58,7 +60,7 @@ def collect(
         manager.register(guard.twin(plugin, module, unmarked), name=name)
     for kind, plugin in guard.call(KINDS_HOOK):
         if fault := fault_of_kind(kind, guard.kinds):
-            problems.append(Problem(plugin.name, KINDS_HOOK, fault))
+            problems.append(PluginProblem(plugin.name, KINDS_HOOK, fault))
             continue
         guard.kinds[kind.name] = kind
         manager.add_hookspecs(specifications([kind]))
@@ -84,7 +86,7 @@ class _Guard:
     """Makes guarded twins, and remembers which plugin each item came from."""
 
     manager: pluggy.PluginManager
-    problems: list[Problem]
+    problems: list[PluginProblem]
     kinds: dict[str, Kind]
     names: dict[str, Plugin] = field(default_factory=dict)
     _sources: dict[int, Plugin] = field(default_factory=dict)
@@ -106,12 +108,14 @@ class _Guard:
                 continue
             hook = options.get("specname") or name
             if fault := _fault_of_function(value, options):
-                self.problems.append(Problem(plugin.name, hook, fault))
+                self.problems.append(PluginProblem(plugin.name, hook, fault))
             else:
                 setattr(twin, name, self._guarded(plugin, hook, value, options))
         if not vars(twin) and len(self.problems) + len(unmarked) == before:
             self.problems.append(
-                Problem(plugin.name, "", f"offers nothing: {_name_of(module)} has no @hookimpl function.")
+                PluginProblem(
+                    plugin.name, "", f"offers nothing: {_name_of(module)} has no @hookimpl function."
+                )
             )
         return twin
 
@@ -140,7 +144,7 @@ class _Guard:
             with stdout_kept_clean():
                 items = list(function())
         except (Exception, SystemExit) as error:
-            self.problems.append(Problem(plugin.name, hook, f"failed: {describe(error)}"))
+            self.problems.append(PluginProblem(plugin.name, hook, f"failed: {describe(error)}"))
             return []
         return self._fit(plugin, hook, items)
 
@@ -150,7 +154,7 @@ class _Guard:
         """Run a wrapper round the others; where it fails, what they returned stands."""
 
         def failed(why: str) -> None:
-            self.problems.append(Problem(plugin.name, hook, f"failed: {why}"))
+            self.problems.append(PluginProblem(plugin.name, hook, f"failed: {why}"))
 
         generator = function()
         try:
@@ -186,7 +190,7 @@ class _Guard:
         kept = []
         for item in items:
             if fault := fault_of_item(item, hook, self.kinds):
-                self.problems.append(Problem(plugin.name, hook, fault))
+                self.problems.append(PluginProblem(plugin.name, hook, fault))
                 continue
             self._sources.setdefault(id(item), plugin)
             self._returned.append(item)
@@ -205,13 +209,13 @@ class _Guard:
             hint = (
                 "is not marked @hookimpl." if name in known else f"is no hook of gvla2.{closest(name, known)}"
             )
-            self.problems.append(Problem(plugin.name, name, hint))
+            self.problems.append(PluginProblem(plugin.name, name, hint))
         for name, caller in vars(self.manager.hook).items():
             if isinstance(caller, pluggy.HookCaller) and not caller.has_spec():
                 for made in caller.get_hookimpls():
                     if not made.optionalhook:
                         message = f"is no hook of gvla2.{closest(name, known)}"
-                        self.problems.append(Problem(self.names[made.plugin_name].name, name, message))
+                        self.problems.append(PluginProblem(self.names[made.plugin_name].name, name, message))
 
 
 def _is_specified(caller: object) -> bool:

@@ -11,7 +11,7 @@ on the command line.
 """
 
 from gvla2.catalog import Offer, Registry, load_plugins
-from gvla2.discovery import Plugin, Problem
+from gvla2.discovery import Plugin, PluginProblem
 from gvla2.fitness import structured
 from gvla2.kinds import KINDS, Kind, kind_of
 
@@ -20,7 +20,7 @@ __all__ = [
     "Kind",
     "Offer",
     "Plugin",
-    "Problem",
+    "PluginProblem",
     "Registry",
     "kind_of",
     "load_plugins",

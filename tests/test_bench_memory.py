@@ -19,7 +19,7 @@ from gvla2.commands.report import ReportConfig
 from gvla2.commands.report import job as make_report
 from gvla2.errors import ConfigurationError, Gvla2Error
 from gvla2.evaluation.memory import suite
-from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, NotMeasuredError, Test
 from gvla2.hydra_bridge import register
 
 WANTED = {"test", "n", "value", "unit", "peer", "peer_value", "goal", "passed", "status"}
@@ -97,7 +97,7 @@ def test_rows_formats_and_resuming(
 
 
 def fake(name: str, measure: Any, **more: Any) -> Test:
-    return Test(name, (Row(name, name.capitalize(), "ms", "lower", 1.0),), measure, 100, **more)
+    return Test(name, (FigureRow(name, name.capitalize(), "ms", "lower", 1.0),), measure, 100, **more)
 
 
 def test_what_is_finished_survives_an_interruption(

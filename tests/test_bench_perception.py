@@ -175,9 +175,9 @@ def test_a_robot_that_knows_no_truth_is_refused(parts, tmp_path):
 
         def close(self): ...
 
-    from gvla2.evaluation.perception.suite import Bench, Wanted, measure
+    from gvla2.evaluation.perception.suite import Bench, WantedLayout, measure
     from gvla2.robot.noise_options import DepthNoise
 
     bench = Bench(Real(), None, Blind(), None, DepthNoise())
     with pytest.raises(ConfigurationError, match="tells which pixel shows what"):
-        measure(Wanted("key", {}, 0), bench)
+        measure(WantedLayout("key", {}, 0), bench)

@@ -10,7 +10,7 @@ from gvla2.catalog import Registry, load_plugins
 from gvla2.commands import checkup, doctor
 from gvla2.commands.checkup import Check
 from gvla2.commands.probe import imports
-from gvla2.discovery import Problem
+from gvla2.discovery import PluginProblem
 
 
 def test_this_installation_is_well(
@@ -72,15 +72,15 @@ def test_a_default_without_its_plugin_fails(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize(
     ("problem", "blamed", "status"),
     [
-        (Problem("p", "", "could not be loaded"), set(), "warn"),
-        (Problem("p", "", "could not be loaded"), {"planner"}, "fail"),
-        (Problem("p", "gvla2_planners", "failed"), {"planner"}, "fail"),
-        (Problem("p", "gvla2_tasks", "failed"), {"planner"}, "warn"),
-        (Problem("p", "gvla2_planner", "is no hook"), {"planner"}, "fail"),
+        (PluginProblem("p", "", "could not be loaded"), set(), "warn"),
+        (PluginProblem("p", "", "could not be loaded"), {"planner"}, "fail"),
+        (PluginProblem("p", "gvla2_planners", "failed"), {"planner"}, "fail"),
+        (PluginProblem("p", "gvla2_tasks", "failed"), {"planner"}, "warn"),
+        (PluginProblem("p", "gvla2_planner", "is no hook"), {"planner"}, "fail"),
     ],
 )
 def test_a_broken_plugin_fails_only_when_the_default_misses_it(
-    problem: Problem, blamed: set[str], status: str
+    problem: PluginProblem, blamed: set[str], status: str
 ):
     _, check = checkup.plugins(Registry({}, [], [problem]), blamed)
     assert check.status == status

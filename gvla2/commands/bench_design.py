@@ -63,7 +63,7 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Design:
+class PlannerDesign:
     """What one planner goes through: ``config`` is the bench with this planner, ``teaching`` with whoever explores."""
 
     config: BenchConfig
@@ -84,7 +84,7 @@ class Design:
         return f"{self.planner}{world}"
 
 
-def designs(config: BenchConfig, registry: Registry) -> list[Design]:
+def designs(config: BenchConfig, registry: Registry) -> list[PlannerDesign]:
     """A design for each planner of the bench, all over the same tasks, arms and layouts.
 
     In a learnable world a planner has one for each seed, since each is a world of its own, explored anew.
@@ -152,7 +152,7 @@ def _design(
     registry: Registry,
     tasks: Sequence[str],
     explored: Sequence[str],
-) -> Design:
+) -> PlannerDesign:
     taught = _around(teaching, registry, explored)
     exploring = []
     for task in explored:
@@ -163,7 +163,7 @@ def _design(
             factors = {**place, "planner": planner_label(teaching)}
             exploring.append(Planned(task, EXPLORED, seed, {"both": key}, factors))
     plan = _episodes(config, teaching, registry, tasks, [taught[task] for task in explored])
-    return Design(config, teaching, tasks, plan, exploring)
+    return PlannerDesign(config, teaching, tasks, plan, exploring)
 
 
 def _around(config: BenchConfig, registry: Registry, tasks: Sequence[str]) -> dict[str, Any]:

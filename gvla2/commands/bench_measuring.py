@@ -15,9 +15,9 @@ from gvla2.commands.bench_frame import in_a_worker
 from gvla2.errors import Gvla2Error, MissingDependencyError
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.ablation import Measured, Parts, Wanted
+    from gvla2.evaluation.ablation import AblationParts, Measured, Wanted
     from gvla2.evaluation.datasets import Dataset, Item
-    from gvla2.evaluation.judge import Judge
+    from gvla2.evaluation.judge import ReconstructionJudge
     from gvla2.evaluation.lpips import Lpips
     from gvla2.reconstruction.contracts import Renderer
 
@@ -88,8 +88,8 @@ def measure_unit(unit: ObjectUnit, registry: Registry) -> list[Measured]:
 
 
 def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
-    from gvla2.evaluation.ablation import Measured, Parts, failed, measure_object
-    from gvla2.evaluation.judge import Judge
+    from gvla2.evaluation.ablation import AblationParts, Measured, failed, measure_object
+    from gvla2.evaluation.judge import ReconstructionJudge
     from gvla2.reconstruction.branch import BranchOptions
 
     config = unit.config
@@ -97,22 +97,24 @@ def _measured(unit: ObjectUnit, registry: Registry) -> list[Measured]:
         views = unit.dataset.load(unit.item)
     except Gvla2Error as error:
         return [Measured(failed(want, error)) for want in unit.wanted]
-    built: dict[tuple[str, str], Parts] = {}
+    built: dict[tuple[str, str], AblationParts] = {}
 
-    def parts_for(seed: int, noise: str) -> Parts:
+    def parts_for(seed: int, noise: str) -> AblationParts:
         """The components for a seed; once for all seeds that configure them alike."""
         root = chosen_parts(config, registry, unit.baseline, seed, noise)
         which = repr(root["reconstructor"]), repr(root["prior"])
         if which not in built:
-            parts = Parts(**registry.build_all(root, KINDS))
+            parts = AblationParts(**registry.build_all(root, KINDS))
             # One reconstructor serves all priors, so that it runs once.
             same = [kept for (name, _), kept in built.items() if name == which[0]]
             built[which] = replace(parts, reconstructor=same[0].reconstructor) if same else parts
         return built[which]
 
-    def judge_for(renderer: Renderer) -> Judge:
+    def judge_for(renderer: Renderer) -> ReconstructionJudge:
         threads = 1 if in_a_worker() else -1
-        return Judge(views, renderer, lpips_of(config.lpips_weights), threads, config.surface_samples)
+        return ReconstructionJudge(
+            views, renderer, lpips_of(config.lpips_weights), threads, config.surface_samples
+        )
 
     options = BranchOptions(
         mode=cast(Literal["default", "paper"], config.mode),

@@ -19,7 +19,7 @@ from gvla2.commands.bench_frame import BenchRun
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.memory.figure import Figure, Row, Test
+    from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
     from gvla2.evaluation.memory.released_peer import ReleasedPeer
     from gvla2.evaluation.memory.setting import Setting
     from gvla2.evaluation.results import Cell
@@ -134,7 +134,7 @@ def _measure(planned: _Planned, setting: Setting) -> list[Cell]:
 
 
 def figure_cell(
-    key: str, row: Row, figure: Figure, *, size: int, on: str, order: Sequence[int], status: str
+    key: str, row: FigureRow, figure: Figure, *, size: int, on: str, order: Sequence[int], status: str
 ) -> Cell:
     """A figure as a row of the results: of a test of this ``size`` on ``on``, at its place in the table."""
     from gvla2.evaluation.memory.figure import passed

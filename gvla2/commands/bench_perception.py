@@ -13,7 +13,7 @@ from gvla2.commands.bench_frame import BenchRun, code_of, given_options, options
 from gvla2.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from gvla2.evaluation.perception.suite import Measured, Wanted
+    from gvla2.evaluation.perception.suite import MeasuredLayout, WantedLayout
     from gvla2.evaluation.results import Cell, Results
 
 DATA = "simulated"
@@ -29,7 +29,7 @@ class LayoutUnit:
 
     task: str
     perceiver: str
-    wanted: Wanted
+    wanted: WantedLayout
     config: BenchConfig
 
 
@@ -101,7 +101,7 @@ def chosen_parts(config: BenchConfig, registry: Registry, task: str, perceiver: 
 
 def _design(config: BenchConfig, registry: Registry) -> Iterator[LayoutUnit]:
     """Every layout with its key, those of a task and perceiver together."""
-    from gvla2.evaluation.perception.suite import SUITE, VERSION, Wanted, layout_seed
+    from gvla2.evaluation.perception.suite import SUITE, VERSION, WantedLayout, layout_seed
     from gvla2.evaluation.provenance import versions
     from gvla2.evaluation.results import cell_key
 
@@ -123,7 +123,7 @@ def _design(config: BenchConfig, registry: Registry) -> Iterator[LayoutUnit]:
             }
             first = seed == config.seeds[0] and episode == 0
             key = cell_key(SUITE, factors, protocol)
-            wanted = Wanted(key, factors, layout_seed(seed, episode), pictured=first)
+            wanted = WantedLayout(key, factors, layout_seed(seed, episode), pictured=first)
             yield LayoutUnit(task, perceiver, wanted, config)
 
 
@@ -131,7 +131,7 @@ _kept: dict[str, dict[str, Any]] = {}
 """By perceiver, the components that this process used last, its tasks by their names too: a robot takes a second."""
 
 
-def measure_unit(unit: LayoutUnit, registry: Registry) -> Measured:
+def measure_unit(unit: LayoutUnit, registry: Registry) -> MeasuredLayout:
     """The rows of one layout."""
     from gvla2.evaluation.perception.suite import Bench, measure
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gvla2.commands.bench_arms import arm_named, has_bank
 from gvla2.commands.bench_config import BenchConfig
-from gvla2.commands.bench_design import Design, Planned, designs
+from gvla2.commands.bench_design import Planned, PlannerDesign, designs
 from gvla2.commands.bench_episodes import EXPLORED, EpisodeOutcome, EpisodeUnit, chosen_memory, run_unit
 from gvla2.commands.bench_frame import BenchRun
 from gvla2.commands.bench_progress import BenchProgress
@@ -56,7 +56,7 @@ def _lacking(wanted: Iterable[Planned], known: Mapping[str, Cell]) -> list[Plann
 class _PlannerBench:
     """One planner's way through the bench: explore, freeze, test, film."""
 
-    design: Design
+    design: PlannerDesign
     bench: BenchRun
     progress: BenchProgress
 

@@ -14,7 +14,7 @@ from gvla2.commands.bench_episodes import chosen_memory, configured
 from gvla2.commands.bench_frame import BenchRun
 from gvla2.commands.bench_memory import figure_cell
 from gvla2.errors import ConfigurationError
-from gvla2.evaluation.memory.figure import Figure, Row
+from gvla2.evaluation.memory.figure import Figure, FigureRow
 from gvla2.evaluation.results import Cell, cell_key
 
 if TYPE_CHECKING:
@@ -82,15 +82,15 @@ def run(bench: BenchRun) -> list[Cell]:
 
 
 _ROWS = (
-    Row("auc", "Verifier: AUC against the known outcomes", "", "higher", digits=3),
-    Row("judged", "Verifier: runs that it could judge", "%", "higher", digits=1),
-    Row("calibration", "Verifier: expected calibration error", "", "lower", digits=3),
-    Row("tokens", "Verifier: tokens a run", "", "lower", digits=0),
-    Row("seconds", "Verifier: seconds a run", "s", "lower"),
-    Row("kept", "Memory: lessons active a run", "", "higher"),
-    Row("provisional", "Memory: lessons provisional a run", "", "lower"),
-    Row("false", "Memory: active hints of runs that had failed", "%", "lower", digits=1),
-    Row("told", "Memory: next tasks that are told something", "%", "higher", digits=1),
+    FigureRow("auc", "Verifier: AUC against the known outcomes", "", "higher", digits=3),
+    FigureRow("judged", "Verifier: runs that it could judge", "%", "higher", digits=1),
+    FigureRow("calibration", "Verifier: expected calibration error", "", "lower", digits=3),
+    FigureRow("tokens", "Verifier: tokens a run", "", "lower", digits=0),
+    FigureRow("seconds", "Verifier: seconds a run", "s", "lower"),
+    FigureRow("kept", "Memory: lessons active a run", "", "higher"),
+    FigureRow("provisional", "Memory: lessons provisional a run", "", "lower"),
+    FigureRow("false", "Memory: active hints of runs that had failed", "%", "lower", digits=1),
+    FigureRow("told", "Memory: next tasks that are told something", "%", "higher", digits=1),
 )
 PEER = "plain rule"
 

@@ -14,7 +14,7 @@ from PIL import Image
 
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.drift import DRIFTS, Drift
-from gvla2.evaluation.judge import MEASURES, Judge
+from gvla2.evaluation.judge import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
@@ -57,7 +57,7 @@ PICTURED = ("baseline", "ab_fusion")
 
 
 @dataclass(frozen=True)
-class Parts:
+class AblationParts:
     """The components that a bench runs with."""
 
     reconstructor: Reconstructor
@@ -86,8 +86,8 @@ class Measured:
 def measure_object(
     views: ObjectViews,
     wanted: Sequence[Wanted],
-    parts_for: Callable[[int, str], Parts],
-    judge_for: Callable[[Renderer], Judge],
+    parts_for: Callable[[int, str], AblationParts],
+    judge_for: Callable[[Renderer], ReconstructionJudge],
     options: BranchOptions,
 ) -> Iterator[Measured]:
     """Measure cells of one object and one baseline, in their order.
@@ -96,7 +96,7 @@ def measure_object(
     object for two of them is run once. The seconds of the baseline row are those of the reconstruction, those of any
     other row its own alone. A :class:`Gvla2Error` becomes the cell's ``status``, with no measures.
     """
-    judge: Judge | None = None
+    judge: ReconstructionJudge | None = None
     first: dict[int, tuple[Reconstruction, float]] = {}
     pictured: set[tuple[Any, ...]] = set()
     for want in wanted:
@@ -146,7 +146,7 @@ def measure_object(
         yield Measured(Cell(want.key, want.factors, measures, notes), picture)
 
 
-def _plain(variant: str, g0: Reconstruction, views: Views, parts: Parts) -> Reconstruction:
+def _plain(variant: str, g0: Reconstruction, views: Views, parts: AblationParts) -> Reconstruction:
     """What a plain use of the prior's depth makes, in colours from the views; G0 where there is no prior."""
     estimate = parts.prior.predict(views)
     if estimate is None:
@@ -162,7 +162,7 @@ def failed(want: Wanted, error: Exception) -> Cell:
     return Cell(want.key, want.factors, dict.fromkeys((*MEASURES, "seconds")), {"status": f"failed: {error}"})
 
 
-def _reconstruct(parts: Parts, views: ObjectViews) -> tuple[Reconstruction, float]:
+def _reconstruct(parts: AblationParts, views: ObjectViews) -> tuple[Reconstruction, float]:
     began = time.perf_counter()
     made = parts.reconstructor.reconstruct(views.inputs)
     if made is None:

@@ -27,7 +27,7 @@ MEASURES = ("cd_surface", "cd_official", "psnr", "ssim", "lpips")
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ReconstructionScores:
     """The measures by name (None: not measured), and what the surface distance was taken of."""
 
     measures: Mapping[str, float | None]
@@ -35,7 +35,7 @@ class Verdict:
 
 
 @dataclass
-class Judge:
+class ReconstructionJudge:
     """Measures reconstructions of one object; what belongs to the truth is prepared once.
 
     ``workers`` is the number of threads for nearest neighbours, -1 for all cores;
@@ -51,21 +51,21 @@ class Judge:
     _truth: Truth | None = field(init=False, repr=False)
     _targets: list[NDArray[np.float32]] = field(init=False, repr=False)
     _features: list[Features] | None = field(init=False, repr=False)
-    _known: dict[str, Verdict] = field(init=False, repr=False, default_factory=dict)
+    _known: dict[str, ReconstructionScores] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self._truth = None if self.views.mesh is None else Truth.of(self.views.mesh, self.samples)
         self._targets = [(view.image / 255).astype(np.float32) for view in self.views.targets]
         self._features = None if self.lpips is None else [self.lpips.features(t) for t in self._targets]
 
-    def measure(self, thing: Reconstruction) -> Verdict:
+    def measure(self, thing: Reconstruction) -> ReconstructionScores:
         """All measures; the image measures are means over the target views."""
         digest = _digest(thing)
         if digest not in self._known:
             self._known[digest] = self._measure(thing)
         return self._known[digest]
 
-    def _measure(self, thing: Reconstruction) -> Verdict:
+    def _measure(self, thing: Reconstruction) -> ReconstructionScores:
         measures: dict[str, float | None] = dict.fromkeys(MEASURES)
         points = "none"
         if self._truth is not None:
@@ -83,7 +83,7 @@ class Judge:
                 seen = [self.lpips.features(image) for image in images]
                 distances = map(self.lpips.between, seen, self._features)
                 measures["lpips"] = float(np.mean(list(distances)))
-        return Verdict(measures, points)
+        return ReconstructionScores(measures, points)
 
     def pictures(self, gaussians: Gaussians, count: int | None = None) -> list[NDArray[np.float32]]:
         """The target views (the first ``count``) rendered on white, each (H, W, 3) in [0, 1]."""

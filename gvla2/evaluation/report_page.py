@@ -14,7 +14,7 @@ from markupsafe import Markup
 from gvla2.evaluation.perception.table import PerceptionTable
 from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.robot.tables import Film, RobotTable
-from gvla2.evaluation.runs import Job, RunTable
+from gvla2.evaluation.runs import RunJob, RunTable
 from gvla2.evaluation.sheets import explanations
 from gvla2.evaluation.table_formats import EXPLANATION, AnyTable, sheet_of
 from gvla2.evaluation.tables import Table
@@ -69,7 +69,7 @@ def _films(table: AnyTable) -> list[dict[str, str]]:
     return [_film(job) for job in table.jobs] if isinstance(table, RunTable) else []
 
 
-def _film(film: Film | Job) -> dict[str, str]:
+def _film(film: Film | RunJob) -> dict[str, str]:
     """Films are linked to, not put into the page: they would make it hundreds of megabytes."""
     folder = Path(film.folder)
     moving = folder / "episode.gif"

@@ -31,7 +31,7 @@ class RunLayout:
 
 
 @dataclass(frozen=True)
-class Job:
+class RunJob:
     """A job that can be looked at: what varied in it, and the folder of its page."""
 
     caption: str
@@ -44,7 +44,7 @@ class RunTable:
 
     sheet: Sheet
     runs: tuple[int, ...]
-    jobs: tuple[Job, ...]
+    jobs: tuple[RunJob, ...]
 
     @property
     def title(self) -> str:
@@ -79,7 +79,7 @@ def _table(run: int, cells: list[Cell], layout: RunLayout) -> RunTable:
         label = label_of(cell.factors, [name for name in names if name != REPEATED]) or "all jobs"
         rows.setdefault(label, []).append(cell)
     jobs = tuple(
-        Job(_caption(cell, names), str(cell.notes["folder"])) for cell in cells if cell.notes.get("folder")
+        RunJob(_caption(cell, names), str(cell.notes["folder"])) for cell in cells if cell.notes.get("folder")
     )
     failed = sum(cell.notes.get("status") != "ok" for cell in cells)
     footnote = f"{len(cells)} jobs" + (f", {failed} of them failed" if failed else "")

@@ -31,7 +31,7 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Layout:
+class TableLayout:
     """How a suite's cells become tables.
 
     One table for each combination of the ``groups`` factors; one row for each value of ``row`` in the order of
@@ -82,7 +82,7 @@ class TableRow:
 class Table:
     """A finished table; ``group`` names what its cells have in common, ``runs`` the runs that they come from."""
 
-    layout: Layout
+    layout: TableLayout
     group: Mapping[str, str]
     rows: tuple[TableRow, ...]
     runs: tuple[int, ...]
@@ -96,7 +96,7 @@ class Table:
 NOTABLE = 2.0
 """Per cent by which an object must lose to be named among those made worse."""
 
-RECONSTRUCTION = Layout(
+RECONSTRUCTION = TableLayout(
     suite="reconstruction",
     title="Reconstruction",
     row="variant",
@@ -120,7 +120,7 @@ RECONSTRUCTION = Layout(
     ),
     groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
 )
-AGENTS = Layout(
+AGENTS = TableLayout(
     suite="agents",
     title="Software agents",
     row="memory",
@@ -147,7 +147,7 @@ AGENTS = Layout(
     groups=("agent", "model", "verifier", "tasks", "options"),
     pair="task",
 )
-AnyLayout = Layout | FigureLayout | RobotLayout | PerceptionLayout | RunLayout
+AnyLayout = TableLayout | FigureLayout | RobotLayout | PerceptionLayout | RunLayout
 LAYOUTS: Mapping[str, AnyLayout] = {
     made.suite: made for made in (RECONSTRUCTION, MEMORY, ROBOT, PERCEPTION, AGENTS, TRAJECTORIES, RUNS)
 }
@@ -175,7 +175,7 @@ def tables_of(
     return make_tables(cells, layout)
 
 
-def make_tables(cells: Iterable[Cell], layout: Layout) -> list[Table]:
+def make_tables(cells: Iterable[Cell], layout: TableLayout) -> list[Table]:
     """One table a group, in the order in which groups first appear; of equal cells measured twice the later counts."""
     groups: dict[tuple[str, ...], dict[tuple[str, ...], Cell]] = {}
     for cell in sorted(cells, key=lambda cell: cell.run):
@@ -201,7 +201,7 @@ def make_tables(cells: Iterable[Cell], layout: Layout) -> list[Table]:
     return tables
 
 
-def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: Layout) -> TableRow:
+def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: TableLayout) -> TableRow:
     against = [] if name == layout.reference else reference
     entries = tuple(_entry(measure, cells, against, layout) for measure in layout.measures)
     return TableRow(
@@ -214,7 +214,7 @@ def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: La
     )
 
 
-def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], layout: Layout) -> Entry:
+def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], layout: TableLayout) -> Entry:
     by_seed = _values(measure, cells, layout.repeat)
     if not by_seed:
         return Entry(None)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.gym.actions import JointDeltas
-from gvla2.robot.backend import Judgement, RobotBackend
+from gvla2.robot.backend import RobotBackend, SuccessCheck
 from gvla2.robot.demonstration import Truthful
 from gvla2.robot.playback import Servo
 from gvla2.robot.task import TaskInstance
@@ -46,7 +46,7 @@ class JointStepper:
             self._seen = self._robot.observe()
         return self._seen
 
-    def step(self, action: ArrayLike) -> Judgement:
+    def step(self, action: ArrayLike) -> SuccessCheck:
         """Drive on, and look whether the goal is reached.
 
         A goal that is passed through does not count: where one looks reached the arm holds still until the referee has
@@ -57,8 +57,8 @@ class JointStepper:
         self._target, self._seen = joints, None
         truth = self._truth()
         if not any(reached(truth) for reached in self._instance.succeeded.values()):
-            return Judgement(False, False)
+            return SuccessCheck(False, False)
         judgement = self._robot.judge()
         self.state = self._servo.servo(self.state.joints, opening, 0.0)
         self._target = self.state.joints
-        return judgement or Judgement(False, False)
+        return judgement or SuccessCheck(False, False)

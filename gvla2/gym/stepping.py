@@ -12,7 +12,7 @@ from gvla2.geometry.views import Observation
 from gvla2.gym.actions import WaypointActions
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
-from gvla2.robot.backend import Judgement, RobotBackend
+from gvla2.robot.backend import RobotBackend, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.report import WaypointReport
 
@@ -62,7 +62,7 @@ class WaypointStepper:
         report = self.report
         return {"waypoint": {} if report is None else {name: getattr(report, name) for name in _TOLD}}
 
-    def step(self, action: ArrayLike) -> Judgement:
+    def step(self, action: ArrayLike) -> SuccessCheck:
         """Bring the tool to a pose, then the fingers to an opening; the referee's word on the result.
 
         Raises :class:`gvla2.errors.RobotError` when the simulation has blown up, and :class:`ConfigurationError` when

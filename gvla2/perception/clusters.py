@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.perception.frames import BoolArray, Frame
+from gvla2.perception.frames import BoolArray, ViewFrame
 
 IntArray = NDArray[np.int64]
 
@@ -32,12 +32,12 @@ class Clusters:
     maps: tuple[IntArray, ...]
     count: int
 
-    def points(self, frames: Sequence[Frame], index: int) -> FloatArray:
+    def points(self, frames: Sequence[ViewFrame], index: int) -> FloatArray:
         """(N, 3) all seen points of one cluster, world, metres."""
         return np.concatenate([f.points[m == index] for f, m in zip(frames, self.maps, strict=True)])
 
 
-def clusters(frames: Sequence[Frame], masks: Sequence[BoolArray], least: int = LEAST) -> Clusters:
+def clusters(frames: Sequence[ViewFrame], masks: Sequence[BoolArray], least: int = LEAST) -> Clusters:
     """The connected components of the masked (H, W) pixels' points, largest first."""
     masks = [without_specks(mask) for mask in masks]
     points = np.concatenate([f.points[m] for f, m in zip(frames, masks, strict=True)])

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray, invert_rigid, rigid, transform_points
-from gvla2.perception.scans import Scan
+from gvla2.perception.scans import KnownScan
 from gvla2.planning.colours import appearance
 
 YAWS = 20
@@ -57,7 +57,7 @@ class Fit:
     pictures, over ``count`` compared points.
     """
 
-    scan: Scan
+    scan: KnownScan
     world_from_scan: FloatArray
     gap: float
     residual: float
@@ -67,7 +67,7 @@ class Fit:
     count: int
 
 
-def coarse_starts(scan: Scan, seen: Seen, keep: int = 4) -> list[tuple[float, FloatArray]]:
+def coarse_starts(scan: KnownScan, seen: Seen, keep: int = 4) -> list[tuple[float, FloatArray]]:
     """The best poses (4, 4) of a scan on the table with their mean distances, metres; empty where no way to lie is as
     high as what is seen.
     """
@@ -103,7 +103,7 @@ def coarse_starts(scan: Scan, seen: Seen, keep: int = 4) -> list[tuple[float, Fl
     return [(float(gaps[i]), poses[i]) for i in best]
 
 
-def refined(scan: Scan, seen: Seen, pose: FloatArray) -> FloatArray:
+def refined(scan: KnownScan, seen: Seen, pose: FloatArray) -> FloatArray:
     """The pose (4, 4) after iterated closest points, point to plane, the farthest fifth of the pairs left out."""
     points = seen.points[:: max(1, len(seen.points) // FINE)]
     reach = TRUNCATED
@@ -133,13 +133,13 @@ def refined(scan: Scan, seen: Seen, pose: FloatArray) -> FloatArray:
     return pose
 
 
-def nearest_on(scan: Scan, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
+def nearest_on(scan: KnownScan, points: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     """Distances (N,) of points (N, 3) in the scan's frame from its nearest samples, and the samples' indices (N,)."""
     gaps, nearest = scan.tree.query(points)
     return np.asarray(gaps, dtype=np.float64), np.asarray(nearest, dtype=np.intp)
 
 
-def judged(scan: Scan, seen: Seen, pose: FloatArray) -> Fit:
+def judged(scan: KnownScan, seen: Seen, pose: FloatArray) -> Fit:
     """How well a placed scan explains what all cameras measured."""
     points = seen.points[:: max(1, len(seen.points) // 700)]
     local = transform_points(invert_rigid(pose), points)

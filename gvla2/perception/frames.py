@@ -30,7 +30,7 @@ MOST_CORRECTION = 0.015
 
 
 @dataclass(frozen=True)
-class Frame:
+class ViewFrame:
     """One view, ready to use.
 
     ``points`` (H, W, 3) world, metres, NaN where nothing is known; ``height`` (H, W) metres above the table.
@@ -49,7 +49,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Table:
+class TablePlane:
     """A nearly level plane ``normal`` . x = ``offset``; ``noise`` is its points' robust deviation, metres."""
 
     normal: FloatArray
@@ -69,7 +69,7 @@ class Table:
         return float((self.offset - self.normal[0] * x - self.normal[1] * y) / self.normal[2])
 
 
-def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table, list[str]]:
+def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[ViewFrame], TablePlane, list[str]]:
     """The usable views with their points, the table, and a sentence for each view that is of no use.
 
     A camera whose own table lies off the common one is turned and lifted until they agree: extrinsics err by
@@ -84,7 +84,7 @@ def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table
         if reason := why_not(view, points):
             notes.append(f"Camera '{view.name}' is not used: {reason}.")
         else:
-            frames.append(Frame(view, points, points[..., 2]))
+            frames.append(ViewFrame(view, points, points[..., 2]))
     if not frames:
         raise PerceptionError(
             f"No view can be used: {' '.join(notes)} One camera at least must deliver depth."
@@ -94,7 +94,7 @@ def frames_of(views: Iterable[View], workspace: Box) -> tuple[list[Frame], Table
 
 
 def raised(
-    frame: Frame, table: Table, workspace: Box, least: float = 0.004, border: float = 0.03
+    frame: ViewFrame, table: TablePlane, workspace: Box, least: float = 0.004, border: float = 0.03
 ) -> BoolArray:
     """(H, W) pixels that show what stands on the table, in the workspace or ``border`` metres beside it."""
     with np.errstate(invalid="ignore"):
@@ -131,7 +131,7 @@ def _near(points: FloatArray, workspace: Box) -> FloatArray:
     return np.asarray(points[inside[:, 0] & inside[:, 1] & inside[:, 2]])
 
 
-def find_table(clouds: Sequence[FloatArray], workspace: Box) -> Table:
+def find_table(clouds: Sequence[FloatArray], workspace: Box) -> TablePlane:
     """The widest nearly level plane under the workspace in points (N, 3) of some views: RANSAC over triples, then
     least squares over the plane's own points. Raises :class:`PerceptionError` where there is none.
     """
@@ -159,7 +159,7 @@ def find_table(clouds: Sequence[FloatArray], workspace: Box) -> Table:
         raise PerceptionError(
             f"No level plane carries the workspace: the best holds {int(own.sum())} of {len(points)} points."
         )
-    return Table(normal, offset, 1.4826 * float(np.median(residual[own])))
+    return TablePlane(normal, offset, 1.4826 * float(np.median(residual[own])))
 
 
 def _settled(points: FloatArray, normal: FloatArray, offset: float, band: float) -> tuple[FloatArray, float]:
@@ -175,7 +175,7 @@ def _settled(points: FloatArray, normal: FloatArray, offset: float, band: float)
     return normal, offset
 
 
-def _set_right(frame: Frame, table: Table, workspace: Box) -> Frame:
+def _set_right(frame: ViewFrame, table: TablePlane, workspace: Box) -> ViewFrame:
     """The frame with its own table laid onto the common one: two turns and one shift, what a plane can tell."""
     points, off = frame.points, 0.0
     near = _near(points[frame.known], workspace)

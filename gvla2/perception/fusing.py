@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.perception.clusters import components
-from gvla2.perception.frames import BoolArray, Frame, Table
+from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
 from gvla2.perception.things import thing_of
 from gvla2.planning.scene import SceneObject
 
@@ -36,7 +36,7 @@ ABOVE = 0.0015
 
 
 @dataclass(frozen=True)
-class Candidate:
+class MaskCandidate:
     """A mask (H, W) in the picture of frame ``view``: ``score`` in [0, 1]; ``label`` "" where the model gives none.
 
     Candidates of one ``seed`` >= 0 were asked for by one cluster in 3D: they show one thing.
@@ -53,7 +53,7 @@ class Candidate:
 class Fused:
     """One thing: ``members`` are its candidates, one a view at most; ``parent`` the index of what it is a part of."""
 
-    members: tuple[Candidate, ...]
+    members: tuple[MaskCandidate, ...]
     parent: int = -1
 
     @property
@@ -71,7 +71,7 @@ class Fused:
         return max(votes, key=lambda word: votes[word]) if votes else ""
 
 
-def fuse(frames: Sequence[Frame], candidates: Sequence[Candidate]) -> list[Fused]:
+def fuse(frames: Sequence[ViewFrame], candidates: Sequence[MaskCandidate]) -> list[Fused]:
     """The things that the candidates show, largest first; candidates without a point in 3D are left out."""
     kept = _without_doubles(candidates)
     clouds = [_points(frames[c.view], c.mask) for c in kept]
@@ -102,7 +102,7 @@ def fuse(frames: Sequence[Frame], candidates: Sequence[Candidate]) -> list[Fused
 
 
 def objects_of(
-    things: Sequence[Fused], frames: Sequence[Frame], table: Table, least: int
+    things: Sequence[Fused], frames: Sequence[ViewFrame], table: TablePlane, least: int
 ) -> tuple[list[SceneObject], list[str]]:
     """Scene objects of fused masks, with ids ``thing0``, ...; and a sentence for each that is too small to place.
 
@@ -138,9 +138,9 @@ def objects_of(
     return [o if o.parent in there else replace(o, parent="") for o in objects], notes
 
 
-def _without_doubles(candidates: Sequence[Candidate]) -> list[Candidate]:
+def _without_doubles(candidates: Sequence[MaskCandidate]) -> list[MaskCandidate]:
     """Each mask of a picture once, the surest first."""
-    kept: list[Candidate] = []
+    kept: list[MaskCandidate] = []
     for one in sorted(candidates, key=lambda c: -c.score):
         if one.mask.any() and not any(k.view == one.view and iou(k.mask, one.mask) > SAME for k in kept):
             kept.append(one)
@@ -153,7 +153,7 @@ def iou(one: BoolArray, other: BoolArray) -> float:
     return int((one & other).sum()) / either if either else 0.0
 
 
-def _points(frame: Frame, mask: BoolArray) -> FloatArray:
+def _points(frame: ViewFrame, mask: BoolArray) -> FloatArray:
     known = mask & frame.known
     with np.errstate(invalid="ignore"):
         above = known & (frame.height > ABOVE)
@@ -162,14 +162,14 @@ def _points(frame: Frame, mask: BoolArray) -> FloatArray:
 
 
 def _one_thing(
-    frames: Sequence[Frame], a: Candidate, b: Candidate, of_a: FloatArray, of_b: FloatArray
+    frames: Sequence[ViewFrame], a: MaskCandidate, b: MaskCandidate, of_a: FloatArray, of_b: FloatArray
 ) -> bool:
     if a.seed >= 0 and b.seed >= 0:
         return a.seed == b.seed
     return min(_share_on(frames[b.view], b.mask, of_a), _share_on(frames[a.view], a.mask, of_b)) >= SHARED
 
 
-def _share_on(frame: Frame, mask: BoolArray, cloud: FloatArray) -> float:
+def _share_on(frame: ViewFrame, mask: BoolArray, cloud: FloatArray) -> float:
     """Share of the points (N, 3) that a picture shows in a mask (H, W), of those that it shows at all."""
     uv, _ = frame.view.camera.project(cloud)
     inside = frame.view.camera.inside(uv)

@@ -12,7 +12,7 @@ from gvla2.geometry.transform import FloatArray, rigid
 from gvla2.geometry.views import Observation
 from gvla2.perception.fitting import Fit, Seen, coarse_starts, judged, look_of, refined, seen_surface
 from gvla2.perception.labels import Naming
-from gvla2.perception.scans import Scan, check_names, diameter, read_scans
+from gvla2.perception.scans import KnownScan, check_names, diameter, read_scans
 from gvla2.planning.scene import KnownShape, Scene, SceneObject
 
 LEAST = 40
@@ -64,7 +64,7 @@ class Gallery:
         self._histograms = [histogram(scan.looks) for scan in self._scans]
 
     @classmethod
-    def of(cls, scans: Sequence[Scan]) -> Gallery:
+    def of(cls, scans: Sequence[KnownScan]) -> Gallery:
         """A gallery of scans that are read already."""
         check_names(scans)
         made = cls.__new__(cls)
@@ -111,7 +111,7 @@ class Gallery:
         known = np.isfinite(seen.looks).all(axis=1)
         own = histogram(seen.looks[known]) if known.any() else None
         size = diameter(seen.points)
-        starts: list[tuple[float, Scan, list[FloatArray]]] = []
+        starts: list[tuple[float, KnownScan, list[FloatArray]]] = []
         for scan, colours in zip(self._scans, self._histograms, strict=True):
             if not 0.6 * scan.diameter - 0.01 < size < 1.05 * scan.diameter + 0.01:
                 continue

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 from gvla2.language.endpoint import LanguageModel
 from gvla2.perception.clicks import Located, locate
-from gvla2.perception.frames import BoolArray, Frame, Table
-from gvla2.perception.fusing import TOUCHING, Candidate, Fused, objects_of
+from gvla2.perception.frames import BoolArray, TablePlane, ViewFrame
+from gvla2.perception.fusing import TOUCHING, Fused, MaskCandidate, objects_of
 from gvla2.perception.options import VisionOptions
 from gvla2.perception.prompting import EncodedPicture
 from gvla2.planning.scene import Scene, SceneObject
@@ -22,9 +22,9 @@ SAME = 0.6
 
 def localized(
     scene: Scene,
-    frames: Sequence[Frame],
+    frames: Sequence[ViewFrame],
     pictures: Sequence[EncodedPicture],
-    table: Table,
+    table: TablePlane,
     instruction: str,
     model: LanguageModel,
     options: VisionOptions,
@@ -43,7 +43,7 @@ def localized(
     return _merged(scene, frames, table, found, view)
 
 
-def _merged(scene: Scene, frames: Sequence[Frame], table: Table, found: Located, view: int) -> Scene:
+def _merged(scene: Scene, frames: Sequence[ViewFrame], table: TablePlane, found: Located, view: int) -> Scene:
     assert found.mask is not None
     own = found.mask & frames[view].known
     cloud = frames[view].points[own & (frames[view].height > 0)]
@@ -64,7 +64,7 @@ def _merged(scene: Scene, frames: Sequence[Frame], table: Table, found: Located,
             best, worth, of_mask = thing, share * back, min(share, back)
     if best is not None and of_mask >= SAME:
         return replace(scene, notes=(*scene.notes, f"{best.id} is what was asked for: {_story(found)}."))
-    made, _ = objects_of([Fused((Candidate(view, found.mask, found.score),))], frames, table, 3)
+    made, _ = objects_of([Fused((MaskCandidate(view, found.mask, found.score),))], frames, table, 3)
     if not made:
         return replace(scene, notes=(*scene.notes, f"What was localized has no depth: {_story(found)}."))
     new = f"o{len(scene.objects) + 1}"
@@ -79,7 +79,7 @@ def _story(found: Located) -> str:
     return f"{len(found.clicks)} clicks, {refused} refused, {found.stopped}"
 
 
-def _shown(frame: Frame, thing: SceneObject) -> BoolArray:
+def _shown(frame: ViewFrame, thing: SceneObject) -> BoolArray:
     """(H, W) the pixels of an object's points in a picture."""
     mask = np.zeros(frame.height.shape, dtype=bool)
     camera = frame.view.camera
@@ -89,7 +89,7 @@ def _shown(frame: Frame, thing: SceneObject) -> BoolArray:
     return mask
 
 
-def _in_sight(frame: Frame, points: np.ndarray) -> BoolArray:
+def _in_sight(frame: ViewFrame, points: np.ndarray) -> BoolArray:
     uv, z = frame.view.camera.project(points)
     inside = frame.view.camera.inside(uv)
     near = np.zeros(len(points), dtype=bool)

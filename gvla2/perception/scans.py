@@ -32,7 +32,7 @@ _COMMON = ("textured", "model", "mesh", "texture", "visual", "nontextured", "poi
 
 
 @dataclass(frozen=True)
-class Scan:
+class KnownScan:
     """One known object.
 
     ``points`` (M, 3) metres about the middle of its box, ``normals`` (M, 3) outward, ``rgb`` (M, 3) in [0, 1];
@@ -101,7 +101,7 @@ def _folder_name(file: Path, root: Path) -> str:
     return root.name
 
 
-def read_scans(folder: str | os.PathLike[str]) -> list[Scan]:
+def read_scans(folder: str | os.PathLike[str]) -> list[KnownScan]:
     """All scans of a folder; what was prepared once is kept in the user's cache by the files' contents.
 
     Raises :class:`ConfigurationError` as :func:`scan_files`, and :class:`GeometryError` for a broken mesh.
@@ -109,7 +109,7 @@ def read_scans(folder: str | os.PathLike[str]) -> list[Scan]:
     return [read_scan(name, path) for name, path in scan_files(folder).items()]
 
 
-def read_scan(name: str, path: Path) -> Scan:
+def read_scan(name: str, path: Path) -> KnownScan:
     """One scan, prepared or from the cache."""
     kept = _cache_file(path)
     try:
@@ -118,7 +118,7 @@ def read_scan(name: str, path: Path) -> Scan:
     except (OSError, ValueError, KeyError, EOFError):
         arrays = _prepared(path)
         _keep(kept, arrays)
-    return Scan(
+    return KnownScan(
         name, str(path), arrays["points"], arrays["normals"], arrays["rgb"], arrays["rests"], arrays["middle"],
         float(arrays["scale"]), cKDTree(arrays["points"]), appearance(arrays["rgb"]),
         diameter(arrays["points"]),
@@ -186,7 +186,7 @@ def _keep(kept: Path, arrays: dict[str, FloatArray]) -> None:
         aside.unlink(missing_ok=True)
 
 
-def check_names(scans: Sequence[Scan]) -> None:
+def check_names(scans: Sequence[KnownScan]) -> None:
     """Raise :class:`ConfigurationError` for two scans of one name."""
     names = [scan.name for scan in scans]
     if twice := sorted({name for name in names if names.count(name) > 1}):

@@ -12,7 +12,7 @@ from gvla2.memory.contracts import Learned, MemoryContext, Verdict
 from gvla2.planning.contracts import Plan
 from gvla2.planning.findings import CheckReport
 from gvla2.planning.scene import Scene
-from gvla2.robot.backend import Judgement
+from gvla2.robot.backend import SuccessCheck
 from gvla2.robot.report import ExecutionReport
 
 Stage = Literal[
@@ -69,7 +69,7 @@ class EpisodeRecord:
     after_scene: Scene | None = None
     verdict: Verdict | None = None
     learned: Learned | None = None
-    judgement: Judgement | None = None
+    judgement: SuccessCheck | None = None
     failure: Failure | None = None
     timings: Mapping[str, float] = field(default_factory=dict)
     language: Mapping[str, Tally] = field(default_factory=dict)

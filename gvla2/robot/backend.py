@@ -18,7 +18,7 @@ from gvla2.robot.task import Task, TaskInstance
 
 
 @dataclass(frozen=True)
-class Judgement:
+class SuccessCheck:
     """A referee's word on an episode, from true state: known in simulation only."""
 
     eased: bool
@@ -90,7 +90,7 @@ class RobotBackend(Protocol):
         """
         ...
 
-    def judge(self) -> Judgement | None:
+    def judge(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached now, by true state; None when the robot cannot know."""
         ...
 

@@ -30,7 +30,7 @@ class CameraFrames:
             )
 
 
-class Camera(Protocol):
+class DepthCamera(Protocol):
     """One or several calibrated depth cameras, live or recorded.
 
     ``observe`` may be called any number of times; ``close`` twice. A camera that was unplugged, stands still, or

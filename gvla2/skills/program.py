@@ -49,7 +49,7 @@ class Declined(Exception):  # noqa: N818 - an answer, not an error
 
 
 @dataclass
-class Interpreter:
+class ProgramInterpreter:
     """Reads one program for a scene. ``ids`` are the scene's ids by name; :meth:`run` gives the calls it makes."""
 
     scene: Scene

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gvla2.robot.camera import Camera, CameraFrames
+from gvla2.robot.camera import CameraFrames, DepthCamera
 from gvla2.testing.conformance import allowed, require, require_members, require_rigid, require_type
 
 
-def check_camera(camera: Camera) -> None:
+def check_camera(camera: DepthCamera) -> None:
     """Frames are RGB-D in metres, rigidly placed, stamped, and taken anew by each call; closing twice is no error."""
     require_members(camera, "camera")
     with allowed("observe()"):

@@ -10,7 +10,7 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Observation
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, Waypoint
-from gvla2.robot.backend import ExecutionListener, Judgement, RobotBackend
+from gvla2.robot.backend import ExecutionListener, RobotBackend, SuccessCheck
 from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Body, Layout, Task, TaskInstance, TaskSite
 from gvla2.robot.volumes import lowest
@@ -154,7 +154,7 @@ def check_robot(robot: RobotBackend, task: Task | None = None, *, move: bool = T
         if move:
             _check_motion(robot, seen)
         with allowed("judge()"):
-            require_type(robot.judge(), (Judgement, type(None)), "judge()'s answer")
+            require_type(robot.judge(), (SuccessCheck, type(None)), "judge()'s answer")
     finally:
         robot.close()
     with allowed("close(), called twice,"):

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike, groups
-from gvla2_plugins.classical.frames import Frame, IntArray, seen_through
+from gvla2_plugins.classical.frames import IntArray, TableFrame, seen_through
 from gvla2_plugins.classical.leaning import leaning_plate
 from gvla2_plugins.classical.levels import split_by_height
 from gvla2_plugins.classical.outline import opened
@@ -25,7 +25,7 @@ TOUCH = 0.008  # metres between a thing and what carries it
 
 
 def assemble(
-    frames: Sequence[Frame],
+    frames: Sequence[TableFrame],
     pixels: Pixels,
     labels: IntArray,
     bodies: IntArray,
@@ -70,7 +70,9 @@ def _absorb(pixels: Pixels, things: Sequence[Thing]) -> list[Thing]:
     return kept
 
 
-def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing], gap: float) -> list[Thing]:
+def _join_fragments(
+    frames: Sequence[TableFrame], pixels: Pixels, things: list[Thing], gap: float
+) -> list[Thing]:
     """Pieces of one look that one solid explains, if it is hollow or no camera saw through their gap.
 
     A cube behind a finger; the halves of a cup whose sides, where they turn away from the cameras, were lost.
@@ -98,7 +100,7 @@ def _join_fragments(frames: Sequence[Frame], pixels: Pixels, things: list[Thing]
 
 
 def _take_apart(
-    frames: Sequence[Frame], pixels: Pixels, thing: Thing, min_points: int, gap: float
+    frames: Sequence[TableFrame], pixels: Pixels, thing: Thing, min_points: int, gap: float
 ) -> list[Thing]:
     """The parts of a thing that one solid does not explain, when the parts' solids explain it better."""
     if thing.hollow or (thing.kind != "other" and thing.agreement >= GOOD):

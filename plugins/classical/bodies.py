@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gvla2_plugins.classical.clusters import components, join_across_views
-from gvla2_plugins.classical.frames import Frame, IntArray, seen_through
+from gvla2_plugins.classical.frames import IntArray, TableFrame, seen_through
 from gvla2_plugins.classical.pixels import Pixels
 
 FRAGMENT = 0.3  # of a body's points: what is smaller, near, and not seen to be apart, is a piece of it
@@ -25,7 +25,9 @@ TEXTURED = 0.13  # share of neighbours that differ by more, from which paint tel
 FEWEST = 100  # pairs of neighbours that tell how a body is painted
 
 
-def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float, least: int) -> IntArray:
+def bodies_of(
+    frames: Sequence[TableFrame], pixels: Pixels, jump: float, reach: float, least: int
+) -> IntArray:
     """(N,) body of each pixel, -1 for specks: neighbours in an image within ``jump`` metres of one another, and
     points of different views within ``reach``.
     """
@@ -34,7 +36,7 @@ def bodies_of(frames: Sequence[Frame], pixels: Pixels, jump: float, reach: float
     return _with_fragments(frames, pixels, labels, least)
 
 
-def _with_fragments(frames: Sequence[Frame], pixels: Pixels, labels: IntArray, least: int) -> IntArray:
+def _with_fragments(frames: Sequence[TableFrame], pixels: Pixels, labels: IntArray, least: int) -> IntArray:
     """Fragments given to the body beside them, where no camera saw through the gap; small ones left are specks."""
     labels = labels.copy()
     sizes = np.bincount(labels[labels >= 0], minlength=1)

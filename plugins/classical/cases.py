@@ -9,7 +9,7 @@ import numpy as np
 
 from gvla2.geometry.transform import FloatArray
 from gvla2_plugins.classical.clusters import alike
-from gvla2_plugins.classical.composites import Draft, boxed
+from gvla2_plugins.classical.composites import SceneDraft, boxed
 from gvla2_plugins.classical.things import THIN, Thing
 
 VENEER = 0.03  # metres: what is seen of a lid is no higher
@@ -23,7 +23,7 @@ BAR = 0.02  # metres: a handle is no thicker
 DEEP = 0.67  # of a handle's length: it stands off by less; what reaches out further is stuck in the case
 
 
-def join_lids(draft: Draft) -> None:
+def join_lids(draft: SceneDraft) -> None:
     """What closes a box: a flat top of another colour over its sides, which are one box then, or a plate that leans
     and whose lower edge is along the upper edge of an open one.
     """
@@ -46,7 +46,7 @@ def _hinged(box: Thing, foot: FloatArray) -> bool:
     return bool(near and box.hollow and box.kind == "box")
 
 
-def _close(draft: Draft, k: int) -> None:
+def _close(draft: SceneDraft, k: int) -> None:
     """Make what is under the flat thing ``k`` a box, and ``k`` its lid; the lid's outline tells how large it is."""
     top = draft.things[k]
     sides = [
@@ -78,7 +78,7 @@ def _side_under(side: Thing, top: Thing) -> bool:
     return bool(top.covers(side.points[:, :2], BESIDE).mean() > 0.9)
 
 
-def join_fronts(draft: Draft) -> None:
+def join_fronts(draft: SceneDraft) -> None:
     """A panel of another colour in a side of a large box is its drawer; of what is in the air before a side, a bar
     along it is a handle, and what reaches out further is a brick that sticks in a tower.
     """
@@ -125,7 +125,7 @@ def _before(piece: Thing, case: Thing) -> _Piece | None:
     return _Piece((end, axis), near, near + float((high - low)[axis]), np.delete(high - low, axis))
 
 
-def _join_front(draft: Draft, k: int, pieces: dict[int, _Piece]) -> bool:
+def _join_front(draft: SceneDraft, k: int, pieces: dict[int, _Piece]) -> bool:
     """Put together what is before one side of the case ``k``; whether there was anything."""
     case, owner = draft.things[k], k
     sizes = {j: len(draft.things[j].members) for j in pieces}

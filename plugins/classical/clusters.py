@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import LIGHTNESS_WEIGHT
-from gvla2_plugins.classical.frames import Frame, IntArray
+from gvla2_plugins.classical.frames import IntArray, TableFrame
 from gvla2_plugins.classical.pixels import Pixels, appearance_of
 
 LIKE = 14.0  # hues of pieces of one thing differ by less
@@ -100,7 +100,7 @@ def alike(one: FloatArray, other: FloatArray) -> NDArray[np.bool_]:
 
 
 def grow_down(
-    frames: Sequence[Frame],
+    frames: Sequence[TableFrame],
     masks: Sequence[NDArray[np.bool_]],
     low: Sequence[NDArray[np.bool_]],
     different: Sequence[NDArray[np.bool_]],

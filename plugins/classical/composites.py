@@ -12,7 +12,7 @@ from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.things import THIN, Thing, upright_rectangle
 
 
-class Draft:
+class SceneDraft:
     """The things of a scene while they are put together; what was taken into another is gone."""
 
     def __init__(self, pixels: Pixels, things: Sequence[Thing]) -> None:
@@ -57,10 +57,10 @@ class Draft:
 
 
 def put_together(
-    pixels: Pixels, things: Sequence[Thing], rules: Sequence[Callable[[Draft], None]]
+    pixels: Pixels, things: Sequence[Thing], rules: Sequence[Callable[[SceneDraft], None]]
 ) -> list[Thing]:
     """The things after all rules, in their order; each sees what those before it made."""
-    draft = Draft(pixels, things)
+    draft = SceneDraft(pixels, things)
     for rule in rules:
         rule(draft)
     return draft.finished()

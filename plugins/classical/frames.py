@@ -22,7 +22,7 @@ COLOUR_NOISE = 12.0  # levels of 255: neighbours that differ by much less are av
 
 
 @dataclass(frozen=True)
-class Frame:
+class TableFrame:
     """One view, ready to use.
 
     ``image`` (H, W, 3) uint8; ``depth`` (H, W) metres, NaN where nothing is known or where the robot is;
@@ -39,7 +39,7 @@ class Frame:
     points: FloatArray
     frame_from_world: FloatArray
 
-    def moved(self, to_from_here: FloatArray) -> Frame:
+    def moved(self, to_from_here: FloatArray) -> TableFrame:
         """The same view in another frame, given by a rigid (4, 4)."""
         rays = self.rays @ to_from_here[:3, :3].T
         origin = transform_points(to_from_here, self.origin)
@@ -56,13 +56,13 @@ class Frame:
         return inside, rows, columns, depth[inside]
 
 
-def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple[list[Frame], list[str]]:
+def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple[list[TableFrame], list[str]]:
     """Frames in the world's frame, and a sentence for each view that cannot be used; pixels are left out of which
     fewer than ``least`` of eight neighbours are at their depth.
 
     Raises :class:`PerceptionError` when no view is left.
     """
-    frames: list[Frame] = []
+    frames: list[TableFrame] = []
     notes: list[str] = []
     for view in views:
         depth = np.full(view.image.shape[:2], np.nan) if view.depth is None else view.depth.astype(np.float64)
@@ -80,7 +80,7 @@ def usable_frames(views: Iterable[View], robot_margin: int, least: int) -> tuple
         grainy = np.median(np.abs(np.diff(image.astype(np.int16), axis=1))) > 0
         if grainy:  # less of the sensor's noise; edges stay
             image = np.asarray(cv2.bilateralFilter(image, 5, COLOUR_NOISE, 1.5))
-        frames.append(Frame(view.camera, image, depth, origin, rays, points, np.eye(4)))
+        frames.append(TableFrame(view.camera, image, depth, origin, rays, points, np.eye(4)))
     if not frames:
         raise PerceptionError(
             "No view can be used: " + " ".join(notes) + " At least one camera must deliver depth and colour."
@@ -97,7 +97,7 @@ def _support(depth: FloatArray) -> IntArray:
     return count
 
 
-def seen_through(frames: Sequence[Frame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:
+def seen_through(frames: Sequence[TableFrame], points: FloatArray, margin: float = 0.01) -> NDArray[np.bool_]:
     """(N,) bool: points (N, 3), in the frames' own frame, that some camera looked through to something behind.
 
     A point nearer than ``margin`` metres to the surface behind it does not count.

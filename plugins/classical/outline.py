@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, binary_fill_holes
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.frames import Frame, IntArray, seen_through
+from gvla2_plugins.classical.frames import IntArray, TableFrame, seen_through
 from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.solids import evenly
 from gvla2_plugins.classical.things import Thing, upright_rectangle
@@ -27,7 +27,7 @@ FEWEST = 20  # points that tell where a wall is
 
 
 def silhouette(
-    frames: Sequence[Frame], pixels: Pixels, members: IntArray, low: FloatArray, high: FloatArray
+    frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, low: FloatArray, high: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """What the outline says: points (M, 3) within ``low``, ``high`` (3,) that are free, since rays just beside the
     thing passed them before they hit anything; and points (R, S, 3) along the outermost rays that hit it.
@@ -60,7 +60,7 @@ def silhouette(
     return np.concatenate(free), np.concatenate(rim)
 
 
-def hangs(frames: Sequence[Frame], points: FloatArray, lowest: float, gap: float) -> bool:
+def hangs(frames: Sequence[TableFrame], points: FloatArray, lowest: float, gap: float) -> bool:
     """Whether cameras looked through the space between the thing and the table, near the table.
 
     Most cameras look down, past the thing's own edges: a few rays through tell more than many that it hides.
@@ -73,7 +73,7 @@ def hangs(frames: Sequence[Frame], points: FloatArray, lowest: float, gap: float
     return bool(seen_through(frames, columns).mean() > 0.1)
 
 
-def completed(frames: Sequence[Frame], pixels: Pixels, thing: Thing) -> Thing:
+def completed(frames: Sequence[TableFrame], pixels: Pixels, thing: Thing) -> Thing:
     """A hanging box that seems shallow is taken to be as deep as it is wide, where that is not known to be free:
     the hand hides the rest of what it holds, often all but one face.
     """
@@ -95,7 +95,7 @@ def completed(frames: Sequence[Frame], pixels: Pixels, thing: Thing) -> Thing:
     return replace(thing, kind="box", centre=centre, extents=extents, yaw=yaw, guessed=True)
 
 
-def sees_into(frames: Sequence[Frame], thing: Thing, share: float = 0.4) -> bool:
+def sees_into(frames: Sequence[TableFrame], thing: Thing, share: float = 0.4) -> bool:
     """Whether cameras look through a ``share`` of the solid's upper half, inside its walls: a cup, a box, a tray."""
     if thing.kind == "sphere" or thing.extents[2] < 0.025 or min(thing.extents[:2]) < 0.04:
         return False
@@ -104,7 +104,7 @@ def sees_into(frames: Sequence[Frame], thing: Thing, share: float = 0.4) -> bool
     return bool(seen_through(frames, inside).mean() > share)
 
 
-def opened(frames: Sequence[Frame], thing: Thing) -> Thing:
+def opened(frames: Sequence[TableFrame], thing: Thing) -> Thing:
     """The thing with its ``opening``, and as a ring where it is flat and one sees the table through it."""
     if thing.hollow:
         return replace(thing, opening=_between_walls(thing))
@@ -131,7 +131,7 @@ def _between_walls(thing: Thing) -> float:
     return max(0.0, width - 2.0 * wall)
 
 
-def _hole(frames: Sequence[Frame], thing: Thing) -> float:
+def _hole(frames: Sequence[TableFrame], thing: Thing) -> float:
     """Width of the hole in the middle of a flat thing, metres: rays there go on to the table. 0 without one."""
     half, steps = 0.5 * thing.extents[2], np.linspace(-0.12, 0.12, 3)
     if seen_through(frames, thing.grid(steps, steps, np.array([0.5])), margin=half).mean() < 0.6:

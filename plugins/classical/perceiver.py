@@ -24,7 +24,7 @@ from gvla2_plugins.classical.bodies import bodies_of, textured
 from gvla2_plugins.classical.cases import join_fronts, join_lids
 from gvla2_plugins.classical.clusters import grow_down, join_across_views, join_in_bodies, pieces_in_views
 from gvla2_plugins.classical.composites import put_together
-from gvla2_plugins.classical.frames import Frame, usable_frames
+from gvla2_plugins.classical.frames import TableFrame, usable_frames
 from gvla2_plugins.classical.naming import described
 from gvla2_plugins.classical.pixels import Pixels, choose
 from gvla2_plugins.classical.regions import find_patches, unlike_table
@@ -92,7 +92,7 @@ class ClassicalPerceiver:
         return labelled(scene, observation, self._labellers)
 
     def _find(
-        self, frames: Sequence[Frame], noise: float, room: FloatArray, hand: FloatArray
+        self, frames: Sequence[TableFrame], noise: float, room: FloatArray, hand: FloatArray
     ) -> tuple[Pixels, list[Thing], Pixels, list[Thing]]:
         config = self._config
         rise = max(config.min_height, 3.3 * noise)
@@ -132,7 +132,7 @@ class ClassicalPerceiver:
         return pixels, things, painted, patches
 
 
-def _grain(frame: Frame, flat: NDArray[np.bool_]) -> float:
+def _grain(frame: TableFrame, flat: NDArray[np.bool_]) -> float:
     """What most neighbouring pixels of the table differ by at most, in colour from 0 to 1: the picture's noise."""
     image, flat = frame.image[::4].astype(np.float64), flat[::4]
     both = flat[:, :-1] & flat[:, 1:]

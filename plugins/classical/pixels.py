@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
 from gvla2.planning.colours import appearance
-from gvla2_plugins.classical.frames import Frame, IntArray
+from gvla2_plugins.classical.frames import IntArray, TableFrame
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,9 @@ class Pixels:
         return np.asarray(touching[np.linalg.norm(np.subtract(*self.points[touching.T]), axis=1) < jump])
 
 
-def choose(frames: Sequence[Frame], masks: Sequence[NDArray[np.bool_]], *, on_plane: bool = False) -> Pixels:
+def choose(
+    frames: Sequence[TableFrame], masks: Sequence[NDArray[np.bool_]], *, on_plane: bool = False
+) -> Pixels:
     """The pixels of ``masks``, one (H, W) a frame.
 
     With ``on_plane`` their points are where the rays cross z = 0: the noise of the depth then has no say.
@@ -72,7 +74,7 @@ def choose(frames: Sequence[Frame], masks: Sequence[NDArray[np.bool_]], *, on_pl
     )
 
 
-def plane_crossings(frame: Frame, rows: IntArray, columns: IntArray) -> FloatArray:
+def plane_crossings(frame: TableFrame, rows: IntArray, columns: IntArray) -> FloatArray:
     """(N, 3) points where the pixels' rays cross z = 0 of the frame's frame."""
     rays = frame.rays[rows, columns]
     slope = np.where(np.abs(rays[:, 2]) > 1e-6, rays[:, 2], np.nan)

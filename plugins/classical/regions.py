@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from gvla2.perception.clusters import without_specks
 from gvla2_plugins.classical.clusters import groups, join_across_views, pieces_in_views
-from gvla2_plugins.classical.frames import Frame, IntArray
+from gvla2_plugins.classical.frames import IntArray, TableFrame
 from gvla2_plugins.classical.pixels import Pixels, appearance_of, choose, plane_crossings
 from gvla2_plugins.classical.solids import box_distance, cylinder_distance, evenly, fit_solid, narrow_yaw
 from gvla2_plugins.classical.things import Thing, upright_rectangle
@@ -24,7 +24,7 @@ ROOM = np.array([0.015, 0.015, 0.1, 0.015, 0.015, 1.0, 1.0])
 PAINT = 0.001  # metres: the thickness that a painted patch is given
 
 
-def unlike_table(frame: Frame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def unlike_table(frame: TableFrame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(H, W) bool: pixels of ``plane`` that look different from most of them, in this view."""
     if not plane.any():
         return plane
@@ -41,7 +41,7 @@ def unlike_table(frame: Frame, plane: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def find_patches(
-    frames: Sequence[Frame],
+    frames: Sequence[TableFrame],
     painted: Sequence[NDArray[np.bool_]],
     bare: Sequence[NDArray[np.bool_]],
     min_region: float,
@@ -70,7 +70,7 @@ def find_patches(
 
 
 def _fit(
-    frames: Sequence[Frame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
+    frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, bare: Sequence[NDArray[np.bool_]]
 ) -> Thing:
     points = pixels.points[members]
     outside = [np.zeros((0, 3))]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gvla2.geometry.transform import FloatArray
-from gvla2_plugins.classical.frames import Frame, IntArray
+from gvla2_plugins.classical.frames import IntArray, TableFrame
 from gvla2_plugins.classical.outline import (
     completed,
     crowded,
@@ -21,7 +21,7 @@ from gvla2_plugins.classical.outline import (
 from gvla2_plugins.classical.pixels import Pixels
 from gvla2_plugins.classical.solids import (
     Distance,
-    Fit,
+    SolidFit,
     box_distance,
     cylinder_distance,
     evenly,
@@ -50,7 +50,7 @@ DISTANCES: dict[Kind, Distance] = {
 
 
 @dataclass(frozen=True)
-class Evidence:
+class FitEvidence:
     """What one thing's fit goes by, in the table's frame: ``seen`` (N, 3), ``free`` (M, 3), ``rays`` (R, S, 3) (see
     :func:`fit_solid`); heights of its ``lowest`` and ``highest`` points and of its ``bottom``, which is the table's
     unless it is ``floating``; the smallest rectangle about it: ``yaw``, ``middle`` (2,), ``lengths`` (2,).
@@ -76,7 +76,7 @@ class Evidence:
             return np.array([*self.middle, width, *heights])
         return np.array([*self.middle, self.yaw, *self.lengths, *heights])
 
-    def fit(self, kind: Kind, start: FloatArray | None = None, *, filled: bool = False) -> Fit:
+    def fit(self, kind: Kind, start: FloatArray | None = None, *, filled: bool = False) -> SolidFit:
         """The solid ``kind``, from the parameters ``start`` if they are given."""
         start = self.start(kind) if start is None else start
         top = (self.highest - 0.012, self.highest + 0.006)
@@ -94,7 +94,7 @@ class Evidence:
         )
 
 
-def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Thing:
+def shape_thing(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, gap: float) -> Thing:
     """The solid that explains the pixels ``members`` (N,) best, standing on the table unless it is seen to hang."""
     evidence = _gather(frames, pixels, members, gap)
     fits = _fits(evidence)
@@ -114,7 +114,7 @@ def shape_thing(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap:
     return completed(frames, pixels, thing)
 
 
-def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, fit: Fit) -> Thing | None:
+def _hollow(frames: Sequence[TableFrame], evidence: FitEvidence, thing: Thing, fit: SolidFit) -> Thing | None:
     """The thing as a hollow one, where one sees into it; None where one does not.
 
     The inner wall is seen too: only the outline tells where the outer one is. Where a view shows it in pieces, rays
@@ -142,7 +142,7 @@ def _hollow(frames: Sequence[Frame], evidence: Evidence, thing: Thing, fit: Fit)
     return max(found, key=lambda t: t.agreement + CLEARLY * (t.kind == thing.kind), default=None)
 
 
-def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: float) -> Evidence:
+def _gather(frames: Sequence[TableFrame], pixels: Pixels, members: IntArray, gap: float) -> FitEvidence:
     points = pixels.points[members]
     lowest, highest = (float(v) for v in np.percentile(points[:, 2], [2.0, 98.0]))
     floating = hangs(frames, points, lowest, gap)
@@ -154,12 +154,12 @@ def _gather(frames: Sequence[Frame], pixels: Pixels, members: IntArray, gap: flo
     free, rays = silhouette(frames, pixels, members, low, high)
     seen = spread_out(points, MOST_SEEN)
     lengths = np.maximum(lengths, THIN)
-    return Evidence(seen, free, rays, lowest, highest, bottom, floating, yaw, middle, lengths)
+    return FitEvidence(seen, free, rays, lowest, highest, bottom, floating, yaw, middle, lengths)
 
 
-def _fits(evidence: Evidence) -> dict[Kind, Fit]:
+def _fits(evidence: FitEvidence) -> dict[Kind, SolidFit]:
     """The box, and the round solids where the box is square enough."""
-    fits: dict[Kind, Fit] = {"box": evidence.fit("box")}
+    fits: dict[Kind, SolidFit] = {"box": evidence.fit("box")}
     width, depth, top, bottom = fits["box"].parameters[3:]
     short, long = sorted(evidence.lengths.tolist())
     if max(width, depth) < SQUARE * min(width, depth):
@@ -176,7 +176,7 @@ def _fits(evidence: Evidence) -> dict[Kind, Fit]:
     return fits
 
 
-def _within(evidence: Evidence, thing: Thing) -> bool:
+def _within(evidence: FitEvidence, thing: Thing) -> bool:
     """Whether the fit stayed where the points are."""
     reach = 0.5 * evidence.lengths.max() + 0.03
     near = np.abs(thing.centre[:2] - evidence.middle) < reach

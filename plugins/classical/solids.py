@@ -61,7 +61,7 @@ def sphere_distance(parameters: FloatArray, points: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Fit:
+class SolidFit:
     """A fitted solid: ``parameters`` (P,); ``cost`` mean robust squared error, m^2; ``agreement`` in [0, 1], the
     share of surface points on the surface less ``intrusion``, the share of free points well inside.
     """
@@ -84,7 +84,7 @@ def fit_solid(
     filled: bool = False,
     slack: float = 0.0,
     tolerance: float = 0.005,
-) -> Fit:
+) -> SolidFit:
     """Robust least squares from ``start`` (P,).
 
     ``surface`` (N, 3) seen points, ``free`` (M, 3) points known to be outside; ``rays`` (R, S, 3) points along rays
@@ -138,7 +138,7 @@ def fit_solid(
     inside = error[first_free:first_ray] < -tolerance
     intrusion = float(inside.mean()) if len(free) else 0.0
     agreement = max(0.0, float(on.mean()) - intrusion) if len(surface) else 0.0
-    return Fit(parameters, found.cost, agreement, intrusion)
+    return SolidFit(parameters, found.cost, agreement, intrusion)
 
 
 def evenly(points: NDArray[Any], most: int) -> NDArray[Any]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gvla2_plugins.classical.clusters import alike
-from gvla2_plugins.classical.composites import Draft, boxed
+from gvla2_plugins.classical.composites import SceneDraft, boxed
 from gvla2_plugins.classical.leaning import lean_of, leant
 from gvla2_plugins.classical.things import Thing
 
@@ -21,7 +21,7 @@ FAR_SIDE = 0.008  # metres beside a neck where a piece of it may seem to be
 SEAM = 0.003  # metres: a gap that is no greater is none
 
 
-def join_stems(draft: Draft) -> None:
+def join_stems(draft: SceneDraft) -> None:
     """Slim round things in line within and above a stand become one; the broader end of it is its handle."""
     for k in draft.left():
         stand = draft.things[k]
@@ -45,7 +45,7 @@ def join_stems(draft: Draft) -> None:
             draft.things[top] = replace(_as_seen(draft.things[top]), noun="handle", part_of=main)
 
 
-def join_bottles(draft: Draft) -> None:
+def join_bottles(draft: SceneDraft) -> None:
     """What narrows upwards on a vessel belongs to it; a flat thing as wide as what it covers is its cap or lid."""
     for k in sorted(draft.left(), key=lambda j: draft.things[j].top):
         vessel = draft.things[k]
@@ -74,7 +74,7 @@ def join_bottles(draft: Draft) -> None:
             draft.things[cover] = replace(_as_seen(closed), noun=noun, part_of=k)
 
 
-def name_knives(draft: Draft) -> None:
+def name_knives(draft: SceneDraft) -> None:
     """A slim flat grip of another colour that stands on a block which is much higher than it is deep."""
     for k in draft.left():
         block = draft.things[k]
@@ -118,7 +118,7 @@ def _slim(thing: Thing) -> bool:
     return thing.turn is None and bool(thing.spans[:2].max() < SLIM)
 
 
-def _over(draft: Draft, j: int, k: int) -> bool:
+def _over(draft: SceneDraft, j: int, k: int) -> bool:
     """Whether the thing ``j`` stands, through others or not, on ``k``."""
     for _ in draft.things:
         j = draft.carrier(j) if j >= 0 else j
@@ -144,7 +144,7 @@ def _vessel(thing: Thing) -> bool:
     return bool(tall and max(thing.extents[:2]) < 0.16)
 
 
-def _line(draft: Draft, k: int) -> list[int]:
+def _line(draft: SceneDraft, k: int) -> list[int]:
     """What stands in line on a vessel and belongs to it, from the lowest up: pieces cut from it, narrower round ones,
     a head on a neck or over one that is not seen, and a cover.
     """
@@ -169,7 +169,7 @@ def _line(draft: Draft, k: int) -> list[int]:
     return line
 
 
-def _covers(draft: Draft, j: int, at: int) -> bool:
+def _covers(draft: SceneDraft, j: int, at: int) -> bool:
     """Whether a flat thing of another colour lies on a round thing and is about as wide."""
     if at < 0:
         return False

@@ -15,7 +15,7 @@ from gvla2.skills.asked_paths import last_answer, nothing_to_ask
 from gvla2.skills.carry_out import carry_out
 from gvla2.skills.faithful import Named, beyond, doubts, named_things, theme_held, unclear
 from gvla2.skills.mentions import MOST, most_calls
-from gvla2.skills.program import WHY, Declined, Interpreter, lines_of
+from gvla2.skills.program import WHY, Declined, ProgramInterpreter, lines_of
 from gvla2.skills.program_grammar import Fitting, fitting, grammar
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
@@ -119,7 +119,7 @@ class CodePolicies:
     ) -> _Written:
         def parse(text: str) -> tuple[tuple[SkillCall, ...], str]:
             try:
-                return Interpreter(request.scene, brief.ids, skills).run(text), text.strip()
+                return ProgramInterpreter(request.scene, brief.ids, skills).run(text), text.strip()
             except Declined as declined:
                 return (), declined.reason
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Finding:
+class CriterionScore:
     """A score in [0, 1], None when unknown, and why."""
 
     score: float | None

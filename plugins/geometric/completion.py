@@ -13,7 +13,7 @@ import numpy as np
 
 from gvla2.planning.lamps import shines
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.geometric.case import Case, Finding, goal_now, outside_footprint, something_at
+from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 from gvla2_plugins.geometric.placing import inside, place
 from gvla2_plugins.geometric.working import closed, drawn, inserted, opened, pulled, shut, twisted
 
@@ -25,14 +25,16 @@ CLEARED = 0.9
 """Share of a holder's height by which a thing is lifted out of it."""
 
 
-def completion(case: Case) -> Finding:
+def completion(case: Case) -> CriterionScore:
     """The finding of the plan's skill; unknown for a skill without a rule."""
     rule = _RULES.get(case.evidence.plan.skill)
     if rule is None:
-        return Finding(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
+        return CriterionScore(None, f"There is no rule for the skill '{case.evidence.plan.skill}'.")
     found = rule(case)
     if (found.score or 0.0) >= 0.5 and (meant := _meant_another(case)):
-        return Finding(0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not.")
+        return CriterionScore(
+            0.4, f"{found.reason} But the sentence says {meant}, and what was handled is not."
+        )
     return found
 
 
@@ -50,22 +52,22 @@ def _meant_another(case: Case) -> str:
     return "" if named & handled else min(named, default="")
 
 
-def _pick(case: Case) -> Finding:
+def _pick(case: Case) -> CriterionScore:
     """The theme is up and in the hand; or it is out of sight, gone from its place, and the hand holds something."""
     theme = case.role("theme", "part")
     if theme is None:
-        return Finding(None, "The plan does not say what was to be picked.")
+        return CriterionScore(None, "The plan does not say what was to be picked.")
     if not case.holding:
-        return Finding(0.0, "The hand is empty at the end.")
+        return CriterionScore(0.0, "The hand is empty at the end.")
     if case.after is None:
-        return Finding(None, "The hand holds something, but nothing was perceived at the end.")
+        return CriterionScore(None, "The hand holds something, but nothing was perceived at the end.")
     later = case.later(theme)
     if later is None:
         if something_at(theme, case.after, case.config.same_place):
-            return Finding(0.2, f"Something still stands where {theme.label} stood.")
+            return CriterionScore(0.2, f"Something still stands where {theme.label} stood.")
         if case.last_held is False:
-            return Finding(0.2, f"{theme.label} is gone from its place, but the hand felt nothing.")
-        return Finding(
+            return CriterionScore(0.2, f"{theme.label} is gone from its place, but the hand felt nothing.")
+        return CriterionScore(
             0.85, f"{theme.label} is gone from its place and the hand is held open by what it holds."
         )
     risen = _rise(theme, later)
@@ -73,13 +75,17 @@ def _pick(case: Case) -> Finding:
     enough = min(case.config.risen, 0.5 * case.evidence.plan.parameters.get("lift_height", np.inf))
     holder = _holder(case, theme)
     if risen >= enough and holder is not None and not _out_of(case, later, holder):
-        return Finding(0.4, f"{theme.label} rose by {100 * risen:.1f} cm: it may still be in {holder.label}.")
+        return CriterionScore(
+            0.4, f"{theme.label} rose by {100 * risen:.1f} cm: it may still be in {holder.label}."
+        )
     if risen >= enough:
-        return Finding(1.0, f"{theme.label} rose by {100 * risen:.1f} cm and the hand holds something.")
+        return CriterionScore(
+            1.0, f"{theme.label} rose by {100 * risen:.1f} cm and the hand holds something."
+        )
     if case.in_hand(later):
-        return Finding(0.45, f"{theme.label} is in the hand, but rose by {100 * risen:.1f} cm only.")
+        return CriterionScore(0.45, f"{theme.label} is in the hand, but rose by {100 * risen:.1f} cm only.")
     moved = float(np.linalg.norm(later.centre - theme.centre))
-    return Finding(
+    return CriterionScore(
         max(0.0, 0.3 * risen / enough),
         f"{theme.label} was found {100 * moved:.1f} cm from its old place, raised by {100 * risen:.1f} cm only.",
     )
@@ -122,16 +128,16 @@ def _out_of(case: Case, later: SceneObject, holder: SceneObject) -> bool:
     return bool(held) and held[-1] - held[0] >= CLEARED * (holder.top - holder.bottom)
 
 
-def _push(case: Case) -> Finding:
+def _push(case: Case) -> CriterionScore:
     """The theme's centre ended inside the goal's footprint; against a solid goal it came to touch it."""
     theme, goal = case.role("theme", "part"), case.role("goal")
     if theme is None:
-        return Finding(None, "The plan does not say what was to be pushed.")
+        return CriterionScore(None, "The plan does not say what was to be pushed.")
     if case.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
+        return CriterionScore(None, "Nothing was perceived at the end.")
     later = case.later(theme)
     if later is None:
-        return Finding(None, f"{theme.label} was not seen again.")
+        return CriterionScore(None, f"{theme.label} was not seen again.")
     if goal is None:
         return _shifted(case, theme, later)
     reach = float(later.extents[:2].max())
@@ -139,13 +145,13 @@ def _push(case: Case) -> Finding:
         return inside(case, later, goal, reach)
     gap = outside_footprint(later.centre, goal_now(case, goal)) - 0.5 * reach
     if gap <= 0.015:
-        return Finding(1.0, f"{theme.label} lies against {goal.label}.")
-    return Finding(
+        return CriterionScore(1.0, f"{theme.label} lies against {goal.label}.")
+    return CriterionScore(
         max(0.0, 0.45 * (1 - gap / reach)), f"{theme.label} stopped {100 * gap:.1f} cm from {goal.label}."
     )
 
 
-def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Finding:
+def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> CriterionScore:
     """A push without a goal: the theme went along with the hand's strokes, half of their way at least."""
     plan = case.evidence.plan
     waypoints = plan.trajectory.waypoints if plan.trajectory else ()
@@ -156,43 +162,43 @@ def _shifted(case: Case, theme: SceneObject, later: SceneObject) -> Finding:
     length = float(np.linalg.norm(stroke))
     planned = length - plan.parameters.get("standoff", 0.0)
     if length < 1e-6 or planned <= case.config.same_place:
-        return Finding(None, "The plan does not say how far to push.")
+        return CriterionScore(None, "The plan does not say how far to push.")
     along = float((later.centre - theme.centre) @ stroke) / length
     said = f"{theme.label} went {100 * along:.1f} of {100 * planned:.1f} cm"
     if 0.5 * planned <= along <= 1.5 * planned:
-        return Finding(1.0, f"{said}.")
-    return Finding(max(0.0, 0.4 * min(along / planned, 1.0)), f"{said}: not as planned.")
+        return CriterionScore(1.0, f"{said}.")
+    return CriterionScore(max(0.0, 0.4 * min(along / planned, 1.0)), f"{said}: not as planned.")
 
 
-def _press(case: Case) -> Finding:
+def _press(case: Case) -> CriterionScore:
     """The tool went at least half of the planned press below the button's top, and felt it."""
     button = case.role("part", "theme", "goal")
     plan, reports = case.evidence.plan, case.evidence.report.waypoints
     if button is None or plan.trajectory is None:
-        return Finding(None, "The plan does not say what was to be pressed.")
+        return CriterionScore(None, "The plan does not say what was to be pressed.")
     near = [r for r in reports if outside_footprint(np.asarray(r.target), button) <= 0.02]
     if not near:
-        return Finding(0.0, f"The tool never came over {button.label}.")
+        return CriterionScore(0.0, f"The tool never came over {button.label}.")
     lowest = min(near, key=lambda r: r.target[2])
     planned = plan.parameters.get("press_depth", button.top - lowest.target[2])
     if planned <= 0:
-        return Finding(0.0, f"The plan does not go below the top of {button.label}.")
+        return CriterionScore(0.0, f"The plan does not go below the top of {button.label}.")
     # How far short of its target the tool stayed is what is missing of the planned depth.
     depth = planned - max(lowest.reached[2] - lowest.target[2], 0.0)
     aside = float(np.linalg.norm(np.subtract(lowest.reached[:2], lowest.target[:2])))
     said = f"The tool went {1e3 * depth:.1f} of {1e3 * planned:.1f} mm into {button.label}"
     if aside > max(0.02, 0.5 * float(button.extents[:2].max())):
-        return Finding(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
+        return CriterionScore(0.0, f"The tool missed {button.label} by {100 * aside:.1f} cm.")
     if depth < 0.5 * planned:
-        return Finding(max(0.0, 0.6 * depth / planned), f"{said}: not far enough.")
+        return CriterionScore(max(0.0, 0.6 * depth / planned), f"{said}: not far enough.")
     if not lowest.contacts:
-        return Finding(0.4, f"{said}, but felt no contact.")
+        return CriterionScore(0.4, f"{said}, but felt no contact.")
     if case.after is not None and shines(button, case.before, case.after) is False:
-        return Finding(0.1, f"{said} and felt it, but the lamp stayed dark.")
-    return Finding(1.0, f"{said} and felt it.")
+        return CriterionScore(0.1, f"{said} and felt it, but the lamp stayed dark.")
+    return CriterionScore(1.0, f"{said} and felt it.")
 
 
-_RULES: dict[str, Callable[[Case], Finding]] = {
+_RULES: dict[str, Callable[[Case], CriterionScore]] = {
     "pick": _pick,
     "push": _push,
     "place": place,

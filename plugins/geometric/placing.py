@@ -7,7 +7,7 @@ import numpy as np
 from gvla2.geometry.transform import FloatArray
 from gvla2.loop.correspondence import difference
 from gvla2.planning.scene import Scene, SceneObject
-from gvla2_plugins.geometric.case import Case, Finding, goal_now, outside_footprint, something_at
+from gvla2_plugins.geometric.case import Case, CriterionScore, goal_now, outside_footprint, something_at
 
 LEAST_GROWN = 0.4
 """Share of a thing's height by which what it was put into has become higher where it lies."""
@@ -17,7 +17,7 @@ FEWEST = 10
 """Points by which a height is believed."""
 
 
-def place(case: Case) -> Finding:
+def place(case: Case) -> CriterionScore:
     """Everything that was to be put somewhere is there: one thing, or several one after the other."""
     several = [name for name in case.evidence.plan.roles if name.startswith("theme_")]
     if not several:
@@ -38,17 +38,17 @@ def place(case: Case) -> Finding:
     assert worst is not None
     if (worst.score or 0.0) < 0.5:
         return worst
-    return Finding(worst.score, f"All {len(findings)} things are where they were to be put.")
+    return CriterionScore(worst.score, f"All {len(findings)} things are where they were to be put.")
 
 
-def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> Finding:
+def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> CriterionScore:
     """The theme rests on the goal, in it, or beside it where the plan meant that, and the hand let go."""
     if theme is None or goal is None:
-        return Finding(None, "The plan does not say what was to be put where.")
+        return CriterionScore(None, "The plan does not say what was to be put where.")
     if case.last_held:
-        return Finding(0.1, "The hand still holds something at the end.")
+        return CriterionScore(0.1, "The hand still holds something at the end.")
     if case.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
+        return CriterionScore(None, "Nothing was perceived at the end.")
     later = case.later(theme)
     if later is None:
         return _taken_in(case, theme, goal)
@@ -57,10 +57,10 @@ def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> F
     if beside is not None:
         off = float(np.linalg.norm((later.centre - beside)[:2]))
         if off > max(0.03, 0.5 * reach):
-            return Finding(0.1, f"{theme.label} lies {100 * off:.1f} cm from where it was to be put.")
+            return CriterionScore(0.1, f"{theme.label} lies {100 * off:.1f} cm from where it was to be put.")
         if later.bottom > case.before.table_height + slack:
-            return Finding(0.2, f"{theme.label} does not rest on the table.")
-        return Finding(1.0, f"{theme.label} rests beside {goal.label}, where it was to be put.")
+            return CriterionScore(0.2, f"{theme.label} does not rest on the table.")
+        return CriterionScore(1.0, f"{theme.label} rests beside {goal.label}, where it was to be put.")
     found = inside(case, later, goal, reach)
     if (found.score or 0.0) < 0.5 and difference(theme, later) > DOUBTFUL:
         taken = _taken_in(case, theme, goal)  # what it was taken for may be a piece of what it lies in
@@ -68,26 +68,26 @@ def placed(case: Case, theme: SceneObject | None, goal: SceneObject | None) -> F
             return taken
     now = goal_now(case, goal)
     if found.score == 1.0 and not now.bottom - slack <= later.bottom <= now.top + slack:
-        return Finding(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
+        return CriterionScore(0.2, f"{theme.label} is over {goal.label}, but does not rest there.")
     return found
 
 
-def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> Finding:
+def _taken_in(case: Case, theme: SceneObject, goal: SceneObject) -> CriterionScore:
     """A thing that is seen as one with what it lies in, as things of one colour are: it is gone from its place, and
     where the hand let go of it, the goal is higher than before by the best part of the thing.
     """
     spot = _let_go(case, theme)
-    unknown = Finding(None, f"{theme.label} was not seen again.")
+    unknown = CriterionScore(None, f"{theme.label} was not seen again.")
     now = goal_now(case, goal)
     if spot is None or case.after is None or outside_footprint(spot, now) > 0.0 or goal.shape == "region":
         return unknown
     if something_at(theme, case.after, case.config.same_place):
-        return Finding(0.2, f"Something still is where {theme.label} was.")
+        return CriterionScore(0.2, f"Something still is where {theme.label} was.")
     about = 0.5 * float(theme.extents[:2].max())
     was = _height(case.before, spot, about, frozenset({theme.id}))
     grown = _height(case.after, spot, about, frozenset()) - max(was, goal.bottom)
     if grown >= LEAST_GROWN * (theme.top - theme.bottom):
-        return Finding(
+        return CriterionScore(
             0.85, f"{theme.label} is gone from its place, and {goal.label} is higher where it was put."
         )
     return unknown
@@ -100,13 +100,13 @@ def _height(scene: Scene, spot: FloatArray, about: float, but: frozenset[str]) -
     return float(np.quantile(near[:, 2], 0.9)) if len(near) >= FEWEST else scene.table_height
 
 
-def inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> Finding:
+def inside(case: Case, thing: SceneObject, goal: SceneObject, reach: float) -> CriterionScore:
     """The thing's centre in the goal's footprint; half a body's width off, the goal is touched, not reached."""
     outside = outside_footprint(thing.centre, goal_now(case, goal))
     if outside <= case.config.margin:
-        return Finding(1.0, f"{thing.label} lies within {goal.label}.")
+        return CriterionScore(1.0, f"{thing.label} lies within {goal.label}.")
     score = max(0.0, 0.45 * (1 - outside / reach))
-    return Finding(score, f"{thing.label} lies {100 * outside:.1f} cm outside {goal.label}.")
+    return CriterionScore(score, f"{thing.label} lies {100 * outside:.1f} cm outside {goal.label}.")
 
 
 def _meant_beside(case: Case, theme: SceneObject, goal: SceneObject, reach: float) -> FloatArray | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gvla2.loop.evidence import RobotEvidence
 from gvla2.memory.contracts import Evidence, Verdict
-from gvla2_plugins.geometric.case import Case, Finding
+from gvla2_plugins.geometric.case import Case, CriterionScore
 from gvla2_plugins.geometric.completion import completion
 
 if TYPE_CHECKING:
@@ -81,10 +81,10 @@ def _not_executed(evidence: RobotEvidence) -> str | None:
     return None
 
 
-def _spatial_consistency(case: Case) -> Finding:
+def _spatial_consistency(case: Case) -> CriterionScore:
     """Whatever was not to be moved is where it was; what was not seen again says nothing."""
     if case.evidence.after is None:
-        return Finding(None, "")
+        return CriterionScore(None, "")
     actors = set(case.evidence.plan.roles.values())
     involved = actors | {o.parent for o in case.before.objects if o.id in actors}
     bystanders = [o for o in case.before.obstacles() if not {o.id, o.parent} & (involved - {""})]
@@ -94,48 +94,54 @@ def _spatial_consistency(case: Case) -> Finding:
         if (later := case.later(o)) is not None and np.linalg.norm(later.centre - o.centre) > DISTURBED
     ]
     if disturbed:
-        return Finding(max(0.0, 1 - 0.5 * len(disturbed)), f"Moved in passing: {', '.join(disturbed)}.")
-    return Finding(1.0, "")
+        return CriterionScore(
+            max(0.0, 1 - 0.5 * len(disturbed)), f"Moved in passing: {', '.join(disturbed)}."
+        )
+    return CriterionScore(1.0, "")
 
 
-def _collision_safety(case: Case) -> Finding:
+def _collision_safety(case: Case) -> CriterionScore:
     """The robot touched nothing where its plan allowed no contact."""
     planned = case.evidence.plan.trajectory.waypoints if case.evidence.plan.trajectory else ()
     touched = []
     for report in case.evidence.report.waypoints:
         if report.abort == "collision":
-            return Finding(0.0, f"Stopped in a collision at '{report.stage}'.")
+            return CriterionScore(0.0, f"Stopped in a collision at '{report.stage}'.")
         waypoint = planned[report.index] if report.index < len(planned) else None
         expected = report.held or (waypoint is not None and (waypoint.carries or waypoint.allowed_contacts))
         if report.contacts and not expected:
             touched.append(f"{', '.join(report.contacts)} at '{report.stage}'")
     if touched:
-        return Finding(max(0.0, 1 - 0.4 * len(touched)), f"Unplanned contact: {'; '.join(touched)}.")
-    return Finding(1.0, "")
+        return CriterionScore(max(0.0, 1 - 0.4 * len(touched)), f"Unplanned contact: {'; '.join(touched)}.")
+    return CriterionScore(1.0, "")
 
 
-def _execution_validity(case: Case) -> Finding:
+def _execution_validity(case: Case) -> CriterionScore:
     """The motion ran to its end, near its waypoints."""
     planned = case.evidence.plan.trajectory.waypoints if case.evidence.plan.trajectory else ()
     reports = case.evidence.report.waypoints
     done = [r for r in reports if not r.abort]
     if (stopped := case.evidence.report.abort) is not None:
         share = len(done) / max(len(planned), 1)
-        return Finding(0.5 * share, f"Stopped at '{stopped.stage}' ({stopped.abort}): {stopped.message}")
+        return CriterionScore(
+            0.5 * share, f"Stopped at '{stopped.stage}' ({stopped.abort}): {stopped.message}"
+        )
     if len(done) < len(planned):
-        return Finding(
+        return CriterionScore(
             0.5 * len(done) / len(planned), f"Only {len(done)} of {len(planned)} waypoints were reported."
         )
     near = [
         r.error <= 2 * planned[r.index].tolerance if r.index < len(planned) else r.error <= 0.02 for r in done
     ]
     share = sum(near) / len(near)
-    return Finding(0.5 + 0.5 * share, "" if share == 1 else f"{len(near) - sum(near)} waypoints were missed.")
+    return CriterionScore(
+        0.5 + 0.5 * share, "" if share == 1 else f"{len(near) - sum(near)} waypoints were missed."
+    )
 
 
-def _generalizability(case: Case) -> Finding:
+def _generalizability(case: Case) -> CriterionScore:
     """How little luck was in it: sure perception of what was handled, no stand-in planner, no repaired plan."""
     handled = [o.confidence for o in case.before.objects if o.id in set(case.evidence.plan.roles.values())]
     score = min(handled, default=0.5)
     score -= 0.2 * bool(case.evidence.plan.fallback) + 0.1 * bool(case.evidence.checks.repairs)
-    return Finding(float(np.clip(score, 0.0, 1.0)), "")
+    return CriterionScore(float(np.clip(score, 0.0, 1.0)), "")

@@ -6,7 +6,7 @@ import numpy as np
 
 from gvla2.planning.lids import FLAT, hinged, opening_angle
 from gvla2.planning.scene import SceneObject
-from gvla2_plugins.geometric.case import Case, Finding, something_at
+from gvla2_plugins.geometric.case import Case, CriterionScore, something_at
 from gvla2_plugins.geometric.placing import placed
 
 UPRIGHT = 1.45
@@ -23,7 +23,7 @@ ASTRAY = 0.06
 """What is found this far beside the line of a pull is another thing, metres."""
 
 
-def opened(case: Case) -> Finding:
+def opened(case: Case) -> CriterionScore:
     """The lid stands upright, or leans away from the box; or the box shows its inside."""
     lid, body, doubt = _lid(case)
     if doubt is not None:
@@ -34,16 +34,16 @@ def opened(case: Case) -> Finding:
         angle = opening_angle(later, box or body)
         said = f"{lid.label} is open by {np.degrees(angle):.0f}°"
         if angle >= UPRIGHT:
-            return Finding(1.0, f"{said}.")
-        return Finding(_short(angle, UPRIGHT), f"{said} only.")
+            return CriterionScore(1.0, f"{said}.")
+        return CriterionScore(_short(angle, UPRIGHT), f"{said} only.")
     if body is not None and box is not None and body.opening == 0.0:
         if box.opening > 0.5 * float(body.extents[:2].min()):
-            return Finding(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
-        return Finding(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
-    return Finding(None, f"{lid.label} was not seen again.")
+            return CriterionScore(0.8, f"{lid.label} was not seen again, but {body.label} shows its inside.")
+        return CriterionScore(0.3, f"{lid.label} was not seen again, and {body.label} shows no inside.")
+    return CriterionScore(None, f"{lid.label} was not seen again.")
 
 
-def closed(case: Case) -> Finding:
+def closed(case: Case) -> CriterionScore:
     """The lid lies flat over the box; or the box shows its inside no more."""
     lid, body, doubt = _lid(case)
     if doubt is not None:
@@ -55,34 +55,38 @@ def closed(case: Case) -> Finding:
         angle = opening_angle(later, box or body)
         if angle >= FLAT:
             score = _short(was - angle, max(was, FLAT))
-            return Finding(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
+            return CriterionScore(score, f"{lid.label} is still open by {np.degrees(angle):.0f}°.")
         if box is None and body is None:
-            return Finding(0.7, f"{lid.label} lies flat.")
+            return CriterionScore(0.7, f"{lid.label} lies flat.")
         under = box or body
         assert under is not None
         off = float(np.linalg.norm((later.centre - under.centre)[:2]))
         if off > 0.25 * float(under.extents[:2].min()) or later.bottom < under.centre[2]:
-            return Finding(0.1, f"{lid.label} lies flat, but not on {under.label}.")
+            return CriterionScore(0.1, f"{lid.label} lies flat, but not on {under.label}.")
         if box is not None and later.bottom > box.top + ON_TOP:
-            return Finding(0.3, f"{lid.label} does not lie on {under.label}.")
-        return Finding(1.0, f"{lid.label} lies flat on {under.label}.")
+            return CriterionScore(0.3, f"{lid.label} does not lie on {under.label}.")
+        return CriterionScore(1.0, f"{lid.label} lies flat on {under.label}.")
     if body is not None and box is not None and body.opening > 0.0:
         if box.opening > 0.0:
-            return Finding(0.1, f"{lid.label} was not seen again, and {body.label} still shows its inside.")
-        return Finding(0.8, f"{lid.label} was not seen again, and {body.label} shows its inside no more.")
-    return Finding(None, f"{lid.label} was not seen again.")
+            return CriterionScore(
+                0.1, f"{lid.label} was not seen again, and {body.label} still shows its inside."
+            )
+        return CriterionScore(
+            0.8, f"{lid.label} was not seen again, and {body.label} shows its inside no more."
+        )
+    return CriterionScore(None, f"{lid.label} was not seen again.")
 
 
-def _lid(case: Case) -> tuple[SceneObject | None, SceneObject | None, Finding | None]:
+def _lid(case: Case) -> tuple[SceneObject | None, SceneObject | None, CriterionScore | None]:
     """Lid and box of the plan's theme before, or the finding that there is nothing to judge by."""
     theme = case.role("theme", "part")
     if theme is None:
-        return None, None, Finding(None, "The plan does not say what was to be swung.")
+        return None, None, CriterionScore(None, "The plan does not say what was to be swung.")
     if case.after is None:
-        return None, None, Finding(None, "Nothing was perceived at the end.")
+        return None, None, CriterionScore(None, "Nothing was perceived at the end.")
     lid, body = hinged(theme, case.before.objects)
     if lid is None:
-        return None, None, Finding(None, f"No lid was seen on {theme.label}.")
+        return None, None, CriterionScore(None, f"No lid was seen on {theme.label}.")
     return lid, body, None
 
 
@@ -92,36 +96,36 @@ def _short(came: float, wanted: float) -> float:
     return 0.4 if share > ALMOST else 0.1 * share
 
 
-def pulled(case: Case) -> Finding:
+def pulled(case: Case) -> CriterionScore:
     """The handle, or the front behind it, came along with the hand, a hand's width at least."""
     return _slid(case, DRAWN)
 
 
-def shut(case: Case) -> Finding:
+def shut(case: Case) -> CriterionScore:
     """The front went with the hand, most of the planned way."""
     return _slid(case, None)
 
 
-def _slid(case: Case, wanted: float | None) -> Finding:
+def _slid(case: Case, wanted: float | None) -> CriterionScore:
     """What was slid moved along the hand's way by ``wanted`` metres, or by a share of the way itself."""
     theme = case.role("theme", "part")
     if theme is None:
-        return Finding(None, "The plan does not say what was to be slid.")
+        return CriterionScore(None, "The plan does not say what was to be slid.")
     if case.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
+        return CriterionScore(None, "Nothing was perceived at the end.")
     way = _stroke(case)
     length = float(np.linalg.norm(way))
     if length < case.config.same_place:
-        return Finding(None, "The plan does not say how far to slide.")
+        return CriterionScore(None, "The plan does not say how far to slide.")
     need = PUSHED * length if wanted is None else wanted
     moved = [m for thing in _sliding(case, theme) if (m := _along(case, thing, way / length)) is not None]
     if not moved:
-        return Finding(None, f"{theme.label} was not seen again.")
+        return CriterionScore(None, f"{theme.label} was not seen again.")
     most = max(moved)
     said = f"{theme.label} went {100 * most:.1f} of {100 * length:.1f} cm"
     if most >= need:
-        return Finding(1.0, f"{said}.")
-    return Finding(_short(most, need), f"{said}: not far enough.")
+        return CriterionScore(1.0, f"{said}.")
+    return CriterionScore(_short(most, need), f"{said}: not far enough.")
 
 
 def _stroke(case: Case) -> np.ndarray:
@@ -153,13 +157,13 @@ def _along(case: Case, thing: SceneObject, way: np.ndarray) -> float | None:
     return along if float(np.linalg.norm(shift - along * way)) < ASTRAY else None
 
 
-def twisted(case: Case) -> Finding:
+def twisted(case: Case) -> CriterionScore:
     """The cap is off: in the hand or somewhere else; on its goal, where the plan has one."""
     cap = case.role("theme", "part")
     if cap is None:
-        return Finding(None, "The plan does not say what was to be turned.")
+        return CriterionScore(None, "The plan does not say what was to be turned.")
     if case.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
+        return CriterionScore(None, "Nothing was perceived at the end.")
     goal = case.role("goal")
     if goal is not None:
         return placed(case, cap, goal)
@@ -169,34 +173,38 @@ def twisted(case: Case) -> Finding:
         aside = float(np.linalg.norm((later.centre - cap.centre)[:2]))
         raised = later.bottom - cap.bottom
         if abs(raised) < ON_TOP and aside < max(ON_TOP, 0.5 * float(cap.extents[:2].max())):
-            return Finding(0.0, f"{cap.label} is still where it was.")
+            return CriterionScore(0.0, f"{cap.label} is still where it was.")
         if raised > 0 and case.holding:
-            return Finding(1.0, f"{cap.label} came off and is in the hand, {100 * raised:.1f} cm higher.")
-        return Finding(0.9, f"{cap.label} is off: it lies {100 * max(aside, abs(raised)):.0f} cm away.")
+            return CriterionScore(
+                1.0, f"{cap.label} came off and is in the hand, {100 * raised:.1f} cm higher."
+            )
+        return CriterionScore(
+            0.9, f"{cap.label} is off: it lies {100 * max(aside, abs(raised)):.0f} cm away."
+        )
     if bottle is None or body is None:
-        return Finding(None, f"{cap.label} was not seen again.")
+        return CriterionScore(None, f"{cap.label} was not seen again.")
     there = [o for o in case.after.obstacles() if o.bottom < cap.top and o.top > cap.centre[2]]
     if any(float(np.linalg.norm((o.centre - cap.centre)[:2])) < ON_TOP for o in there):
         if not case.holding or case.last_held is False:  # what is there is the cap, under another name
-            return Finding(0.1, f"Something still is where {cap.label} was, and the hand is empty.")
-        return Finding(0.3, f"Something still is where {cap.label} was.")
+            return CriterionScore(0.1, f"Something still is where {cap.label} was, and the hand is empty.")
+        return CriterionScore(0.3, f"Something still is where {cap.label} was.")
     if case.holding and case.last_held is not False:
-        return Finding(0.85, f"{cap.label} is gone from {body.label}, and the hand holds something.")
-    return Finding(0.6, f"{cap.label} is gone from {body.label}.")
+        return CriterionScore(0.85, f"{cap.label} is gone from {body.label}, and the hand holds something.")
+    return CriterionScore(0.6, f"{cap.label} is gone from {body.label}.")
 
 
-def inserted(case: Case) -> Finding:
+def inserted(case: Case) -> CriterionScore:
     """The ring is around the post's foot: its middle within the hole of the post's, and low; and let go of."""
     ring, post = case.role("theme", "part"), case.role("goal")
     if ring is None or post is None:
-        return Finding(None, "The plan does not say what goes over what.")
+        return CriterionScore(None, "The plan does not say what goes over what.")
     if case.last_held:
-        return Finding(0.1, "The hand still holds something at the end.")
+        return CriterionScore(0.1, "The hand still holds something at the end.")
     if case.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
+        return CriterionScore(None, "Nothing was perceived at the end.")
     later, now = case.later(ring), case.later(post)
     if later is None:
-        return Finding(None, f"{ring.label} was not seen again.")
+        return CriterionScore(None, f"{ring.label} was not seen again.")
     at = post.centre
     if now is not None and float(np.linalg.norm((now.centre - post.centre)[:2])) < ASTRAY:
         at = now.centre
@@ -205,30 +213,32 @@ def inserted(case: Case) -> Finding:
     hole = 0.5 * (ring.opening or 0.6 * float(ring.extents[:2].min()))
     if off > hole:
         score = max(0.0, 0.4 * (1 - off / (2 * hole)))
-        return Finding(score, f"{ring.label} lies {100 * off:.1f} cm beside the middle of {post.label}.")
+        return CriterionScore(
+            score, f"{ring.label} lies {100 * off:.1f} cm beside the middle of {post.label}."
+        )
     if high > max(ON_TOP, 0.25 * (post.top - post.bottom)):
-        return Finding(0.2, f"{ring.label} hangs on {post.label} {100 * high:.1f} cm above its foot.")
-    return Finding(1.0, f"{ring.label} lies around the foot of {post.label}.")
+        return CriterionScore(0.2, f"{ring.label} hangs on {post.label} {100 * high:.1f} cm above its foot.")
+    return CriterionScore(1.0, f"{ring.label} lies around the foot of {post.label}.")
 
 
-def drawn(case: Case) -> Finding:
+def drawn(case: Case) -> CriterionScore:
     """On its goal, where there is one; else out of what held it, in the hand or beside."""
     theme = case.role("theme", "part")
     if theme is None:
-        return Finding(None, "The plan does not say what was to be drawn out.")
+        return CriterionScore(None, "The plan does not say what was to be drawn out.")
     if case.role("goal") is not None or any(w.stage == "release" for w in case.planned):
         return placed(case, theme, case.role("goal"))
     if case.after is None:
-        return Finding(None, "Nothing was perceived at the end.")
+        return CriterionScore(None, "Nothing was perceived at the end.")
     way = case.way(theme.id)
     length = float(np.linalg.norm(way))
     later = case.later(theme)
     if later is None or length < case.config.same_place:
         if later is None and case.holding and not something_at(theme, case.after, case.config.same_place):
-            return Finding(0.8, f"{theme.label} is gone from its place and the hand holds something.")
-        return Finding(None, f"{theme.label} was not seen again.")
+            return CriterionScore(0.8, f"{theme.label} is gone from its place and the hand holds something.")
+        return CriterionScore(None, f"{theme.label} was not seen again.")
     along = float((later.centre - theme.centre) @ way) / length
     said = f"{theme.label} came out by {100 * along:.1f} of {100 * length:.1f} cm"
     if along >= 0.7 * length:
-        return Finding(1.0, f"{said}.")
-    return Finding(_short(along, 0.7 * length), f"{said} only.")
+        return CriterionScore(1.0, f"{said}.")
+    return CriterionScore(_short(along, 0.7 * length), f"{said} only.")

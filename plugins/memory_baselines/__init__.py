@@ -41,7 +41,7 @@ class VectorStoreConfig(ComponentConfig):
 
 
 @dataclass(kw_only=True)
-class SemanticConfig(VectorStoreConfig):
+class SemanticMemoryConfig(VectorStoreConfig):
     """Options of the ``semantic`` memory.
 
     ``url`` is the database, "" the default one, and ``bank`` the bank in it; ``busy_seconds`` is how long to wait for
@@ -54,7 +54,7 @@ class SemanticConfig(VectorStoreConfig):
     max_chars: int = 2400
 
 
-def _build_semantic(config: SemanticConfig, embedder: Embedder) -> Memory:
+def _build_semantic(config: SemanticMemoryConfig, embedder: Embedder) -> Memory:
     """Keeps every lesson, verified or not, and recalls the most similar ones: the plain baseline."""
     from gvla2_plugins.memory_baselines.semantic import Semantic
     from gvla2_plugins.memory_baselines.whole_method import WholeMethod
@@ -137,7 +137,7 @@ def _build_synapse(config: SynapseConfig, embedder: Embedder) -> Memory:
 def gvla2_memories() -> list[Component[Memory]]:
     """``memory=semantic``, ``awm``, ``reasoning_bank`` and ``synapse``."""
     return [
-        Component("semantic", SemanticConfig, _build_semantic, needs=("embedder",)),
+        Component("semantic", SemanticMemoryConfig, _build_semantic, needs=("embedder",)),
         Component("awm", AwmConfig, _build_awm, needs=("embedder", "inducer")),
         Component(
             "reasoning_bank", ReasoningBankConfig, _build_reasoning_bank, needs=("embedder", "inducer")

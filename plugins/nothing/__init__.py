@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         GeometryPrior,
         Reconstructor,
     )
-    from gvla2.robot.camera import Camera
+    from gvla2.robot.camera import DepthCamera
 
 
 def _build_reconstructor(config: ComponentConfig) -> Reconstructor:
@@ -52,7 +52,7 @@ def _build_memory(config: ComponentConfig) -> Memory:
     return NoMemory()
 
 
-def _build_camera(config: ComponentConfig) -> Camera:
+def _build_camera(config: ComponentConfig) -> DepthCamera:
     """Sees nothing: for robots with eyes of their own, and for moves that need none."""
     from gvla2_plugins.nothing.choices import NoCamera
 
@@ -60,7 +60,7 @@ def _build_camera(config: ComponentConfig) -> Camera:
 
 
 @hookimpl
-def gvla2_cameras() -> list[Component[Camera]]:
+def gvla2_cameras() -> list[Component[DepthCamera]]:
     """``camera=none``."""
     return [Component("none", ComponentConfig, _build_camera)]
 

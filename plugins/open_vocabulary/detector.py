@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2_plugins.open_vocabulary.checkpoints import checkpoint_folder, loaded, transformers_for
-from gvla2_plugins.open_vocabulary.perceiver import Found
+from gvla2_plugins.open_vocabulary.perceiver import FoundMask
 
 PURPOSE = "perceiver=detector"
 KINDS = ("grounding-dino", "mm-grounding-dino", "owlv2", "owlvit")
@@ -35,7 +35,7 @@ class Detector:
         vision = getattr(network.config, "vision_config", None)
         self._side = int(vision.image_size) if self._owl and vision is not None else SIDES.get(kind, 800)
 
-    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[Found]:
+    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[FoundMask]:
         """Boxes of all words in one picture (H, W, 3), as masks."""
         import torch
 
@@ -51,7 +51,7 @@ class Detector:
             scores = answer.logits[0].sigmoid().amax(dim=-1).numpy()
             boxes = answer.pred_boxes[0].numpy()  # middle x, y, width, height in shares of the square
             for k in np.nonzero(scores > threshold)[0]:
-                found.append(Found(filled(boxes[k], image.shape[:2]), float(scores[k]), word, loose=True))
+                found.append(FoundMask(filled(boxes[k], image.shape[:2]), float(scores[k]), word, loose=True))
         return found
 
     def _pixels(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:

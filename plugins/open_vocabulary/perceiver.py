@@ -13,7 +13,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import clusters
 from gvla2.perception.frames import BoolArray, frames_of, raised
-from gvla2.perception.fusing import Candidate, fuse, objects_of
+from gvla2.perception.fusing import MaskCandidate, fuse, objects_of
 from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers
 from gvla2.perception.things import numbered, over_workspace
@@ -30,7 +30,7 @@ _BETWEEN = re.compile(
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundMask:
     """A mask (H, W) of what ``label`` names; ``loose`` where it is a box whose corners show other things, too."""
 
     mask: BoolArray
@@ -42,7 +42,7 @@ class Found:
 class Finder(Protocol):
     """A model that finds by words."""
 
-    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[Found]:
+    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[FoundMask]:
         """What all words name in one picture (H, W, 3)."""
         ...
 
@@ -71,7 +71,7 @@ class VocabularyPerceiver:
             found = self._finder.find(frame.view.image, words, self._config.threshold) if words else []
             for one in found:
                 mask = _cut(one.mask, groups.maps[number]) if one.loose else one.mask
-                candidates.append(Candidate(number, mask, one.score, one.label))
+                candidates.append(MaskCandidate(number, mask, one.score, one.label))
         objects, small = objects_of(fuse(frames, candidates), frames, table, self._config.min_points)
         middle = 0.5 * (workspace.low + workspace.high)
         height = table.height_at(*middle[:2].tolist())

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gvla2_plugins.open_vocabulary.checkpoints import checkpoint_folder, loaded, transformers_for
-from gvla2_plugins.open_vocabulary.perceiver import Found
+from gvla2_plugins.open_vocabulary.perceiver import FoundMask
 
 PURPOSE = "perceiver=sam3"
 
@@ -29,7 +29,7 @@ class Sam3:
         self._network, self._tokenizer = network, tokenizer
         self._side = int(network.config.vision_config.image_size)
 
-    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[Found]:
+    def find(self, image: NDArray[np.uint8], words: list[str], threshold: float) -> list[FoundMask]:
         """Masks of all words in one picture (H, W, 3)."""
         import torch
 
@@ -57,5 +57,5 @@ class Sam3:
                     else []
                 )
                 for mask, score in zip(masks, scores[kept], strict=True):
-                    found.append(Found(np.asarray(mask[0] > 0), float(score), word))
+                    found.append(FoundMask(np.asarray(mask[0] > 0), float(score), word))
         return found

@@ -9,7 +9,7 @@ from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
     from gvla2.robot.backend import RobotBackend
-    from gvla2.robot.camera import Camera
+    from gvla2.robot.camera import DepthCamera
 
 
 @dataclass
@@ -54,14 +54,14 @@ class SceneryConfig(ComponentConfig):
     table_height: float = 0.0
 
 
-def _build(config: PiperConfig, camera: Camera) -> RobotBackend:
+def _build(config: PiperConfig, camera: DepthCamera) -> RobotBackend:
     """AgileX's Piper: dry-run unless armed, held at the first sign of trouble, or simulated on a virtual bus."""
     from gvla2_plugins.piper.backend import Piper
 
     return Piper(config, camera)
 
 
-def _build_scenery(config: SceneryConfig) -> Camera:
+def _build_scenery(config: SceneryConfig) -> DepthCamera:
     """A made-up table with cubes, for trying a robot without cameras: what is moved stays where it was."""
     from gvla2_plugins.piper.scenery import Scenery
 
@@ -75,6 +75,6 @@ def gvla2_robots() -> list[Component[RobotBackend]]:
 
 
 @hookimpl
-def gvla2_cameras() -> list[Component[Camera]]:
+def gvla2_cameras() -> list[Component[DepthCamera]]:
     """A made-up view."""
     return [Component("scenery", SceneryConfig, _build_scenery)]

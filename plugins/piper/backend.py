@@ -15,8 +15,8 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Box, Scene
 from gvla2.planning.trajectory import Trajectory
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import ExecutionListener, Judgement
-from gvla2.robot.camera import Camera
+from gvla2.robot.backend import ExecutionListener, SuccessCheck
+from gvla2.robot.camera import DepthCamera
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import ExecutorOptions, execute
 from gvla2.robot.motion import MotionPlanner
@@ -45,7 +45,9 @@ class Piper:
     never moves it: nothing has been seen yet. A dry run only ever listens. ``ask`` gets the arming question.
     """
 
-    def __init__(self, config: PiperConfig, camera: Camera, ask: Callable[[str], str] = ask_person) -> None:
+    def __init__(
+        self, config: PiperConfig, camera: DepthCamera, ask: Callable[[str], str] = ask_person
+    ) -> None:
         bounds_of(config)
         self._workspace = _workspace(config)
         if config.bus == "none" and config.armed:
@@ -134,7 +136,7 @@ class Piper:
         driver = PiperDriver(self.session.link, loop, self._guard, film)
         return execute(slow, scene, self._arm, self.planner, driver, listener, self._options)
 
-    def judge(self) -> Judgement | None:
+    def judge(self) -> SuccessCheck | None:
         """None: a real robot has no referee."""
         return None
 

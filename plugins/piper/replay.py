@@ -32,7 +32,7 @@ FILM_RATE = 5.0
 
 
 @dataclass(frozen=True)
-class Replayed:
+class ReplayedSession:
     """One session, replayed. ``times`` (N,) seconds from its first joints, at which the arm was measured;
     ``measured`` and ``simulated`` (N, 6) radians; ``widths`` (N,) the simulated gripper, metres; ``frames`` how many
     commands there were; ``events`` what happened, in words. ``targets`` (M, 6) and ``target_widths`` (M,) are what the
@@ -65,7 +65,7 @@ def sessions(path: Path) -> list[list[LogEntry]]:
     return parts
 
 
-def replay(entries: Sequence[LogEntry]) -> Replayed:
+def replay(entries: Sequence[LogEntry]) -> ReplayedSession:
     """Carry out a session's frames at their times; raises :class:`RobotError` for one in which nothing was armed."""
     armed = next((e for e in entries if e.fields.get("event") == "armed"), None)
     if armed is None:
@@ -96,7 +96,7 @@ def replay(entries: Sequence[LogEntry]) -> Replayed:
     finally:
         arm.stop()
     count = len(times)
-    return Replayed(
+    return ReplayedSession(
         times=np.array(times) - (times[0] if times else 0.0),
         measured=np.array(measured).reshape(count, 6),
         simulated=np.array(simulated).reshape(count, 6),
@@ -109,7 +109,7 @@ def replay(entries: Sequence[LogEntry]) -> Replayed:
     )
 
 
-def simulate(replayed: Replayed, robot_name: str) -> FloatArray:
+def simulate(replayed: ReplayedSession, robot_name: str) -> FloatArray:
     """(6,) largest distance of each measured joint from a simulated robot's that got the same targets, radians.
 
     Raises :class:`RobotError` for a robot that plays no targets, and for a session without any.
@@ -126,7 +126,7 @@ def simulate(replayed: Replayed, robot_name: str) -> FloatArray:
     return np.asarray(np.abs(replayed.measured - played[replayed.target_rows]).max(axis=0))
 
 
-def film(replayed: Replayed, path: Path) -> None:
+def film(replayed: ReplayedSession, path: Path) -> None:
     """An animated GIF of the simulated arm; raises :class:`gvla2.errors.OutputError`."""
     import io
 

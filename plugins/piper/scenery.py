@@ -23,7 +23,7 @@ _AT = (0.27, 0.0, 0.0)
 
 
 class Scenery:
-    """Implements :class:`gvla2.robot.camera.Camera`; nothing in it ever moves, and the arm is not in it."""
+    """Implements :class:`gvla2.robot.camera.DepthCamera`; nothing in it ever moves, and the arm is not in it."""
 
     def __init__(self, config: SceneryConfig) -> None:
         if config.image_size <= 0:

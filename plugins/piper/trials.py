@@ -50,7 +50,7 @@ _REST = 2e-3  # radians that a held arm may still creep in the last part of them
 
 
 @dataclass
-class Trial:
+class FaultTrial:
     """What became of one injected fault.
 
     ``ending``: "stopped" by the watch, "held" by an exception, "refused" before motion, or "finished" (the motion
@@ -65,7 +65,7 @@ class Trial:
     problems: list[str] = field(default_factory=list)
 
 
-class Bench:
+class TrialBench:
     """One virtual arm and one armed backend, used for many trials; close it in the end.
 
     Faults come within ``window`` seconds of the beginning of a motion that takes some four.
@@ -87,7 +87,7 @@ class Bench:
             self.robot.close()
         self.arm.stop()
 
-    def trial(self, fault: str) -> Trial:
+    def trial(self, fault: str) -> FaultTrial:
         """One fault at a random instant of a motion."""
         self.arm.faults = Faults()
         robot = self._armed()
@@ -95,7 +95,7 @@ class Bench:
         loop = robot.session.loop
         assert loop is not None
         first = len(self.arm.heard)
-        trial = Trial(fault)
+        trial = FaultTrial(fault)
         target = self._trajectory(outside=fault == "target out of workspace")
         planner = (
             _Raising(robot.arm, self.random.uniform(0.0, self._window)) if fault == "planner raises" else None
@@ -155,7 +155,7 @@ class Bench:
         if fault in FAULTS:
             FAULTS[fault](self.arm.faults)
 
-    def _run(self, robot: Piper, target: Trajectory, planner: Any, trial: Trial) -> None:
+    def _run(self, robot: Piper, target: Trajectory, planner: Any, trial: FaultTrial) -> None:
         scene = Scene((), 0.0, robot.arm.workspace)
         if planner is not None:
             robot.planner = planner
@@ -181,7 +181,7 @@ class Bench:
         held = [e.time for e in read_log(self.log) if e.fields.get("event") == "hold" and e.time >= moment]
         return held[0] - moment if held else float("inf")
 
-    def _judge(self, trial: Trial, first: int, began: float) -> None:
+    def _judge(self, trial: FaultTrial, first: int, began: float) -> None:
         before = self.arm.joints.copy()
         everything = [(i, data) for _, i, data in list(self.arm.heard)]
         said = [(e.arbitration_id, e.data) for e in read_log(self.log) if e.kind == "frame"]
@@ -325,9 +325,9 @@ def _loop_ticks(folder: Path, channel: str, seconds: float) -> list[tuple[float,
     return ticks
 
 
-def interrupted(folder: Path, seed: int, channel: str) -> Trial:
+def interrupted(folder: Path, seed: int, channel: str) -> FaultTrial:
     """A process that moves an arm of ours over multicast is sent SIGINT at a random instant."""
-    random, trial, log = Random(seed), Trial("kill -INT"), folder / f"interrupted-{seed}.jsonl"
+    random, trial, log = Random(seed), FaultTrial("kill -INT"), folder / f"interrupted-{seed}.jsonl"
     start = (0.0, 1.45, -1.05, 0.0, 1.05, 0.0)
     with _multicast_turn(), VirtualArm("udp_multicast", channel, joints=start, seed=seed) as arm:
         child = subprocess.Popen(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
-    from gvla2.robot.camera import Camera
+    from gvla2.robot.camera import DepthCamera
 
 
 @dataclass
@@ -33,7 +33,7 @@ class RealsenseConfig(ComponentConfig):
     filters: list[str] = field(default_factory=list)
 
 
-def _build(config: RealsenseConfig) -> Camera:
+def _build(config: RealsenseConfig) -> DepthCamera:
     """Intel's RealSense and other librealsense depth cameras: live colour with aligned depth."""
     from gvla2_plugins.realsense.camera import RealsenseCamera
 
@@ -41,6 +41,6 @@ def _build(config: RealsenseConfig) -> Camera:
 
 
 @hookimpl
-def gvla2_cameras() -> list[Component[Camera]]:
+def gvla2_cameras() -> list[Component[DepthCamera]]:
     """``camera=realsense camera.calibration=hand_eye.json``."""
     return [Component("realsense", RealsenseConfig, _build)]

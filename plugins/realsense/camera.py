@@ -24,7 +24,7 @@ TOLERANCE = 0.02
 
 
 class RealsenseCamera:
-    """Implements :class:`gvla2.robot.camera.Camera`; streams from the constructor on.
+    """Implements :class:`gvla2.robot.camera.DepthCamera`; streams from the constructor on.
 
     ``device`` is a librealsense device to be used instead of one that is plugged in, ``rs.software_device`` for
     example. Raises :class:`ConfigurationError` for options that can't be, :class:`RobotError` for a camera that is

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from gvla2 import Component, ComponentConfig, hookimpl
 
 if TYPE_CHECKING:
-    from gvla2.robot.camera import Camera
+    from gvla2.robot.camera import DepthCamera
 
 
 class AtEnd(Enum):
@@ -48,7 +48,7 @@ class ReplayConfig(ComponentConfig):
     base_yaw: float = 0.0
 
 
-def _build(config: ReplayConfig) -> Camera:
+def _build(config: ReplayConfig) -> DepthCamera:
     """Recorded RGB-D frames, from a folder of pictures or a run's views.npz: what is moved stays where it was."""
     from gvla2_plugins.replay_camera.camera import ReplayCamera
 
@@ -56,6 +56,6 @@ def _build(config: ReplayConfig) -> Camera:
 
 
 @hookimpl
-def gvla2_cameras() -> list[Component[Camera]]:
+def gvla2_cameras() -> list[Component[DepthCamera]]:
     """``camera=replay camera.path=FOLDER``."""
     return [Component("replay", ReplayConfig, _build)]

@@ -23,7 +23,7 @@ Moment = Callable[[int, FloatArray | None], tuple[View, ...]]
 
 
 class ReplayCamera:
-    """Implements :class:`gvla2.robot.camera.Camera`.
+    """Implements :class:`gvla2.robot.camera.DepthCamera`.
 
     Frames are given as if they were taken when they are asked for; an arm that moves by them moves by the past.
     Raises :class:`ConfigurationError` for a path that is not there, :class:`RobotError` that names the file for a

@@ -13,7 +13,7 @@ from gvla2.skills.skill import Skill
 
 
 @dataclass(frozen=True)
-class Task:
+class PointingTask:
     """A skill's name, the words for the theme, and for the goal where there is one, with its relation."""
 
     skill: str
@@ -43,7 +43,7 @@ _TWISTED = re.compile(
 """What an instruction of simple form does not have; with one of these the model is asked."""
 
 
-def read_simply(instruction: str) -> Task | None:
+def read_simply(instruction: str) -> PointingTask | None:
     """The task of one verb, one thing and at most one place; None for anything less plain."""
     words = " ".join(instruction.split()).strip(" .!")
     if _TWISTED.search(words):
@@ -52,9 +52,11 @@ def read_simply(instruction: str) -> Task | None:
         # "the cup on the tray on the box" has two ways to be read.
         if re.search(rf"\b(?:{_PLACES})\b", f"{found['goal']} {found['theme']}", re.IGNORECASE):
             return None
-        return Task("place", _bare(found["theme"]), _bare(found["goal"]), _WHERE[found["where"].lower()])
+        return PointingTask(
+            "place", _bare(found["theme"]), _bare(found["goal"]), _WHERE[found["where"].lower()]
+        )
     if found := _PICKING.fullmatch(words):
-        return Task("pick", _bare(found["theme"]))
+        return PointingTask("pick", _bare(found["theme"]))
     return None
 
 
@@ -86,7 +88,7 @@ def form(skills: Mapping[str, Skill]) -> dict[str, Any]:
     return {"type": "object", "properties": fields, "required": list(fields), "additionalProperties": False}
 
 
-def read_answer(text: str, skills: Mapping[str, Skill]) -> Task:
+def read_answer(text: str, skills: Mapping[str, Skill]) -> PointingTask:
     """The answer to :func:`question`; raises :class:`ValueError` that says what is wrong with it."""
     answer = json_in(text)
     if not isinstance(answer, dict):
@@ -102,4 +104,4 @@ def read_answer(text: str, skills: Mapping[str, Skill]) -> Task:
         )
     if skill != "none" and not theme.strip():
         raise ValueError("'theme' is empty; name the thing.")
-    return Task(skill, _bare(theme), _bare(goal), relation)
+    return PointingTask(skill, _bare(theme), _bare(goal), relation)

@@ -12,7 +12,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.geometry.views import Observation
 from gvla2.perception.clusters import Clusters, IntArray, clusters
 from gvla2.perception.frames import BoolArray, frames_of, raised
-from gvla2.perception.fusing import Candidate, fuse, iou, objects_of
+from gvla2.perception.fusing import MaskCandidate, fuse, iou, objects_of
 from gvla2.perception.labels import labelled
 from gvla2.perception.options import labellers, vision_model
 from gvla2.perception.prompting import EncodedPicture, Prompt, Segmenter, Segments
@@ -95,7 +95,7 @@ class SamPerceiver:
 
     def _drawn(
         self, number: int, clustered: IntArray, whole: Sequence[int], answers: Mapping[int, Segments]
-    ) -> list[Candidate]:
+    ) -> list[MaskCandidate]:
         """A candidate for each thing that is in sight in one picture, from the answers of its clusters."""
         groups = np.where(clustered >= 0, np.asarray([*whole, -1])[clustered], -1)
         drawn: dict[int, tuple[BoolArray, float]] = {}
@@ -107,7 +107,7 @@ class SamPerceiver:
                 mask, score = part, self._config.min_score
             before = drawn.get(whole[k], (np.zeros_like(mask), 0.0))
             drawn[whole[k]] = (before[0] | mask, max(before[1], score))
-        return [Candidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
+        return [MaskCandidate(number, mask, score, seed=k) for k, (mask, score) in drawn.items()]
 
 
 def asked(picture: EncodedPicture, clustered: IntArray) -> dict[int, Segments]:

@@ -13,7 +13,7 @@ _SAM = "SAM License of Meta"
 
 
 @dataclass(frozen=True)
-class Program:
+class ExternalProgram:
     """One external program; ``script`` is a file by which its checkout is known."""
 
     title: str
@@ -25,13 +25,13 @@ class Program:
 
 
 PROGRAMS = {
-    "mv_sam3d": Program(
+    "mv_sam3d": ExternalProgram(
         "MV-SAM3D", "https://github.com/devinli123/MV-SAM3D", "run_inference_weighted.py", _SAM
     ),
-    "sam3d": Program(
+    "sam3d": ExternalProgram(
         "SAM 3D Objects", "https://github.com/facebookresearch/sam-3d-objects", "notebook/inference.py", _SAM
     ),
-    "fast_sam3d": Program(
+    "fast_sam3d": ExternalProgram(
         "Fast-SAM3D",
         "https://github.com/wlfeng0509/Fast-SAM3D",
         "notebook/infer.py",

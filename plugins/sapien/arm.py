@@ -21,7 +21,7 @@ from gvla2.robot.ik import InverseKinematics
 from gvla2.robot.kinematics import Kinematics, import_pinocchio
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.cameras import Mounts
-from gvla2_plugins.sapien.cell import Cell, table_of
+from gvla2_plugins.sapien.cell import Workcell, table_of
 from gvla2_plugins.sapien.grippers import (
     CUP_LENGTH,
     SUCTION_HAND,
@@ -56,7 +56,7 @@ HOME_HEIGHTS = (0.55, 0.45, 0.35, 0.25)
 """Over the middle of where the arm can work, in shares of its reach: home is at the first that it gets to."""
 
 
-def make_cell(config: SapienArmConfig) -> Cell:
+def make_cell(config: SapienArmConfig) -> Workcell:
     """The simulation of the arm that the options describe; raises :class:`RobotError` that says what is wrong."""
     _whole(config)
     file = find_file(config.urdf, "robot.urdf")
@@ -87,7 +87,7 @@ def make_cell(config: SapienArmConfig) -> Cell:
         name: [p[0] + centre[0], p[1] + centre[1], p[2] + height, *p[3:]] for name, p in CAMERAS.items()
     }
     ranges = sum(abs(f.opened - f.closed) for f in gripper.fingers)
-    return Cell(
+    return Workcell(
         robot=config.name,
         arm=arm,
         urdf=urdf,

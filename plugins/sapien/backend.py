@@ -17,7 +17,7 @@ from gvla2.geometry.views import Observation, View, Views
 from gvla2.planning.scene import Scene
 from gvla2.planning.trajectory import Trajectory, grasp_rotation
 from gvla2.robot.arm_model import ArmModel
-from gvla2.robot.backend import ExecutionListener, Judgement, Moment
+from gvla2.robot.backend import ExecutionListener, Moment, SuccessCheck
 from gvla2.robot.driver import DriverState
 from gvla2.robot.executor import execute
 from gvla2.robot.motion import MotionPlanner
@@ -26,7 +26,7 @@ from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.sapien.bodies import PREFIX
-from gvla2_plugins.sapien.cameras import Eyes
+from gvla2_plugins.sapien.cameras import CameraRig
 from gvla2_plugins.sapien.cell import TABLE_RGB
 from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.engine import import_sapien
@@ -69,7 +69,7 @@ class SapienArm:
         self._links = tuple(self._cell.looks)
         self._robot = RayCaster(list(self._cell.looks.values()))
         self._world: World | None = None
-        self._eyes: Eyes | None = None
+        self._eyes: CameraRig | None = None
         self._layout = Layout(())
         self._lights: tuple[bool, ...] = ()
         self._instance: TaskInstance | None = None
@@ -142,7 +142,7 @@ class SapienArm:
         driver = SapienDriver(world, self._config, self._arm.hand.max_width, film)
         return execute(trajectory, scene, self._arm, self._planner, driver, listener)
 
-    def judge(self) -> Judgement | None:
+    def judge(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""
         if self._instance is None:
             return None
@@ -151,7 +151,7 @@ class SapienArm:
         driver.hold(JUDGE_SECONDS)
         state = TrueState(self._sane_world("judged"))
         verdicts = self._instance.succeeded
-        return Judgement(bool(verdicts["eased"](state)), bool(verdicts["strict"](state)))
+        return SuccessCheck(bool(verdicts["eased"](state)), bool(verdicts["strict"](state)))
 
     def play(self, joints: FloatArray, widths: FloatArray, dt: float) -> FloatArray:
         """Send the arm through recorded targets over an empty table; see :class:`gvla2.robot.playback.Playback`."""
@@ -216,13 +216,15 @@ class SapienArm:
         """Let go of the world; the arm's model stays, and :meth:`reset` makes a new world."""
         self._world, self._eyes, self._instance = None, None, None
 
-    def _open_eyes(self) -> Eyes:
+    def _open_eyes(self) -> CameraRig:
         """Eyes for the bodies as they look now: a lamp may have been switched on."""
         peaks = self._sane_world("seen").peaks
         self._lights = self._layout.lights(peaks)
         table = self._cell.table
         things = {table.name: table, **{f"{PREFIX}{body.name}": body for body in self._layout.lit(peaks)}}
-        self._eyes = Eyes(self._robot, self._links, {name: body_surface(b) for name, b in things.items()})
+        self._eyes = CameraRig(
+            self._robot, self._links, {name: body_surface(b) for name, b in things.items()}
+        )
         return self._eyes
 
     def _look(self, cameras: Sequence[Camera]) -> list[View]:

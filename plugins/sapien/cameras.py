@@ -52,7 +52,7 @@ class Mounts:
         return Camera.from_fov(float(_FOV), look_along(position, forward), size, size, name)
 
 
-class Eyes:
+class CameraRig:
     """Sees one scene: the robot's links by their model, everything else as it lies.
 
     The two are cast apart and merged by depth: the robot's own depth image, which its measured joints explain,

@@ -19,7 +19,7 @@ TABLE_THICKNESS = 0.05
 
 
 @dataclass(frozen=True)
-class Cell:
+class Workcell:
     """Everything that differs from one simulated arm to the next; metres, world frame.
 
     ``urdf`` is a text without visuals and materials, its meshes by absolute path. ``looks`` are the links' surfaces in

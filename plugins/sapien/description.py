@@ -6,13 +6,13 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from gvla2_plugins.sapien.cell import Cell
+from gvla2_plugins.sapien.cell import Workcell
 
 PATCH_RADIUS = 0.1
 """Of the fingers' contact patches, metres: gives a point contact the resistance to turning of a soft pad."""
 
 
-def load_robot(scene: Any, cell: Cell, friction: float) -> Any:
+def load_robot(scene: Any, cell: Workcell, friction: float) -> Any:
     """The cell's arm as an articulation in ``scene``, base fixed, fingers coupled and rough (``friction``)."""
     loader = scene.create_urdf_loader()
     loader.fix_root_link = True

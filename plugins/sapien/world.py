@@ -14,7 +14,7 @@ from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.attachment import Clamp, Suction, in_zone
 from gvla2_plugins.sapien.bodies import PREFIX, build_bodies, pose_of
 from gvla2_plugins.sapien.catches import Caught
-from gvla2_plugins.sapien.cell import Cell
+from gvla2_plugins.sapien.cell import Workcell
 from gvla2_plugins.sapien.description import load_robot
 from gvla2_plugins.sapien.engine import import_sapien
 from gvla2_plugins.sapien.threads import Screwed
@@ -41,7 +41,7 @@ TOUCH = 1e-4
 class World:
     """Builds everything new, so that nothing of an earlier episode, blown up or not, lives on."""
 
-    def __init__(self, config: SapienArmConfig, cell: Cell, layout: Layout) -> None:
+    def __init__(self, config: SapienArmConfig, cell: Workcell, layout: Layout) -> None:
         sapien = import_sapien()
         self.rate = config.physics_rate
         self.time = 0.0

@@ -24,7 +24,7 @@ MOVING = ("pick", "fetch", "place", "pull")
 
 
 @dataclass(frozen=True)
-class Reading:
+class SentenceReading:
     """What a sentence asks for, by the ids of a scene, and what was assumed in reading it."""
 
     calls: tuple[SkillCall, ...]
@@ -47,12 +47,12 @@ class SkillPlanner:
         return replace(made, notes=(*found.notes, *made.notes), sure=True)
 
 
-def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abstention:
+def read(sentence: str, scene: Scene, spelling: float = 0.85) -> SentenceReading | Abstention:
     """The skill calls of a sentence; an abstention where it cannot be read with certainty."""
     if isinstance(pairs := sorting(sentence, scene, spelling), Abstention):
         return pairs
     if pairs:
-        return Reading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
+        return SentenceReading(tuple(SkillCall("place", t.id, c.id, relation="in") for t, c in pairs))
     intent = parse(sentence, [o.label for o in scene.objects], spelling)
     if refusal := _not_understood(intent, sentence):
         absent = _theme(intent, scene, frozenset()) if intent.theme and intent.theme.unknown else None
@@ -69,14 +69,14 @@ def read(sentence: str, scene: Scene, spelling: float = 0.85) -> Reading | Abste
     call = SkillCall(intent.skill, theme.object.id, amount=intent.amount, direction=intent.direction)
     skill = "press" if intent.skill == "press" else suited(intent.skill, theme.object, scene, aimed=True)
     if intent.goal is None or STANDARD[skill].role("goal") is None:  # "pull the drawer out of the cabinet"
-        return Reading((call,), (*intent.notes, *theme.notes))
+        return SentenceReading((call,), (*intent.notes, *theme.notes))
     goal = ground(intent.goal, scene, exclude=out | {theme.object.id})
     if isinstance(goal, Abstention):
         return _unread(goal, intent.goal, scene)
     if intent.relation == "in" and (why := kept_out(theme.object, goal.object)):
         return Abstention("no_goal", why)
     call = replace(call, goal=goal.object.id, relation=cast(Relation, intent.relation), direction=None)
-    return Reading((call,), (*intent.notes, *theme.notes, *goal.notes))
+    return SentenceReading((call,), (*intent.notes, *theme.notes, *goal.notes))
 
 
 def _unread(why: Abstention, phrase: Phrase | None, scene: Scene) -> Abstention:

@@ -49,7 +49,7 @@ WORDINGS = {
 
 
 @dataclass(frozen=True)
-class Asked:
+class Wish:
     """What is asked: the kind, the things ``themes``, the other thing ``goal`` (a body's name, or "") and ``word``,
     what all themes are called together.
     """
@@ -60,14 +60,14 @@ class Asked:
     word: str = ""
 
 
-def wording(asked: Asked, labels: dict[str, str], rng: np.random.Generator) -> str:
+def wording(asked: Wish, labels: dict[str, str], rng: np.random.Generator) -> str:
     """A sentence for it, drawn among :data:`WORDINGS`."""
     templates = WORDINGS[asked.kind]
     x = asked.word or labels[asked.themes[0]]
     return templates[int(rng.integers(len(templates)))].format(x=x, y=labels.get(asked.goal, ""))
 
 
-def understood(sentence: str, labels: dict[str, str], own: Asked) -> tuple[Asked, str]:
+def understood(sentence: str, labels: dict[str, str], own: Wish) -> tuple[Wish, str]:
     """What a given sentence names, judged by its words alone, and a remark for the goal when it names nothing here."""
     said = " ".join(re.findall(r"[a-z0-9]+", sentence.lower()))
     places = {name: _place(said, label) for name, label in labels.items()}
@@ -75,11 +75,11 @@ def understood(sentence: str, labels: dict[str, str], own: Asked) -> tuple[Asked
     if own.kind == "sort" and re.search(r"\b(all|every|everything|each|sort)\b", said):
         return own, ""
     if len(named) >= 2 and re.search(r"\bleft (side )?of\b", said):
-        return Asked("left_of", (named[0],), named[1]), ""
+        return Wish("left_of", (named[0],), named[1]), ""
     if len(named) >= 2 and re.search(r"\b(in|into|inside)\b", said):
-        return Asked("put_in", (named[0],), named[1]), ""
+        return Wish("put_in", (named[0],), named[1]), ""
     if len(named) == 1:
-        return Asked("lift", (named[0],)), ""
+        return Wish("lift", (named[0],)), ""
     return own, "; the sentence names none of the objects by its name, so the seed's own goal is judged"
 
 
@@ -89,7 +89,7 @@ def _place(said: str, label: str) -> int:
 
 
 def referee(
-    asked: Asked, bodies: Sequence[Body], table: float
+    asked: Wish, bodies: Sequence[Body], table: float
 ) -> tuple[dict[Profile, Callable[[WorldState], bool]], str]:
     """The predicates of both profiles, and in words what they look for; ``table`` is world z, metres."""
     by_name = {body.name: body for body in bodies}

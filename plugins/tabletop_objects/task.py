@@ -19,7 +19,7 @@ from gvla2.robot.scan import Scan
 from gvla2.robot.shapes import tray
 from gvla2.robot.task import Body, Layout, TaskInstance, TaskSite
 from gvla2_plugins.tabletop_objects import TabletopObjectsConfig
-from gvla2_plugins.tabletop_objects.asking import WORDINGS, Asked, referee, understood, wording
+from gvla2_plugins.tabletop_objects.asking import WORDINGS, Wish, referee, understood, wording
 from gvla2_plugins.tabletop_objects.vessels import mouth
 
 MOST = 8
@@ -113,14 +113,14 @@ class TabletopObjects:
         mesh = Mesh(self._library[name], objects.scale, mass, objects.friction)
         return mesh.body(name, rigid(rotation), label=spoken(name))
 
-    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Asked:
+    def _asked(self, bodies: list[Body], rng: np.random.Generator) -> Wish:
         """What is asked of these things: of the kinds that they allow where any may be."""
         kinds = list(WORDINGS) if self._config.ask == "any" else [self._config.ask]
-        offers: dict[str, Callable[[], list[Asked]]] = {
-            "lift": lambda: [Asked("lift", (body.name,)) for body in bodies],
+        offers: dict[str, Callable[[], list[Wish]]] = {
+            "lift": lambda: [Wish("lift", (body.name,)) for body in bodies],
             "put_in": lambda: _put_in(bodies),
             "left_of": lambda: [
-                Asked("left_of", (a.name,), b.name) for a in bodies for b in bodies if a is not b
+                Wish("left_of", (a.name,), b.name) for a in bodies for b in bodies if a is not b
             ],
             "sort": lambda: _sort(bodies),
         }
@@ -138,7 +138,7 @@ class TabletopObjects:
             f"{', '.join(body.label for body in bodies)}. Choose other names or a larger task.objects.count."
         )
 
-    def _undone(self, asked: Asked, things: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
+    def _undone(self, asked: Wish, things: list[Body], roots: list[FloatArray], site: TaskSite) -> bool:
         """Whether there is still something to do: what is to go to the left lies on the right."""
         if asked.kind != "left_of":
             return True
@@ -154,7 +154,7 @@ class TabletopObjects:
         return bool(theme[1] < goal[1]) and room and in_reach(site, beside, (0.02, LIFT))
 
     def _placed(
-        self, turned: list[Body], asked: Asked, rng: np.random.Generator, site: TaskSite
+        self, turned: list[Body], asked: Wish, rng: np.random.Generator, site: TaskSite
     ) -> list[Body]:
         """The things where they lie, and the tray where one is needed."""
         bins = [
@@ -189,7 +189,7 @@ class TabletopObjects:
         return [_set_down(body, root, site) for body, root in zip(things, roots, strict=True)]
 
 
-def _beside(asked: Asked, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
+def _beside(asked: Wish, bodies: list[Body]) -> tuple[tuple[float, float, float], ...]:
     """The round on the table where something is to be put left of another."""
     if asked.kind != "left_of":
         return ()
@@ -199,18 +199,18 @@ def _beside(asked: Asked, bodies: list[Body]) -> tuple[tuple[float, float, float
     return ((x, y + _radius(theme) + _radius(goal) + GAP, _radius(theme)),)
 
 
-def _put_in(bodies: list[Body]) -> list[Asked]:
+def _put_in(bodies: list[Body]) -> list[Wish]:
     found = []
     for goal in bodies:
         width = mouth(_scan(goal), goal.world_from_body)
         for body in bodies:
             sides = sorted(_scan(body).size)
             if body is not goal and sides[1] < width:
-                found.append(Asked("put_in", (body.name,), goal.name))
+                found.append(Wish("put_in", (body.name,), goal.name))
     return found
 
 
-def _sort(bodies: list[Body]) -> list[Asked]:
+def _sort(bodies: list[Body]) -> list[Wish]:
     """Things that share the last word of their names, or all of them."""
     nouns: dict[str, list[str]] = {}
     for body in bodies:
@@ -218,9 +218,9 @@ def _sort(bodies: list[Body]) -> list[Asked]:
             nouns.setdefault(body.label.split()[-1], []).append(body.name)
     shared = [(word, names) for word, names in nouns.items() if len(names) > 1]
     if shared:
-        return [Asked("sort", tuple(names), "tray", _plural(word)) for word, names in shared]
+        return [Wish("sort", tuple(names), "tray", _plural(word)) for word, names in shared]
     everything = tuple(name for names in nouns.values() for name in names)
-    return [Asked("sort", everything, "tray", "objects")] if len(everything) == len(bodies) else []
+    return [Wish("sort", everything, "tray", "objects")] if len(everything) == len(bodies) else []
 
 
 def _plural(word: str) -> str:

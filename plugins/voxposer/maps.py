@@ -23,14 +23,14 @@ LONGEST, MOST_NODES, MOST_VARIABLES, MOST_STAGES = 4000, 600, 30, 10
 Evaluate = Callable[[ast.expr], Value]
 
 
-class Program(NamedTuple):
+class MapProgram(NamedTuple):
     """The expressions of each move's maps, in order, and the variables that they use."""
 
     stages: tuple[Mapping[str, ast.expr], ...]
     variables: Mapping[str, ast.expr]
 
 
-def read_program(text: str) -> Program:
+def read_program(text: str) -> MapProgram:
     """The program in an answer; raises :class:`ValueError` that says what is no program in it."""
     source = text.split("```")[1].removeprefix("python").strip() if text.count("```") >= 2 else text.strip()
     if len(source) > LONGEST:
@@ -60,22 +60,22 @@ def read_program(text: str) -> Program:
     if len(variables) > MOST_VARIABLES or not 1 <= len(stages) <= MOST_STAGES:
         has = f"{len(stages)} moves and {len(variables)} variables"
         raise ValueError(f"It has {has}; write 1 to {MOST_STAGES} and at most {MOST_VARIABLES}.")
-    return Program(tuple(stages), variables)
+    return MapProgram(tuple(stages), variables)
 
 
-def check_units(program: Program, wish: str) -> None:
+def check_units(program: MapProgram, wish: str) -> None:
     """Raise :class:`ValueError` where a length of the wish stands in the program in another unit than mm."""
     trees = [*program.variables.values(), *(map_ for stage in program.stages for map_ in stage.values())]
     nodes = (node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Constant))
     check_lengths({float(n.value) for n in nodes if isinstance(n.value, int | float)}, wish)
 
 
-class Field:
+class MapVocabulary:
     """The vocabulary of maps (:class:`gvla2.planning.array_expressions.Vocabulary`) at points (..., 3), metres."""
 
     words = "x, y, z, the things' names, at, above, beside, near, distance"
 
-    def __init__(self, scene: Scene, ids: Mapping[str, str], program: Program, points: FloatArray) -> None:
+    def __init__(self, scene: Scene, ids: Mapping[str, str], program: MapProgram, points: FloatArray) -> None:
         self._scene, self._ids, self._points = scene, ids, points
         self.variables = program.variables
         self._interpreter = Interpreter(self)

@@ -19,7 +19,7 @@ from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.skills.asked_paths import ask_for_path, instruction_in, nothing_to_ask, told
 from gvla2.skills.lifting import PathPoint
-from gvla2_plugins.voxposer.maps import Field, Program, check_units, read_program
+from gvla2_plugins.voxposer.maps import MapProgram, MapVocabulary, check_units, read_program
 
 if TYPE_CHECKING:
     from gvla2_plugins.voxposer import VoxPoserConfig
@@ -40,19 +40,19 @@ class Stop:
     speed: float
 
 
-def stops(program: Program, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig) -> list[Stop]:
+def stops(program: MapProgram, request: PlanRequest, ids: Mapping[str, str], c: VoxPoserConfig) -> list[Stop]:
     """The way of the hand, open at first; raises :class:`ValueError` for maps that mean nothing."""
     scene, arm = request.scene, request.arm
     low = np.maximum(scene.workspace.low, arm.workspace.low).clip(min=[-np.inf, -np.inf, scene.table_height])
     box = Box(low, np.minimum(scene.workspace.high, arm.workspace.high))
     grid = VoxelGrid.over(box, c.voxel)
-    everywhere = Field(scene, ids, program, grid.centres())
+    everywhere = MapVocabulary(scene, ids, program, grid.centres())
     found: list[Stop] = []
     at, gripper, held = np.clip(request.start[:3, 3], box.low, box.high), 1.0, ""
     for stage in program.stages:
         maps = {name: everywhere.values(map_) for name, map_ in stage.items()}
         avoided = np.clip(maps.get("avoidance", np.zeros(grid.shape)), 0.0, 1.0)
-        peak = grid.peak(lambda p: Field(scene, ids, program, p).values(stage["affordance"]), avoided)  # noqa: B023
+        peak = grid.peak(lambda p: MapVocabulary(scene, ids, program, p).values(stage["affordance"]), avoided)  # noqa: B023
         goal = np.clip(peak, box.low, box.high)
         # Not in the way: what the move begins or ends at, what is held, and what a closed, empty hand goes straight to.
         line = np.linspace(at, goal, 50 if gripper < 0.5 and not held else 2)

@@ -19,24 +19,24 @@ from pathlib import Path
 
 import numpy as np
 
-from gvla2_plugins.piper.trials import FAULTS, OTHERS, Bench, Trial, interrupted, loop_ticks
+from gvla2_plugins.piper.trials import FAULTS, OTHERS, FaultTrial, TrialBench, interrupted, loop_ticks
 
 CHANNEL = "239.74.163.91"
 BATCH = 20
 """Trials with one virtual arm."""
 
 
-def many(job: tuple[str, int, int]) -> list[Trial]:
+def many(job: tuple[str, int, int]) -> list[FaultTrial]:
     warnings.simplefilter("error")
     fault, times, seed = job
     with tempfile.TemporaryDirectory() as folder:
         if fault == "kill -INT":
             return [interrupted(Path(folder), seed + i, CHANNEL) for i in range(times)]
-        with closing(Bench(Path(folder) / "log.jsonl", seed)) as bench:
+        with closing(TrialBench(Path(folder) / "log.jsonl", seed)) as bench:
             return [bench.trial(fault) for _ in range(times)]
 
 
-def named(job: tuple[str, int, int]) -> tuple[str, list[Trial]]:
+def named(job: tuple[str, int, int]) -> tuple[str, list[FaultTrial]]:
     return job[0], many(job)
 
 
@@ -60,7 +60,7 @@ def main() -> int:
     faults = [f for f in (*FAULTS, *OTHERS) if options.only in f]
     jobs = jobs_of(faults, options.times, options.seed)
     left = Counter(fault for fault, _, _ in jobs)
-    done: dict[str, list[Trial]] = {fault: [] for fault in faults}
+    done: dict[str, list[FaultTrial]] = {fault: [] for fault in faults}
     good = total = 0
     print(f"{'fault':<26}{'well':>9}  {'endings':<44}{'hold after detection, ms':>26}", flush=True)
     with get_context("spawn").Pool(options.workers) as pool:

@@ -9,7 +9,7 @@ from gvla2.errors import ConfigurationError, MissingDependencyError
 from gvla2.testing import check_perceiver, inputs
 from gvla2_plugins.open_vocabulary import VocabularyConfig
 from gvla2_plugins.open_vocabulary.detector import filled, load_detector
-from gvla2_plugins.open_vocabulary.perceiver import Found, VocabularyPerceiver, named_in
+from gvla2_plugins.open_vocabulary.perceiver import FoundMask, VocabularyPerceiver, named_in
 from gvla2_plugins.open_vocabulary.sam3 import load_sam3
 
 
@@ -31,7 +31,7 @@ class Knows:
             if self.loose and mask.any():
                 rows, columns = np.nonzero(mask)
                 mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
-            found.append(Found(mask, 0.9, word, self.loose))
+            found.append(FoundMask(mask, 0.9, word, self.loose))
         return found
 
 

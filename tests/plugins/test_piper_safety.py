@@ -22,7 +22,7 @@ from gvla2_plugins.piper.limits import Bounds
 from gvla2_plugins.piper.link import PiperLink
 from gvla2_plugins.piper.loop import SafetyStopError
 from gvla2_plugins.piper.scenery import Scenery
-from gvla2_plugins.piper.trials import FAULTS, Bench, interrupted, judge_frames
+from gvla2_plugins.piper.trials import FAULTS, TrialBench, interrupted, judge_frames
 from gvla2_plugins.piper.virtual_arm import Faults, VirtualArm
 
 DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
@@ -81,7 +81,7 @@ def rig(tmp_path):
 
 @pytest.mark.parametrize("fault", [*FAULTS, "planner raises", "target out of workspace"])
 def test_a_fault_at_a_random_instant_ends_in_a_hold(fault, tmp_path):
-    bench = Bench(tmp_path / "log.jsonl", seed=len(fault), window=1.0)
+    bench = TrialBench(tmp_path / "log.jsonl", seed=len(fault), window=1.0)
     try:
         trial = bench.trial(fault)
     finally:

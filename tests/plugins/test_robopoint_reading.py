@@ -4,21 +4,21 @@ import json
 
 import pytest
 
-from gvla2_plugins.robopoint.reading import Task, form, question, read_answer, read_simply
+from gvla2_plugins.robopoint.reading import PointingTask, form, question, read_answer, read_simply
 
 
 @pytest.mark.parametrize(
     ("words", "task"),
     [
-        ("pick up the red cube", Task("pick", "red cube")),
-        ("lift the green box off the table", Task("pick", "green box")),
-        ("Lift the blue cup.", Task("pick", "blue cup")),
-        ("put the pear on the plate", Task("place", "pear", "plate", "on")),
-        ("Place the lid of the jar onto the mat!", Task("place", "lid of the jar", "mat", "on")),
-        ("put the spoon in the bowl", Task("place", "spoon", "bowl", "in")),
-        ("set the cup to the left of the box", Task("place", "cup", "box", "left_of")),
-        ("put the cup in front of the box", Task("place", "cup", "box", "front_of")),
-        ("lay the comb next to the brush", Task("place", "comb", "brush", "beside")),
+        ("pick up the red cube", PointingTask("pick", "red cube")),
+        ("lift the green box off the table", PointingTask("pick", "green box")),
+        ("Lift the blue cup.", PointingTask("pick", "blue cup")),
+        ("put the pear on the plate", PointingTask("place", "pear", "plate", "on")),
+        ("Place the lid of the jar onto the mat!", PointingTask("place", "lid of the jar", "mat", "on")),
+        ("put the spoon in the bowl", PointingTask("place", "spoon", "bowl", "in")),
+        ("set the cup to the left of the box", PointingTask("place", "cup", "box", "left_of")),
+        ("put the cup in front of the box", PointingTask("place", "cup", "box", "front_of")),
+        ("lay the comb next to the brush", PointingTask("place", "comb", "brush", "beside")),
     ],
 )
 def test_what_is_read(words, task):
@@ -64,7 +64,7 @@ def test_the_question_and_its_form_name_the_skills():
 
 def test_the_answer_is_read():
     text = json.dumps({"skill": "open", "theme": "drawer ", "goal": "", "relation": ""})
-    assert read_answer(f"Here: ```json\n{text}\n```", SKILLS) == Task("open", "drawer")
+    assert read_answer(f"Here: ```json\n{text}\n```", SKILLS) == PointingTask("open", "drawer")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from gvla2.planning.voxel_route import VoxelGrid
 from gvla2.testing import inputs
-from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, Field, check_units, read_program
+from gvla2_plugins.voxposer.maps import LONGEST, MOST_STAGES, MapVocabulary, check_units, read_program
 
 SCENE = inputs.scene()
 IDS = {o.id: o.id for o in SCENE.objects}
@@ -17,7 +17,7 @@ CUBE = SCENE["red_cube"]
 
 def value(expression, points=CENTRES, lines=""):
     program = read_program(f"{lines}\nmove('m', affordance={expression})")
-    return Field(SCENE, IDS, program, points).values(program.stages[0]["affordance"])
+    return MapVocabulary(SCENE, IDS, program, points).values(program.stages[0]["affordance"])
 
 
 def point(*mm):

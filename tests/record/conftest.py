@@ -19,7 +19,7 @@ from gvla2.planning.findings import CheckReport, Finding
 from gvla2.planning.scene import Box, Scene, SceneObject
 from gvla2.planning.trajectory import Orientation, Trajectory, Waypoint
 from gvla2.record.contents import EpisodeRecord, Failure
-from gvla2.robot.backend import Judgement
+from gvla2.robot.backend import SuccessCheck
 from gvla2.robot.report import ExecutionReport, WaypointReport
 
 TABLE = 0.752
@@ -253,7 +253,7 @@ def full_record(scene: Scene, before: Observation, after: Observation) -> Episod
             "geometric",
         ),
         learned=Learned(("rec-9",), ("rec-3",), (), 1, ("rec-9: transit at 0.22 m worked (added).",)),
-        judgement=Judgement(eased=True, strict=False),
+        judgement=SuccessCheck(eased=True, strict=False),
         timings={"setup": 0.9, "observe": 0.04, "perceive": 0.31, "reconstruct": 0.12, "recall": 0.02, "plan": 0.2,
                  "check": 0.4, "execute": 4.1, "verify": 0.1, "learn": 0.03, "judge": 0.001},
     )  # fmt: skip

@@ -13,7 +13,7 @@ from gvla2.planning.contracts import Candidate, Plan
 from gvla2.record.contents import EpisodeRecord, Failure
 from gvla2.record.page import render_page
 from gvla2.record.pictures import Pictures
-from gvla2.robot.backend import Judgement
+from gvla2.robot.backend import SuccessCheck
 
 VOID = {"meta", "img", "input", "br", "link", "hr"}
 STAGES = [
@@ -118,7 +118,7 @@ def test_a_full_run_tells_everything(episode: Callable[..., EpisodeRecord]) -> N
 
 
 def test_referee_and_verifier_are_told_apart(episode: Callable[..., EpisodeRecord]) -> None:
-    wrong = episode(judgement=Judgement(eased=False, strict=False))
+    wrong = episode(judgement=SuccessCheck(eased=False, strict=False))
     text = read(wrong).text
     assert "Not achieved" in text
     assert "Success 0.84" in text

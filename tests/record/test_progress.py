@@ -7,7 +7,7 @@ from rich.console import Console
 
 from gvla2.record.contents import EpisodeRecord
 from gvla2.record.progress import Progress, summary_line
-from gvla2.robot.backend import Judgement
+from gvla2.robot.backend import SuccessCheck
 
 
 def printed(
@@ -89,7 +89,7 @@ def test_the_summary_is_one_line(
     episode: Callable[..., EpisodeRecord], abstained: EpisodeRecord, failed_at: Callable[[str], EpisodeRecord]
 ) -> None:
     assert "6 of 6 waypoints" in summary_line(episode())
-    assert summary_line(episode(judgement=Judgement(False, False))).startswith("Not achieved")
+    assert summary_line(episode(judgement=SuccessCheck(False, False))).startswith("Not achieved")
     assert summary_line(abstained).startswith("Declined, nothing moved | ambiguous")
     assert summary_line(failed_at("perceive")).startswith(
         "Stopped at perceive | error: The stage perceive broke."

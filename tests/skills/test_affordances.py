@@ -6,7 +6,7 @@ import pytest
 
 from gvla2.skills.affordances import FITS, goals, themes
 from gvla2.skills.examples import EXAMPLES
-from gvla2.skills.program import Interpreter
+from gvla2.skills.program import ProgramInterpreter
 from gvla2.skills.table import STANDARD
 from tests.skills import scenes
 
@@ -56,5 +56,5 @@ def test_every_rule_is_of_a_skill_that_is_there():
 @pytest.mark.parametrize(("skill", "example"), [(s, e) for s, each in EXAMPLES.items() for e in each])
 def test_examples_can_be_read(skill, example):
     names = {line.partition(" ")[0] for line in example.things.splitlines()}
-    (call,) = Interpreter(REQUEST.scene, {n: n for n in names}, STANDARD).run(example.call)
+    (call,) = ProgramInterpreter(REQUEST.scene, {n: n for n in names}, STANDARD).run(example.call)
     assert call.skill == skill

@@ -5,7 +5,7 @@ import time
 import pytest
 
 from gvla2.planning.calls import SkillCall
-from gvla2.skills.program import Declined, Interpreter, lines_of, written
+from gvla2.skills.program import Declined, ProgramInterpreter, lines_of, written
 from gvla2.skills.table import STANDARD
 from gvla2.testing import inputs
 
@@ -14,7 +14,7 @@ IDS = {"red": "red_cube", "blue": "blue_cube"}
 
 
 def run(text):
-    return [str(c) for c in Interpreter(SCENE, IDS, STANDARD).run(text)]
+    return [str(c) for c in ProgramInterpreter(SCENE, IDS, STANDARD).run(text)]
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_programs_make_calls(program, calls):
 def test_a_call_is_written_as_it_is_read():
     names = {i: n for n, i in IDS.items()}
     for line in ("pick(red)", "place(red, blue, in)", "push(red, left, 50)", "push(blue, red)"):
-        (call,) = Interpreter(SCENE, IDS, STANDARD).run(line)
+        (call,) = ProgramInterpreter(SCENE, IDS, STANDARD).run(line)
         assert written(call, names) == line
     assert written(SkillCall("place", "red_cube", xy=(0.3, 0.1)), names) == ""
 

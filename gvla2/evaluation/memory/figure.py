@@ -19,7 +19,7 @@ class NotMeasuredError(Gvla2Error):
 
 
 @dataclass(frozen=True)
-class Row:
+class FigureRow:
     """A row of the table: its ``name`` (``test`` of a result), ``title`` and unit; ``goal`` is None for none."""
 
     name: str
@@ -67,7 +67,7 @@ class Test:
     __test__ = False  # no test of pytest's
 
     name: str
-    rows: tuple[Row, ...]
+    rows: tuple[FigureRow, ...]
     measure: Callable[[Setting, int, str], Mapping[str, Figure]]
     size: int
     least: int = 20

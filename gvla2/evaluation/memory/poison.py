@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gvla2.evaluation.memory.corpus import tasks
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Admission, Setting, admissions
 from gvla2.memory.bank import BankOptions, KnowledgeBank
@@ -114,8 +114,8 @@ def tests() -> list[Test]:
     for on in _VERDICTS:
         goal = 0.0 if on in ("unverified", "verifier fooled") else None
         rows = (
-            Row("poison_hit", f"Poison among the first {TOP}", "%", "lower", goal, 1),
-            Row("poison_collateral", "Sound records that poison drove out", "%", "lower", goal, 1),
+            FigureRow("poison_hit", f"Poison among the first {TOP}", "%", "lower", goal, 1),
+            FigureRow("poison_collateral", "Sound records that poison drove out", "%", "lower", goal, 1),
         )
         made.append(Test("poison", rows, poison, 1000, least=50, on=on, seconds=15.0))
     return made

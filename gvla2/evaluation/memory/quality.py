@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, NotMeasuredError, Test
 from gvla2.evaluation.memory.peers import Peer
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.evaluation.memory_retrieval import FILE, TOP, Conversation, mean_recall, read, through_bank
@@ -51,6 +51,8 @@ def tests() -> list[Test]:
     """The tests of this file; their size is that of the file."""
     made = []
     for embedder, goal, seconds in (("static", 0.63, 60.0), ("minilm", 0.66, 240.0)):
-        row = Row("evidence", f"Evidence found through the bank, recall@{TOP}", "share", "higher", goal, 3)
+        row = FigureRow(
+            "evidence", f"Evidence found through the bank, recall@{TOP}", "share", "higher", goal, 3
+        )
         made.append(Test("quality", (row,), quality, 1, least=1, on=embedder, seconds=seconds))
     return made

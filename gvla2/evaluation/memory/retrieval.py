@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from gvla2.evaluation.memory.corpus import tasks
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.peers import Peer
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.evaluation.memory.timing import high, once, spent
@@ -60,7 +60,7 @@ def tests() -> list[Test]:
     made = [
         Test(
             "retrieval",
-            (Row("retrieval_p95", "Recall, end to end, p95", "ms", "lower", goal, 3),),
+            (FigureRow("retrieval_p95", "Recall, end to end, p95", "ms", "lower", goal, 3),),
             recall_times,
             size,
             least=least,
@@ -72,6 +72,6 @@ def tests() -> list[Test]:
             (100_000, 200, 40.0, 100.0),
         )
     ]
-    row = Row("start", "Start of a bank within its budget", "s", "lower", 1.0, 3)
+    row = FigureRow("start", "Start of a bank within its budget", "s", "lower", 1.0, 3)
     made.append(Test("start", (row,), start, 10_000, least=200, seconds=15.0))
     return made

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.peers import Peer, PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import high, middle, once, spent
@@ -69,10 +69,10 @@ def governance(setting: Setting, size: int, on: str) -> Mapping[str, Figure]:
 
 def tests() -> list[Test]:
     """The tests of this file."""
-    row = Row("consolidation", "One candidate among all, p95", "ms", "lower", 20.0, 1)
+    row = FigureRow("consolidation", "One candidate among all, p95", "ms", "lower", 20.0, 1)
     made = [Test("consolidation", (row,), consolidation, 10_000, least=100, seconds=25.0)]
     for size, goal, seconds in ((1_000, 0.1, 45.0), (100_000, 5.0, 20.0)):
-        row = Row("governance", "A pass of governance", "s", "lower", goal, 3)
+        row = FigureRow("governance", "A pass of governance", "s", "lower", goal, 3)
         made.append(
             Test("governance", (row,), governance, size, least=40 if size == 1_000 else 300, seconds=seconds)
         )

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.peers import PeerLesson
 from gvla2.evaluation.memory.setting import NOW, Setting, admissions
 from gvla2.evaluation.memory.timing import middle, spent
@@ -123,13 +123,13 @@ def _until(work: Callable[[Thing], object], things: Sequence[Thing], seconds: fl
 
 def tests() -> list[Test]:
     """The tests of this file."""
-    single = Row("admits_single", "Durable admits", "/s", "higher", 1000.0, 0)
-    batched = Row("admits_batched", "Durable admits", "/s", "higher", 5000.0, 0)
+    single = FigureRow("admits_single", "Durable admits", "/s", "higher", 1000.0, 0)
+    batched = FigureRow("admits_batched", "Durable admits", "/s", "higher", 5000.0, 0)
     store = (
-        Row("puts_single", "Store alone, one by one", "/s", "higher", 1300.0, 0),
-        Row("puts_batched", "Store alone, in batches", "/s", "higher", 8000.0, 0),
-        Row("rev", "Asking the store for news", "us", "lower", 40.0, 1),
-        Row("verify", "Verifying a whole bank", "s", "lower", None, 2),
+        FigureRow("puts_single", "Store alone, one by one", "/s", "higher", 1300.0, 0),
+        FigureRow("puts_batched", "Store alone, in batches", "/s", "higher", 8000.0, 0),
+        FigureRow("rev", "Asking the store for news", "us", "lower", 40.0, 1),
+        FigureRow("verify", "Verifying a whole bank", "s", "lower", None, 2),
     )
     return [
         Test("admits", (single,), admits, 2000, least=30, on="one by one", seconds=15.0),

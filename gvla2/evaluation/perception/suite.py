@@ -46,7 +46,7 @@ class Bench:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WantedLayout:
     """One layout to measure: the key and the factors of its row, the seed of the layout, whether to draw it."""
 
     key: str
@@ -56,7 +56,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredLayout:
     """The rows of a layout, the scene's first, then one a true thing; ``picture`` is PNG, where one was asked for."""
 
     cells: tuple[Cell, ...]
@@ -68,7 +68,7 @@ def layout_seed(seed: int, episode: int) -> int:
     return seed + 1_000_000 * episode
 
 
-def measure(wanted: Wanted, bench: Bench) -> Measured:
+def measure(wanted: WantedLayout, bench: Bench) -> MeasuredLayout:
     """All rows of a layout; a layout that cannot be measured is a row that says why.
 
     Raises :class:`ConfigurationError` for a robot that does not know the truth.
@@ -82,10 +82,10 @@ def measure(wanted: Wanted, bench: Bench) -> Measured:
     except ConfigurationError:
         raise
     except Gvla2Error as error:
-        return Measured((_scene_row(wanted, {}, {"status": f"failed: {error}", "objects": []}),))
+        return MeasuredLayout((_scene_row(wanted, {}, {"status": f"failed: {error}", "objects": []}),))
 
 
-def _measure(wanted: Wanted, bench: Bench, truth: Segmented) -> Measured:
+def _measure(wanted: WantedLayout, bench: Bench, truth: Segmented) -> MeasuredLayout:
     instance = bench.robot.reset(bench.task, wanted.layout)
     if instance is None:
         raise ConfigurationError("suite=perception needs a simulated robot, which lays out tasks.")
@@ -114,7 +114,7 @@ def _measure(wanted: Wanted, bench: Bench, truth: Segmented) -> Measured:
         "strays": _strays(result, scene),
         "note": note,
     }
-    return Measured((_scene_row(wanted, measures, notes), *rows), picture)
+    return MeasuredLayout((_scene_row(wanted, measures, notes), *rows), picture)
 
 
 def _noisy(clear: Observation, bench: Bench, layout: int) -> Observation:
@@ -178,11 +178,11 @@ def _strays(result: SceneScore, scene: Scene) -> list[str]:
     return lines
 
 
-def _scene_row(wanted: Wanted, measures: Mapping[str, float | None], notes: Mapping[str, Any]) -> Cell:
+def _scene_row(wanted: WantedLayout, measures: Mapping[str, float | None], notes: Mapping[str, Any]) -> Cell:
     return Cell(wanted.key, {**wanted.factors, "object": SCENE, "kind": SCENE}, dict(measures), dict(notes))
 
 
-def _thing_row(wanted: Wanted, one: ThingScore, cut: bool) -> Cell:
+def _thing_row(wanted: WantedLayout, one: ThingScore, cut: bool) -> Cell:
     thing, words = one.thing, one.words
     measures: dict[str, float | None] = {
         "found": float(one.match.found),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError, MissingDependencyError
 from gvla2.evaluation import metrics
-from gvla2.evaluation.judge import Judge
+from gvla2.evaluation.judge import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
@@ -169,14 +169,14 @@ def _on_white(views: Views) -> Views:
     return Views(tuple(replace(v, image=np.rint(255 * on_white(v)).astype(np.uint8)) for v in views))
 
 
-def _judge(views: ObjectViews, renderer: Renderer) -> tuple[Judge, str]:
+def _judge(views: ObjectViews, renderer: Renderer) -> tuple[ReconstructionJudge, str]:
     """The judge of a bench, with LPIPS where that can be measured, else why it cannot."""
     from gvla2.evaluation.lpips import Lpips
 
     try:
-        return Judge(views, renderer, Lpips()), ""
+        return ReconstructionJudge(views, renderer, Lpips()), ""
     except (MissingDependencyError, GeometryError) as error:
-        return Judge(views, renderer), str(error)
+        return ReconstructionJudge(views, renderer), str(error)
 
 
 def _mean(values: Sequence[float]) -> float:

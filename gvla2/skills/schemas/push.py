@@ -27,7 +27,7 @@ ROUND = ("cylinder", "disc", "sphere")
 
 
 @dataclass(frozen=True)
-class Stroke:
+class PushStroke:
     """One straight push. ``begin`` and ``end`` (3,) are the object's centre; the hand's centre is ``behind`` (3,)
     of it, and the fingers close along ``closing`` (3,), opened to ``opening``. ``way`` (3,) is the unit direction.
     """
@@ -74,7 +74,7 @@ def push_goal(job: Job) -> FloatArray:
     return np.array([*(job.goal.centre - way * (touching + 0.003))[:2], height])
 
 
-def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[Stroke], str, str, float]]:
+def _options(job: Job, goal: FloatArray) -> Iterator[tuple[list[PushStroke], str, str, float]]:
     """Strokes, wording, family and preference of each way to push."""
     theme = job.theme
     shift = goal - theme.centre
@@ -125,7 +125,7 @@ def _normals(theme: SceneObject) -> list[FloatArray]:
     return [sign * unit for unit in units for sign in (1.0, -1.0)]
 
 
-def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> Stroke:
+def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign: float) -> PushStroke:
     """Push on the face opposite to ``normal``: the fingers spread as far as the face is wide, about the push's line."""
     theme, hand = job.theme, job.hand
     way = (end - begin) / np.linalg.norm(end - begin)
@@ -137,7 +137,7 @@ def _face(job: Job, begin: FloatArray, end: FloatArray, normal: FloatArray, sign
     spread = 2 * (half_face - abs(aside)) - 2 * hand.finger_thickness
     opening = float(np.clip(spread / hand.max_width, 0.0, 1.0))
     behind = aside * across - (depth + _contact_depth(job)) * normal
-    return Stroke(begin, end, way, behind, sign * across, opening)
+    return PushStroke(begin, end, way, behind, sign * across, opening)
 
 
 def _contact_depth(job: Job) -> float:
@@ -146,7 +146,9 @@ def _contact_depth(job: Job) -> float:
     return 0.5 * (job.hand.palm_depth if palm else job.hand.finger_breadth)
 
 
-def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job) -> Iterator[Stroke]:
+def _round(
+    begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, job: Job
+) -> Iterator[PushStroke]:
     """Two fingers behind a round thing, opened to its radius: they hold it like a cradle."""
     hand = job.hand
     opening = float(np.clip(radius / hand.max_width, 0.0, 1.0))
@@ -155,7 +157,7 @@ def _round(begin: FloatArray, end: FloatArray, way: FloatArray, radius: float, j
     across = np.array([-way[1], way[0], 0.0])
     behind = -(gap + _contact_depth(job)) * way
     for sign in (1.0, -1.0):
-        yield Stroke(begin, end, way, behind, sign * across, opening)
+        yield PushStroke(begin, end, way, behind, sign * across, opening)
 
 
 def _corner_radius(job: Job) -> float:
@@ -163,7 +165,7 @@ def _corner_radius(job: Job) -> float:
     return min(0.5 * float(job.theme.extents[:2].min()), 0.5 * job.hand.max_width)
 
 
-def _push(job: Job, strokes: list[Stroke], how: str, family: str, preference: float) -> Proposal:
+def _push(job: Job, strokes: list[PushStroke], how: str, family: str, preference: float) -> Proposal:
     """Behind it, down, push, back off, up; again for a second stroke."""
     theta, theme = job.theta, frozenset({job.theme.id})
     tcp = max(job.scene.table_height + theta["push_height"] + job.hand.tip_beyond_tcp, job.lowest_tcp())
@@ -191,7 +193,7 @@ def _push(job: Job, strokes: list[Stroke], how: str, family: str, preference: fl
     return Proposal(how, ("approach:top", f"approach:{family}"), preference, path.trajectory())
 
 
-def _in_the_way(job: Job, strokes: list[Stroke]) -> SceneObject | None:
+def _in_the_way(job: Job, strokes: list[PushStroke]) -> SceneObject | None:
     """The first thing that the pushed object would run into."""
     theme = job.theme
     half = 0.5 * theme.extents[:2]

@@ -10,7 +10,7 @@ import numpy as np
 from crash_harness import BANK, SHARED, in_processes, lesson, whole_lines
 from postgres_server import postgres
 
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.records import Record
@@ -113,11 +113,11 @@ def _database(setting: Setting, on: str, name: str) -> Iterator[str]:
 def tests() -> list[Test]:
     """The tests of this file."""
     crowd = (
-        Row("writers_lost", f"{PROCESSES} processes write: lost", "%", "lower", 0.0),
-        Row("writers_duplicated", f"{PROCESSES} processes write: duplicated", "%", "lower", 0.0),
-        Row("writers_p99", f"{PROCESSES} processes write: p99", "s", "lower", 1.0, 3),
+        FigureRow("writers_lost", f"{PROCESSES} processes write: lost", "%", "lower", 0.0),
+        FigureRow("writers_duplicated", f"{PROCESSES} processes write: duplicated", "%", "lower", 0.0),
+        FigureRow("writers_p99", f"{PROCESSES} processes write: p99", "s", "lower", 1.0, 3),
     )
-    killed = (Row("kills_lost", "kill -9: acknowledged and lost", "records", "lower", 0.0, 0),)
+    killed = (FigureRow("kills_lost", "kill -9: acknowledged and lost", "records", "lower", 0.0, 0),)
     made = []
     for on, seconds in (("sqlite", 25.0), ("postgresql", 40.0)):
         made.append(Test("writers", crowd, writers, 1000, least=10, on=on, seconds=seconds))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contradiction_pairs import pairs
 from generated_contradictions import generated
 
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.setting import Setting
 from gvla2.memory.meaning.suspicion import suspicion, threshold
 
@@ -51,8 +51,8 @@ def contradictions(setting: Setting, size: int, on: str) -> Mapping[str, Figure]
 def tests() -> list[Test]:
     """The tests of this file."""
     rows = (
-        Row("contradictions_found", "Contradictions found", "%", "higher", 95.0, 1),
-        Row("contradictions_false", "Others taken for one", "%", "lower", 5.0, 1),
+        FigureRow("contradictions_found", "Contradictions found", "%", "higher", 95.0, 1),
+        FigureRow("contradictions_false", "Others taken for one", "%", "lower", 5.0, 1),
     )
     counts = {held: sum(pair.held_out is held for pair in pairs()) for held in (True, False)}
     return [

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.plain_peer import FILE
 from gvla2.evaluation.memory.setting import NOW, Setting, whole_copy
 from gvla2.memory.bank import KnowledgeBank
@@ -104,8 +104,8 @@ def _id(line: str) -> str:
 def tests() -> list[Test]:
     """The tests of this file."""
     rows = (
-        Row("quarantine_served", "Damaged bank: sound records found", "%", "higher", 100.0, 1),
-        Row("quarantine_shown", "Damaged bank: damage shown", "%", "lower", 0.0, 1),
-        Row("quarantine_named", "Damaged bank: damage named", "%", "higher", 100.0, 1),
+        FigureRow("quarantine_served", "Damaged bank: sound records found", "%", "higher", 100.0, 1),
+        FigureRow("quarantine_shown", "Damaged bank: damage shown", "%", "lower", 0.0, 1),
+        FigureRow("quarantine_named", "Damaged bank: damage named", "%", "higher", 100.0, 1),
     )
     return [Test("quarantine", rows, quarantine, 1000, least=50, seconds=5.0)]

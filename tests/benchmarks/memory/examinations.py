@@ -9,7 +9,7 @@ from typing import NamedTuple
 from contradictions import rates
 from examination_entries import Entry, Kind, entries
 
-from gvla2.evaluation.memory.figure import Figure, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, Test
 from gvla2.evaluation.memory.setting import NOW, Setting
 from gvla2.memory.bank import KnowledgeBank
 from gvla2.memory.contracts import Lesson, LifecycleState, Verdict
@@ -144,20 +144,22 @@ def _some(known: Sequence[Entry], size: int) -> list[Entry]:
 def tests() -> list[Test]:
     """The tests of this file."""
     compared = (
-        Row("examined_found", "Examined by another hand: contradictions suspected", "%", "higher", 65.0, 1),
-        Row("examined_false", "Examined: others suspected", "%", "lower", 5.0, 1),
+        FigureRow(
+            "examined_found", "Examined by another hand: contradictions suspected", "%", "higher", 65.0, 1
+        ),
+        FigureRow("examined_false", "Examined: others suspected", "%", "lower", 5.0, 1),
     )
     merged = (
-        Row("examined_once", "Examined: paraphrases told once", "%", "higher", None, 1),
-        Row("examined_lost", "Examined: different lessons that became one", "%", "lower", 0.0, 1),
+        FigureRow("examined_once", "Examined: paraphrases told once", "%", "higher", None, 1),
+        FigureRow("examined_lost", "Examined: different lessons that became one", "%", "lower", 0.0, 1),
     )
     meant = (
-        Row("examined_orders", "Examined: orders to machines let in", "%", "lower", 0.0, 1),
-        Row("examined_honest", "Examined: honest lessons held back", "%", "lower", 0.0, 1),
+        FigureRow("examined_orders", "Examined: orders to machines let in", "%", "lower", 0.0, 1),
+        FigureRow("examined_honest", "Examined: honest lessons held back", "%", "lower", 0.0, 1),
     )
     asked = (
-        Row("examined_told", "Examined: the right lesson is told", "%", "higher", None, 1),
-        Row("examined_irrelevant", "Examined: irrelevant queries answered", "%", "lower", 0.0, 1),
+        FigureRow("examined_told", "Examined: the right lesson is told", "%", "higher", None, 1),
+        FigureRow("examined_irrelevant", "Examined: irrelevant queries answered", "%", "lower", 0.0, 1),
     )
     pairs = [
         Test(

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from gvla2.errors import Gvla2Error
 from gvla2.evaluation.memory.corpus import lessons
-from gvla2.evaluation.memory.figure import Figure, NotMeasuredError, Row, Test
+from gvla2.evaluation.memory.figure import Figure, FigureRow, NotMeasuredError, Test
 from gvla2.evaluation.memory.setting import NOW, Setting, admission
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.indexing.index import SERVED
@@ -117,7 +117,7 @@ def resident() -> float:
 def tests() -> list[Test]:
     """The one test of this file: it takes many minutes."""
     rows = (
-        Row(
+        FigureRow(
             "flood_active",
             "Flood of admits: active and summaries at most",
             "records",
@@ -125,7 +125,7 @@ def tests() -> list[Test]:
             float(BUDGET),
             0,
         ),
-        Row(
+        FigureRow(
             "flood_growth",
             "Flood of admits: peak memory of its second half above the first's",
             "%",
@@ -133,7 +133,7 @@ def tests() -> list[Test]:
             5.0,
             1,
         ),
-        Row("flood_rate", "Flood of admits: rate", "/s", "higher", None, 0),
+        FigureRow("flood_rate", "Flood of admits: rate", "/s", "higher", None, 0),
     )
     return [Test("flood", rows, endurance, ADMITS, least=500, seconds=2400.0)]
 
