@@ -14,7 +14,7 @@ from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_alignment import Aligned, align
 from gvla2.reconstruction.depth_looks import surface_normals
-from gvla2.reconstruction.sim3 import align_cameras
+from gvla2.reconstruction.sim3 import scale_between
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.view_set import ViewSet
 
@@ -188,8 +188,7 @@ def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
     if estimate.world_from_camera is None:
         return 1.0
     calibrated = np.stack([view.camera.world_from_camera for view in views])
-    fit = align_cameras(estimate.world_from_camera, calibrated)
-    return fit.sim3.scale if fit.status == "ok" else 1.0
+    return scale_between(estimate.world_from_camera, calibrated) or 1.0
 
 
 def _first_scale(depth: FloatArray, front: FloatArray) -> float:
