@@ -17,8 +17,7 @@ FEWEST = 5
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, where there are several; change of the mean against the first "
     "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
-    "that fared worst. "
-    "Every row but the first and B has the prior that the title names."
+    "that fared worst."
 )
 
 
@@ -58,6 +57,9 @@ def footnote(table: Table) -> str:
             if entry.worse:
                 names = ", ".join(entry.worse)
                 told += f" Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {names}."
+        if row.rejected:
+            stages = ", ".join(f"{stage} {count}" for stage, count in row.rejected.items())
+            told += f" Undone because the views spoke against it ({row.label}), in cells: {stages}."
     return told
 
 
@@ -81,7 +83,7 @@ def sheet_of(table: AnyTable) -> Sheet:
             for row in table.rows
         ),
         footnote(table),
-        EXPLANATION,
+        f"{EXPLANATION} {table.layout.explanation}".strip(),
     )
 
 
