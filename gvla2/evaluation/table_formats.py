@@ -57,10 +57,12 @@ def footnote(table: Table) -> str:
             if entry.worse:
                 names = ", ".join(entry.worse)
                 told += f" Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {names}."
-        if row.rejected:
-            stages = ", ".join(f"{stage} {count}" for stage, count in row.rejected.items())
-            told += f" Undone because the views spoke against it ({row.label}), in cells: {stages}."
-    return told
+    undone = [
+        f"{row.label}: {', '.join(f'{stage} {count}' for stage, count in row.rejected.items())}"
+        for row in table.rows
+        if row.rejected
+    ]
+    return f"{told} Cells in which the views refuted a stage: {'; '.join(undone)}." if undone else told
 
 
 AnyTable = Table | FigureTable | RobotTable | PerceptionTable | RunTable

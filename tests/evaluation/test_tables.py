@@ -84,7 +84,7 @@ def test_stages_that_the_views_refuted_are_counted_below_the_table():
     fused = [cell for cell in made if cell.factors["variant"] == "ab_fusion"]
     others = [replace(cell, notes={"status": "ok"}) for cell in made if cell not in fused]
     tables = make_tables([*fused, *others], RECONSTRUCTION)
-    assert "(A + B fusion), in cells: axis 2 of 4." in to_markdown(tables)
+    assert "refuted a stage: A + B fusion: axis 2 of 4." in to_markdown(tables)
     assert [dict(row.rejected) for row in tables[0].rows] == [{}, {"axis": "2 of 4"}]
 
 
