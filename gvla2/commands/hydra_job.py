@@ -57,15 +57,16 @@ class HydraTask:
         self.function, self.registry = state["function"], None
         register_resolvers()
 
-    def __call__(self, config: DictConfig) -> object:
-        """Run the job; of an error the run's log gets the traceback, the terminal one line."""
+    def __call__(self, config: DictConfig, folder: Path | None = None) -> object:
+        """Run the job, in Hydra's folder or a given one; of an error the run's log gets the traceback, the terminal
+        one line.
+        """
         if self.registry is None:
             self.registry = load_plugins()
         registry = self.registry
         try:
-            # A command that only looks runs without Hydra's folder.
-            folder = Path(HydraConfig.get().runtime.output_dir) if HydraConfig.initialized() else Path()
-            return self.function(OmegaConf.to_object(config), registry, folder)
+            where = Path(HydraConfig.get().runtime.output_dir) if folder is None else folder
+            return self.function(OmegaConf.to_object(config), registry, where)
         except Exception as error:
             log.info("The job failed.", exc_info=True)
             if not HydraConfig.initialized() or HydraConfig.get().mode != RunMode.MULTIRUN:
@@ -146,10 +147,10 @@ def launch(
 
 
 def _once(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
-    """Compose one configuration and run the job with it."""
+    """Compose one configuration and run the job with it; a command that only looks needs no folder of Hydra's."""
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         config = hydra.compose(config_name, list(argv))
-    job(config)
+    job(config, Path())
 
 
 def _sweep_shown(argv: Sequence[str]) -> str:

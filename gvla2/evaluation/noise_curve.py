@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from gvla2.evaluation.prior_noise import CURVE, PER_CENT
 from gvla2.evaluation.statistics import Change
+from gvla2.evaluation.table_formats import FEWEST
 from gvla2.evaluation.tables import Table
 
 _ROWS = {"carving": "#b5651d", "aligned_tsdf": "#5a7d2a", "ab_fusion": "#1f5fa8"}
@@ -16,7 +17,7 @@ def noise_curve(tables: Sequence[Table], measure: str = "cd_surface") -> str:
     """An SVG of the change of a measure against low-frequency error; "" with fewer than three points of the curve.
 
     Lines are carving, aligned TSDF and the whole branch, of the tables whose ``noise`` lies on :data:`CURVE`, of the
-    first baseline and drift that have any. Bars are 95 % intervals over objects.
+    first baseline and drift that have any. Bars are 95 % intervals over objects, where a table tells them, too.
     """
     on = [table for table in tables if table.group.get("noise") in CURVE]
     if not on:
@@ -54,15 +55,19 @@ def noise_curve(tables: Sequence[Table], measure: str = "cd_surface") -> str:
             )
     for noise in sorted({PER_CENT[table.group["noise"]] for table in on}):
         drawn.append(f'<text x="{x(noise):.1f}" y="{_HEIGHT - 32}" text-anchor="middle">{noise:g} %</text>')
-    drawn.append(f'<text x="{_LEFT}" y="{_HEIGHT - 12}">low-frequency error of the prior\'s depth</text>')
+    below = "low-frequency error of the prior's depth; bars: 95 % intervals over objects, from five on"
+    drawn.append(f'<text x="{_LEFT}" y="{_HEIGHT - 12}">{below}</text>')
     labels = on[0].layout.labels
     for number, (row, points) in enumerate(lines.items()):
         way = "L".join(f"{x(n):.1f} {y(c.percent):.1f}" for n, c in points)
         drawn.append(f'<path d="M{way}" fill="none" stroke="{_ROWS[row]}" stroke-width="2"/>')
         for noise, change in points:
             at = x(noise) + 3 * (number - 1)
+            if change.count >= FEWEST:
+                drawn.append(
+                    f'<path d="M{at:.1f} {y(change.low):.1f}V{y(change.high):.1f}" stroke="{_ROWS[row]}"/>'
+                )
             drawn.append(
-                f'<path d="M{at:.1f} {y(change.low):.1f}V{y(change.high):.1f}" stroke="{_ROWS[row]}"/>'
                 f'<circle cx="{x(noise):.1f}" cy="{y(change.percent):.1f}" r="3" fill="{_ROWS[row]}"/>'
             )
         drawn.append(

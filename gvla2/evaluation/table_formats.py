@@ -17,8 +17,7 @@ FEWEST = 5
 EXPLANATION = (
     "Mean over objects ± standard deviation over seeds, where there are several; change of the mean against the first "
     "row in per cent [95 % interval, bootstrap over objects, from five objects on]; worst: the change of the object "
-    "that fared worst. "
-    "Every row but the first and B has the prior that the title names."
+    "that fared worst."
 )
 
 
@@ -58,7 +57,12 @@ def footnote(table: Table) -> str:
             if entry.worse:
                 names = ", ".join(entry.worse)
                 told += f" Made worse by more than {NOTABLE:.0f} % ({row.label}, {measure.title}): {names}."
-    return told
+    undone = [
+        f"{row.label}: {', '.join(f'{stage} {count}' for stage, count in row.rejected.items())}"
+        for row in table.rows
+        if row.rejected
+    ]
+    return f"{told} Cells in which the views refuted a stage: {'; '.join(undone)}." if undone else told
 
 
 AnyTable = Table | FigureTable | RobotTable | PerceptionTable | RunTable
@@ -81,7 +85,7 @@ def sheet_of(table: AnyTable) -> Sheet:
             for row in table.rows
         ),
         footnote(table),
-        EXPLANATION,
+        f"{EXPLANATION} {table.layout.explanation}".strip(),
     )
 
 

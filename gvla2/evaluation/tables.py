@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from gvla2.evaluation.figures import MEMORY, TRAJECTORIES, FigureLayout, FigureTable, make_figure_table
@@ -35,7 +35,8 @@ class TableLayout:
     """How a suite's cells become tables.
 
     One table for each combination of the ``groups`` factors; one row for each value of ``row`` in the order of
-    ``labels``, compared with the row ``reference`` over the ``pair`` factor; deviations are over ``repeat``.
+    ``labels``, compared with the row ``reference`` over the ``pair`` factor; deviations are over ``repeat``;
+    ``explanation`` says what a reader must know of this suite's rows and measures.
     """
 
     suite: str
@@ -47,6 +48,7 @@ class TableLayout:
     groups: tuple[str, ...]
     pair: str = "object"
     repeat: str = "seed"
+    explanation: str = ""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class TableRow:
-    """A row: its label, one entry a measure, how many objects and seeds it holds, and how many cells failed."""
+    """A row: its label, one entry a measure, how many objects and seeds it holds, and how many cells failed.
+
+    ``rejected``: of each stage, in how many of its cells the input views spoke against it ("5 of 6"), where in any:
+    rows that differ in such a stage alone are alike.
+    """
 
     name: str
     label: str
@@ -76,6 +82,7 @@ class TableRow:
     objects: int
     seeds: int
     failed: int
+    rejected: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -119,6 +126,14 @@ RECONSTRUCTION = TableLayout(
         Measure("seconds", "seconds", "lower", 2, compared=False),
     ),
     groups=("data", "baseline", "drift", "prior", "noise", "axis", "fusion", "renderer", "mode", "compat"),
+    explanation=(
+        "Every row but the first and B has the prior that the title names; noise exact is depth ray cast from the very "
+        "mesh that is held as truth, the most that a prior can tell. Seeds draw the drift, the prior's noise and the "
+        "order of splat's views: ± 0.00 where none of them is at work. CD surface is the mean distance of surface "
+        "samples, both ways, with position and scale; CD official that of all vertices, each shape scaled to its own "
+        "box, which a speck beside the object stretches. Seconds are wall time: the first row's of the reconstruction "
+        "of G0, any other row's of what follows alone."
+    ),
 )
 AGENTS = TableLayout(
     suite="agents",
@@ -211,7 +226,17 @@ def _row(name: str, cells: Sequence[Cell], reference: Sequence[Cell], layout: Ta
         len({cell.factors.get(layout.pair) for cell in cells}),
         len({cell.factors.get(layout.repeat) for cell in cells}),
         sum(cell.notes.get("status", "ok") != "ok" for cell in cells),
+        _rejected(cells),
     )
+
+
+def _rejected(cells: Sequence[Cell]) -> dict[str, str]:
+    ran: dict[str, list[bool]] = {}
+    for cell in cells:
+        for told in cell.notes.get("stages", ()):
+            stage, status = told.split(": ")
+            ran.setdefault(stage, []).append(status == "rejected")
+    return {stage: f"{sum(undone)} of {len(undone)}" for stage, undone in ran.items() if any(undone)}
 
 
 def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], layout: TableLayout) -> Entry:
@@ -228,7 +253,8 @@ def _entry(measure: Measure, cells: Sequence[Cell], reference: Sequence[Cell], l
     change = paired_change([theirs[pair] for pair in both], [ours[pair] for pair in both])
     sign = 1 if measure.better == "lower" else -1
     losses = {pair: sign * 100 * (ours[pair] / theirs[pair] - 1) for pair in both if theirs[pair] != 0}
-    worst = max(losses, key=losses.__getitem__) if losses else None
+    # Where nothing has changed, no object fared worst.
+    worst = max(losses, key=losses.__getitem__) if any(losses.values()) else None
     # The change of the measure itself, like the one of the mean: a loss of PSNR is negative.
     changed = None if worst is None else sign * losses[worst]
     return Entry(mean, deviation, change, changed, worst or "", _worse(losses))

@@ -28,11 +28,6 @@ class Affine:
     bias: FloatArray
     reason: str = ""
 
-    @classmethod
-    def identity(cls, reason: str = "") -> Affine:
-        """Changes nothing."""
-        return cls(np.ones(3), np.zeros(3), reason)
-
 
 def fit_affine(rendered: ArrayLike, observed: ArrayLike, mask: ArrayLike, beta: float = 0.01) -> Affine:
     """The (g, b) a channel that minimise the paper's masked L1 with a ridge toward identity.
@@ -57,7 +52,8 @@ def fit_affine(rendered: ArrayLike, observed: ArrayLike, mask: ArrayLike, beta: 
         raise GeometryError(f"Appearance: beta must be >= 0, got {beta}.")
     used = (weights > 0) & np.isfinite(weights) & np.isfinite(x).all(axis=2) & np.isfinite(y).all(axis=2)
     if used.sum() < LEAST_PIXELS:
-        return Affine.identity(f"only {int(used.sum())} masked pixels, {LEAST_PIXELS} are needed")
+        reason = f"only {int(used.sum())} masked pixels, {LEAST_PIXELS} are needed"
+        return Affine(np.ones(3), np.zeros(3), reason)
     share = weights[used] / weights[used].sum()
     gain, bias, reasons = np.ones(3), np.zeros(3), []
     for channel, name in enumerate(("red", "green", "blue")):

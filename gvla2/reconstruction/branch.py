@@ -9,8 +9,9 @@ Each stage reports what it did and why; a stage that the views speak against is 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, ParamSpec
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from gvla2.reconstruction.contracts import (
     Renderer,
     StageReport,
 )
-from gvla2.reconstruction.gate import accept
+from gvla2.reconstruction.gate import judged
 from gvla2.reconstruction.inset import alpha_iou, inset, largest
 from gvla2.reconstruction.prior_fusion import fuse_prior
 from gvla2.reconstruction.silhouette import symmetric_iou
@@ -99,33 +100,39 @@ def refine_geometry(
     ``views`` need masks. Raises :class:`GeometryError` when G0 holds no points or a view has no mask; whatever
     else goes wrong becomes a typed status of a stage, and that stage's input is kept.
     """
-    branch = _Branch(ViewSet(views, options.compat), parts, options)
+    seen = ViewSet(views, options.compat)
+    branch = _Branch(seen, parts, options)
     points_of(g0)
     thing = g0
     paper = options.mode == "paper"
     # Carving has no drift, generated objects do; a prior would mend the seen sides alone, and tear them.
     if not paper:
-        thing = branch.compensated(thing, "drift")
+        thing = branch.told(branch.compensated, thing, "drift")
     # Source A: G0 -> x_A, theta_A.
     if options.prior:
-        thing = branch.with_prior(thing)
+        thing = branch.told(fuse_prior, thing, seen, parts.prior)
     if options.appearance:
-        thing = branch.recoloured(thing)  # (g, b) = argmin |g I^ + b - I|_M + beta (g - 1)^2 + beta b^2
+        # (g, b) = argmin |g I^ + b - I|_M + beta (g - 1)^2 + beta b^2
+        thing = branch.told(calibrate_colours, thing, views, parts.renderer)
     if options.soft_hull:
-        thing = branch.shrunk(thing)  # p' = c + (p - c)(1 - lambda(p))
+        thing = branch.told(branch.shrunk, thing)  # p' = c + (p - c)(1 - lambda(p))
     a = thing
     # Source B: p'' = c + (p' - c) * a + delta; carrying on from A keeps what A has mended.
-    b = branch.compensated(g0 if paper else a, "axis")
-    out = branch.fused(a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
+    b = branch.told(branch.compensated, g0 if paper else a, "axis")
+    out = branch.told(branch.fused, a, b)  # x_out = x_A + alpha w (x_B - x_A), theta_out = theta_A
     if not paper:
-        out = branch.better(out, b)
+        out = branch.told(branch.better, out, b)
         painted = None
         if options.appearance:
-            out, report = inset(out, views, parts.renderer)
-            measures = report.after if report.status == "applied" else report.before
-            out, painted = branch.told(out, report), measures.get("alpha_iou")
-        out = branch.unless_refuted(out, g0, painted)
+            out = branch.told(inset, out, views, parts.renderer)
+            last = branch.stages[-1]
+            painted = (last.after if last.status == "applied" else last.before).get("alpha_iou")
+        out = branch.told(branch.unless_refuted, out, g0, painted)
     return BranchResult(g0, a, b, out, tuple(branch.stages))
+
+
+P = ParamSpec("P")
+Outcome = tuple[Reconstruction, StageReport | None]
 
 
 class _Branch:
@@ -135,20 +142,16 @@ class _Branch:
         self._seen, self._views, self._parts, self._options = seen, seen.views, parts, options
         self.stages: list[StageReport] = []
 
-    def told(self, thing: Reconstruction, report: StageReport) -> Reconstruction:
-        """Note a stage's report."""
-        self.stages.append(report)
+    def told(self, stage: Callable[P, Outcome], *args: P.args, **options: P.kwargs) -> Reconstruction:
+        """What a stage makes of its arguments; its report, where it has any, is noted with its seconds."""
+        began = time.perf_counter()
+        thing, report = stage(*args, **options)
+        if report is not None:
+            self.stages.append(replace(report, seconds=time.perf_counter() - began))
         return thing
 
-    def with_prior(self, thing: Reconstruction) -> Reconstruction:
-        return self.told(*fuse_prior(thing, self._seen, self._parts.prior))
-
-    def recoloured(self, thing: Reconstruction) -> Reconstruction:
-        return self.told(*calibrate_colours(thing, self._views, self._parts.renderer))
-
-    def shrunk(self, thing: Reconstruction) -> Reconstruction:
+    def shrunk(self, thing: Reconstruction) -> Outcome:
         """The soft visual hull: points of low mask support move a little inwards."""
-        began = time.perf_counter()
         o = self._options
 
         def move(points: FloatArray) -> FloatArray:
@@ -156,41 +159,36 @@ class _Branch:
             c = released_centre(points) if o.compat == "official" else object_centre(points_of(thing))
             return soft_hull(points, self._seen.support(points), c, o.tau, o.eta, o.lambda_max)
 
-        return self._gated("soft_hull", thing, both_moved(thing, move), began)
+        return self._gated("soft_hull", thing, both_moved(thing, move))
 
-    def compensated(self, thing: Reconstruction, stage: str) -> Reconstruction:
+    def compensated(self, thing: Reconstruction, stage: str) -> Outcome:
         """Axis compensation, from masks and poses alone."""
         if not self._options.axis:
-            return self.told(thing, StageReport(stage, "skipped", "Source B is switched off."))
-        began = time.perf_counter()
+            return thing, StageReport(stage, "skipped", "Source B is switched off.")
         fit = self._parts.axis.compensate(dense_points(thing), self._views, object_centre(points_of(thing)))
         measures = {"iou": fit.iou_before}, {"iou": fit.iou_after}
         status: Literal["applied", "rejected"] = "applied" if fit.accepted else "rejected"
-        report = StageReport(stage, status, fit.reason, *measures, time.perf_counter() - began)
-        return self.told(both_moved(thing, fit.apply) if fit.accepted else thing, report)
+        moved = both_moved(thing, fit.apply) if fit.accepted else thing
+        return moved, StageReport(stage, status, fit.reason, *measures)
 
-    def fused(self, a: Reconstruction, b: Reconstruction) -> Reconstruction:
+    def fused(self, a: Reconstruction, b: Reconstruction) -> Outcome:
         """Fuse x_A and x_B by the strategy, w from s(x_A) and s(x_B). Falls back to A when they do not match."""
-        began = time.perf_counter()
         o = self._options
         if not o.fusion:
             kept, which = (b, "B") if o.axis and not (o.prior or o.soft_hull) else (a, "A")
-            return self.told(
-                kept, StageReport("fusion", "skipped", f"Switched off: source {which} is the output.")
-            )
+            return kept, StageReport("fusion", "skipped", f"Switched off: source {which} is the output.")
         reason = mismatch(a, b)
         if reason:
-            return self.told(a, StageReport("fusion", "fallback", f"{reason} Source A is the output."))
+            return a, StageReport("fusion", "fallback", f"{reason} Source A is the output.")
         gaussians, mesh = a.gaussians, a.mesh
         try:
             if gaussians is not None and b.gaussians is not None:
-                centres = self._fuse(gaussians.centres, b.gaussians.centres)
-                gaussians = gaussians.with_centres(centres)
+                gaussians = gaussians.with_centres(self._fuse(gaussians.centres, b.gaussians.centres))
             if mesh is not None and b.mesh is not None:
                 mesh = mesh.with_vertices(self._fuse(mesh.vertices, b.mesh.vertices))
         except GeometryError as error:
-            return self.told(a, StageReport("fusion", "fallback", f"{error} Source A is the output."))
-        return self._gated("fusion", a, replace(a, gaussians=gaussians, mesh=mesh), began)
+            return a, StageReport("fusion", "fallback", f"{error} Source A is the output.")
+        return self._gated("fusion", a, replace(a, gaussians=gaussians, mesh=mesh))
 
     def _fuse(self, of_a: np.ndarray, of_b: np.ndarray) -> FloatArray:
         of_a, of_b = (np.asarray(x, dtype=np.float64) for x in (of_a, of_b))
@@ -204,63 +202,48 @@ class _Branch:
             )
         return fused
 
-    def better(self, out: Reconstruction, b: Reconstruction) -> Reconstruction:
+    def better(self, out: Reconstruction, b: Reconstruction) -> Outcome:
         """Source B, where it explains the masks clearly better than the fused geometry does."""
         if not (self._options.fusion and self._options.axis) or mismatch(out, b) or out is b:
-            return out
-        began = time.perf_counter()
+            return out, None
         iou, iou_b = self._iou(out), self._iou(b)
         if not iou_b > iou + CLEARLY:
-            return out
+            return out, None
         reason = f"Source B explains the masks better than the fusion: IoU {iou_b:.4f} against {iou:.4f}."
         measures = {"symmetric_iou": iou}, {"symmetric_iou": iou_b}
-        report = StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
-        return self.told(replace(b, gaussians=b.gaussians, mesh=b.mesh, status=out.status), report)
+        return replace(b, status=out.status), StageReport("output", "fallback", reason, *measures)
 
-    def unless_refuted(
-        self, out: Reconstruction, g0: Reconstruction, painted: float | None
-    ) -> Reconstruction:
+    def unless_refuted(self, out: Reconstruction, g0: Reconstruction, painted: float | None) -> Outcome:
         """The last word of the input views: what explains the masks much worse than G0 did is not kept at all.
 
         Gaussians are judged by what they paint (``painted`` if that is known), a mesh without any by its silhouettes.
         """
         if out is g0:
-            return out
-        began = time.perf_counter()
+            return out, None
         if out.gaussians is not None and g0.gaussians is not None:
             judges = largest(self._views)
             now = alpha_iou(out.gaussians, judges, self._parts.renderer) if painted is None else painted
             if now >= 1 - MUCH:  # no G0 can be so much better
-                return out
+                return out, None
             was = alpha_iou(g0.gaussians, judges, self._parts.renderer)
         else:
             now, was = self._iou(out), self._iou(g0)
         if not now < was - MUCH:
-            return out
+            return out, None
         reason = (
             f"The masks speak against the refinement: IoU {now:.4f}, {was:.4f} as it was. G0 is the output."
         )
-        measures = {"mask_iou": now}, {"mask_iou": was}
-        return self.told(
-            g0, StageReport("output", "fallback", reason, *measures, time.perf_counter() - began)
-        )
+        return g0, StageReport("output", "fallback", reason, {"mask_iou": now}, {"mask_iou": was})
 
-    def _gated(
-        self, stage: str, thing: Reconstruction, moved: Reconstruction, began: float
-    ) -> Reconstruction:
+    def _gated(self, stage: str, thing: Reconstruction, moved: Reconstruction) -> Outcome:
         """``moved`` where the views do not speak against it; always in paper mode, which has no gate."""
         (before, faces), (after, _) = outlined(thing), outlined(moved)
         if np.array_equal(before, after):
-            report = StageReport(
-                stage, "skipped", "Nothing was to be moved.", seconds=time.perf_counter() - began
-            )
-            return self.told(thing, report)
-        gate = accept(before, after, self._views, faces=faces)
-        kept = gate.accepted or self._options.mode == "paper"
-        status: Literal["applied", "rejected"] = "applied" if kept else "rejected"
-        seconds = time.perf_counter() - began
-        report = StageReport(stage, status, gate.reason, gate.before, gate.after, seconds)
-        return self.told(moved if kept else thing, report)
+            return thing, StageReport(stage, "skipped", "Nothing was to be moved.")
+        report = judged(stage, before, after, self._views, faces=faces)
+        if self._options.mode == "paper":
+            report = replace(report, status="applied")
+        return (moved if report.status == "applied" else thing), report
 
     def _iou(self, thing: Reconstruction) -> float:
         points, faces = outlined(thing)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +28,6 @@ def calibrate_colours(
 
     Kept only when the renders come nearer to the inputs; geometry, opacity and higher harmonics are untouched.
     """
-    began = time.perf_counter()
     if thing.gaussians is None:
         return thing, StageReport("appearance", "skipped", "There are no Gaussians to render.")
     shots = [(view, *renderer.render(thing.gaussians, view.camera)) for view in views]
@@ -40,9 +38,8 @@ def calibrate_colours(
         if not fit.reason:
             fits.append((fit.gain, fit.bias))
     if not fits:
-        return thing, StageReport(
-            "appearance", "skipped", "No view shows enough of the object to compare colours."
-        )
+        reason = "No view shows enough of the object to compare colours."
+        return thing, StageReport("appearance", "skipped", reason)
     gain, bias = np.median([g for g, _ in fits], axis=0), np.median([b for _, b in fits], axis=0)
     # A picture of solid things takes the affine as its Gaussians do: what cannot gain so is not rendered again.
     after = float(np.nanmean([_error(view, gain * image + bias, alpha) for view, image, alpha in shots]))
@@ -52,12 +49,11 @@ def calibrate_colours(
         painted = ((view, *renderer.render(calibrated.gaussians, view.camera)) for view in views)
         after = float(np.nanmean([_error(*shot) for shot in painted]))
     measures = {"colour_error": before}, {"colour_error": after}
-    seconds = time.perf_counter() - began
     if after > (1 - LEAST_GAIN) * before:
         reason = "An affine of the colours does not bring the renders nearer to the inputs."
-        return thing, StageReport("appearance", "rejected", reason, *measures, seconds)
+        return thing, StageReport("appearance", "rejected", reason, *measures)
     reason = f"Gain {np.round(gain, 3).tolist()}, bias {np.round(bias, 3).tolist()}."
-    return calibrated, StageReport("appearance", "applied", reason, *measures, seconds)
+    return calibrated, StageReport("appearance", "applied", reason, *measures)
 
 
 def _error(view: View, rendered: np.ndarray, alpha: np.ndarray) -> float:

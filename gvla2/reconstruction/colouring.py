@@ -14,7 +14,8 @@ from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.mask_distance import Silhouette
 
 _VIEWS = 4  # a vertex listens to this many views at most, those that face it best
-_SLANT = 0.15  # cosine below which a view sees a surface too obliquely
+SLANT = 0.15
+"""Cosine below which a view sees a surface too obliquely to say what is there."""
 _SHARPNESS = 3.0  # power of the cosine in a view's weight: the best view leads, blending blurs
 _DISAGREEMENT = 0.12  # colour difference at which a view loses half its say
 _BESIDE = 0.02  # say of a view whose pixel touches something that stands in front
@@ -68,7 +69,7 @@ def _look(
     towards /= np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
     facing = np.einsum("ij,ij->i", normals, towards)
     weight, colour = np.zeros(len(points)), np.zeros((len(points), 3))
-    index = np.flatnonzero(s.camera.inside(uv) & (facing > _SLANT))
+    index = np.flatnonzero(s.camera.inside(uv) & (facing > SLANT))
     pixel = uv[index].astype(np.intp)
     index = index[z[index] <= depth[pixel[:, 1], pixel[:, 0]] + tolerance]
     rim = np.clip((np.nan_to_num(s.sample(uv[index]), nan=0.0) - 0.75) / 1.5, 0.0, 1.0)

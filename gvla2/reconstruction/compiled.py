@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar, cast
 
@@ -62,8 +63,4 @@ def run_chunks(body: Callable[[int, int], None], count: int, least: int = 20_000
         body(0, count)
         return
     bounds = [count * k // pieces for k in range(pieces + 1)]
-
-    def piece(start: int, stop: int) -> Callable[[], None]:
-        return lambda: body(start, stop)
-
-    run_together([piece(a, b) for a, b in pairwise(bounds)])
+    run_together([partial(body, a, b) for a, b in pairwise(bounds)])

@@ -37,7 +37,8 @@ class StageReport:
 
     ``status``: ``applied``, ``partial`` (applied to a part of the points), ``rejected`` (a gate kept the input),
     ``fallback`` (another way was taken) or ``skipped`` (switched off, or there was nothing to do). ``reason`` is a
-    sentence; ``before`` and ``after`` hold the stage's own measures by name (symmetric IoU, mean support, ...).
+    sentence; ``before`` and ``after`` hold the stage's own measures by name (symmetric IoU, mean support, ...);
+    ``seconds`` of wall time are filled in by the branch.
     """
 
     stage: str

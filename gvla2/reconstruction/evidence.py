@@ -9,15 +9,14 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_alignment import Aligned, align
 from gvla2.reconstruction.depth_looks import surface_normals
-from gvla2.reconstruction.sim3 import align_cameras
+from gvla2.reconstruction.sim3 import scale_between
 from gvla2.reconstruction.support import mask_of
-from gvla2.reconstruction.zbuffer import depth_map
+from gvla2.reconstruction.view_set import ViewSet
 
 EDGE = 0.025
 """Share of the object's size by which depth bends from pixel to pixel where it jumps between surfaces."""
@@ -48,10 +47,8 @@ class DepthEvidence:
     told: str
 
 
-def gather(
-    estimate: GeometryEstimate, views: Views, hull: Mesh, needed: FloatArray | None = None
-) -> DepthEvidence:
-    """What a prior says of the object within ``hull``, the surface of the masks' visual hull.
+def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None = None) -> DepthEvidence:
+    """What a prior says of the object within its masks' visual hull.
 
     ``needed`` (N, 3): points that belong to the object because some mask shows nothing else there.
 
@@ -59,6 +56,7 @@ def gather(
     (VGGT's depth times a scale is nearer to the truth than its point map), and what they had wrong is a part of each
     view's own error. Views without usable depth are left out. Raises :class:`GeometryError` when nothing can be used.
     """
+    views, (front, back) = seen.views, seen.hull_interval
     depth, confidence = _checked(estimate, views)
     depth = depth * camera_scale(estimate, views)
     masks = np.stack([mask_of(view) for view in views])
@@ -66,8 +64,7 @@ def gather(
     coverage = float(np.isfinite(depth).sum() / max(int((masks > 0.5).sum()), 1))
     if coverage < LEAST_COVERAGE:
         raise GeometryError(f"The prior has depth for {coverage:.0%} of the masks' pixels.")
-    front, back = hull_interval(hull, views)
-    jump = EDGE * float(np.linalg.norm(np.ptp(hull.vertices, axis=0)))
+    jump = EDGE * float(np.linalg.norm(np.ptp(seen.hull_surface.vertices, axis=0)))
     rough = np.array([_first_scale(d, f) for d, f in zip(depth, front, strict=True)])
     usable = np.isfinite(rough)
     caps = nearest_needed(np.zeros((0, 3)) if needed is None else needed, views)
@@ -96,15 +93,6 @@ def gather(
     return DepthEvidence(
         believed, aligned.std, np.clip(weight / typical, 0.0, 1e3), np.nan_to_num(normals), told
     )
-
-
-def hull_interval(hull: Mesh, views: Views) -> tuple[FloatArray, FloatArray]:
-    """Depths (S, H, W) of a mesh's nearest and farthest surface on each pixel's ray, NaN where it is missed."""
-    front = np.stack([depth_map(hull, view.camera) for view in views]).astype(np.float64)
-    back = np.stack([depth_map(hull, view.camera, farthest=True) for view in views]).astype(np.float64)
-    missed = ~np.isfinite(front)
-    front[missed], back[missed] = np.nan, np.nan
-    return front, back
 
 
 def nearest_needed(needed: FloatArray, views: Views) -> FloatArray:
@@ -200,8 +188,7 @@ def camera_scale(estimate: GeometryEstimate, views: Views) -> float:
     if estimate.world_from_camera is None:
         return 1.0
     calibrated = np.stack([view.camera.world_from_camera for view in views])
-    fit = align_cameras(estimate.world_from_camera, calibrated)
-    return fit.sim3.scale if fit.status == "ok" else 1.0
+    return scale_between(estimate.world_from_camera, calibrated) or 1.0
 
 
 def _first_scale(depth: FloatArray, front: FloatArray) -> float:

@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.mask_distance import Silhouette
+from gvla2.reconstruction.support import projection
 
 _MARGIN = 0.5  # pixels around a mask's box: a mask is known to half a pixel
 _UNBOUNDED_DEPTH = 1.0  # metres, where nothing at all says how far the object is
@@ -48,7 +49,7 @@ def frusta_region(silhouettes: Sequence[Silhouette], depth: float | None = None)
             return Region(bounds, free, True)
     depths = _slabs(silhouettes, _middle(silhouettes, depth))
     for s, (near, far) in zip(silhouettes, depths, strict=True):
-        row = _matrix(s)[2]
+        row = projection(s.camera)[2]
         rows += [row - [0, 0, 0, near], -row + [0, 0, 0, far]]
     # A mask that is cut on a side ends there for want of anything better.
     rows += [row for s in silhouettes for row in _sides(s, cut=True)]
@@ -56,14 +57,9 @@ def frusta_region(silhouettes: Sequence[Silhouette], depth: float | None = None)
     return None if bounds is None else Region(bounds, depths, False)
 
 
-def _matrix(s: Silhouette) -> FloatArray:
-    """(3, 4) projection K [R | t]."""
-    return np.asarray(s.camera.K @ s.camera.camera_from_world[:3], dtype=np.float64)
-
-
 def _sides(s: Silhouette, cut: bool = False) -> list[FloatArray]:
     """Half-spaces (4,) with row . (x, 1) >= 0 of the mask's frustum: its sides, and the front of the camera."""
-    P = _matrix(s)
+    P = projection(s.camera)
     rows = [P[2]]
     for side, (axis, sign) in enumerate(((0, 1.0), (1, 1.0), (0, -1.0), (1, -1.0))):
         if cut or not s.cut[side]:

@@ -7,7 +7,6 @@ normals, by the one distance at which rendered alpha and masks agree best; the m
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -25,7 +24,6 @@ from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_of
 from gvla2.reconstruction.surfels import scattered
 
-STAGE = "inset"
 LEAST_GAIN = 0.002
 """Rise of the agreement with the masks for which points are moved at all."""
 MOST = 2.0
@@ -60,10 +58,9 @@ def inset(thing: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reco
     The report's measures are ``alpha_iou``: sum of min(alpha, mask) over sum of max, mean over the three views that
     show most. Skipped without Gaussians and without a mesh, whose normals tell inside from outside.
     """
-    began = time.perf_counter()
     gaussians, mesh = thing.gaussians, thing.mesh
     if gaussians is None or len(gaussians) == 0 or mesh is None or len(mesh.faces) == 0:
-        return thing, StageReport(STAGE, "skipped", "It takes Gaussians and a mesh.")
+        return thing, StageReport("inset", "skipped", "It takes Gaussians and a mesh.")
     centres = np.asarray(gaussians.centres, dtype=np.float64)
     step = normals_at(centres, mesh) * pixel_sizes(centres, views)[:, None]
     judges = largest(views)
@@ -73,13 +70,13 @@ def inset(thing: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reco
 
     pixels, before, after = _best(lambda t: alpha_iou(at(t), judges, renderer))
     measures = {"alpha_iou": before}, {"alpha_iou": after}
-    seconds = time.perf_counter() - began
     if not after > before + LEAST_GAIN:
         reason = "The Gaussians paint the masks as well as they can."
-        return thing, StageReport(STAGE, "skipped", reason, *measures, seconds)
+        return thing, StageReport("inset", "skipped", reason, *measures)
     way = f"{abs(pixels):.2f} px {'inwards' if pixels > 0 else 'outwards'}"
-    report = StageReport(STAGE, "applied", f"Gaussians {way}.", *measures, seconds)
-    return replace(thing, gaussians=at(pixels)), report
+    return replace(thing, gaussians=at(pixels)), StageReport(
+        "inset", "applied", f"Gaussians {way}.", *measures
+    )
 
 
 def fill_masks(mesh: Mesh, views: Views) -> Mesh:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.mask_distance import Silhouette
+from gvla2.reconstruction.support import projection
 
 _DEEP = 3.0  # the field is exact within this many voxels of the surface and clipped beyond
 
@@ -28,8 +30,7 @@ class Field:
         return np.asarray(self.origin + self.step * index, dtype=np.float64)
 
 
-@dataclass(frozen=True)
-class PackedSilhouettes:
+class PackedSilhouettes(NamedTuple):
     """Silhouettes of any sizes in flat arrays, as the kernel wants them."""
 
     projections: FloatArray  # (S, 3, 4)
@@ -44,7 +45,7 @@ def pack(silhouettes: Sequence[Silhouette], depths: FloatArray) -> PackedSilhoue
     """Silhouettes and the depths (S, 2) in metres between which the object lies, for :func:`fill`."""
     starts = np.cumsum([0] + [s.distance.size for s in silhouettes])
     return PackedSilhouettes(
-        np.array([s.camera.K @ s.camera.camera_from_world[:3] for s in silhouettes]),
+        np.array([projection(s.camera) for s in silhouettes]),
         np.array(
             [[*s.distance.shape[::-1], start] for s, start in zip(silhouettes, starts[:-1], strict=True)]
         ),
@@ -64,18 +65,7 @@ def fill(packed: PackedSilhouettes, bounds: FloatArray, step: float) -> Field:
     shape = np.ceil((bounds[1] - bounds[0]) / step).astype(np.int64) + 5
     origin = 0.5 * (bounds[0] + bounds[1]) - 0.5 * step * (shape - 1)
     values = np.empty(tuple(shape), dtype=np.float32)
-    _fill(
-        values,
-        origin,
-        step,
-        packed.projections,
-        packed.sizes,
-        packed.metres,
-        packed.cut,
-        packed.depths,
-        packed.distances,
-        _DEEP * step,
-    )
+    _fill(values, origin, step, packed, _DEEP * step)
     # Whatever reaches the grid's end is closed there: a surface has no rim.
     for axis in range(3):
         for end in (0, -1):
@@ -89,14 +79,10 @@ def _fill(
     values: NDArray[np.float32],
     origin: FloatArray,
     step: float,
-    projections: FloatArray,
-    sizes: NDArray[np.int64],
-    metres: FloatArray,
-    cut: NDArray[np.bool_],
-    depths: FloatArray,
-    distances: NDArray[np.float32],
+    packed: PackedSilhouettes,
     deep: float,
 ) -> None:
+    projections, sizes, metres, cut, depths, distances = packed
     nx, ny, nz = values.shape
     for i in range(nx):
         x = origin[0] + step * i

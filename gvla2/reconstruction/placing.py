@@ -8,18 +8,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.gaussians import Gaussians
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
+from gvla2.reconstruction.colouring import SLANT
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.mask_distance import Silhouette
 from gvla2.reconstruction.outline import projected
 from gvla2.reconstruction.surfels import surfels
 from gvla2.reconstruction.zbuffer import depth_map
-
-_SLANT = 0.15
-"""Cosine below which a view sees a surface too obliquely to say what belongs there."""
 
 
 def place(
@@ -41,49 +40,34 @@ def place(
     """
     spread = surfels(mesh, normals, len(old))
     points = spread.centres.astype(np.float64)
-    across = _column(spread.rotations, np.full(len(points), 2))
+    across = _rotation(spread.rotations).apply([0.0, 0.0, 1.0])
     source = _sources(points, across, old, worn, shown, depths, tolerance)
     spacing = np.sqrt(mesh.areas.sum() / len(points))
     before = np.sqrt(worn.areas.sum() / len(old)) if worn is not None and worn.areas.sum() > 0 else spacing
-    own = old.rotations[source]
-    own = own / np.maximum(np.linalg.norm(own, axis=1, keepdims=True), np.float32(1e-12))
-    was = _column(own, np.argmin(old.log_scales[source], axis=1))
+    own = _rotation(old.rotations[source])
+    was = own.apply(np.eye(3)[np.argmin(old.log_scales[source], axis=1)])
     was *= np.where(np.einsum("nk,nk->n", was, across) < 0, -1, 1)[:, None]
+    # The shortest way from one unit vector to another, less than half a turn.
+    way = np.column_stack([np.cross(was, across), 1 + np.einsum("nk,nk->n", was, across)])
+    turned = (Rotation.from_quat(way) * own).as_quat()
     placed = replace(
         spread,
         log_scales=old.log_scales[source] + np.float32(np.log(spacing / before)),
-        rotations=_turned(own, was, across),
+        rotations=np.roll(turned, 1, axis=1).astype(np.float32),
         opacity_logits=old.opacity_logits[source],
         sh_rest=None if old.sh_rest is None else old.sh_rest[source],
     )
     return placed if mesh.colours is not None else replace(placed, sh_dc=old.sh_dc[source])
 
 
-def _column(quaternions: NDArray[np.float32], axis: NDArray[np.intp]) -> NDArray[np.float32]:
-    """(N, 3) where unit quaternions wxyz (N, 4) turn the unit vectors along ``axis`` (N,) of x, y, z."""
-    n, scalar, vector = np.arange(len(axis)), quaternions[:, 0], quaternions[:, 1:]
-    # Column k of 2 (q q^T + w [q]x) + (2 w^2 - 1) I, the turn's matrix.
-    column = 2 * vector * vector[n, axis][:, None]
-    column[n, axis] += 2 * scalar * scalar - 1
-    column[n, (axis + 1) % 3] += 2 * scalar * vector[n, (axis + 2) % 3]
-    column[n, (axis + 2) % 3] -= 2 * scalar * vector[n, (axis + 1) % 3]
-    return column
-
-
-def _turned(
-    own: NDArray[np.float32], was: NDArray[np.float32], across: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Quaternions wxyz (N, 4) turned by the shortest way from ``was`` to ``across`` (N, 3), less than half a turn."""
-    a, u = 1 + np.einsum("nk,nk->n", was, across), np.cross(was, across)
-    b, v = own[:, 0], own[:, 1:]
-    scalar = a * b - np.einsum("nk,nk->n", u, v)
-    turned = np.column_stack([scalar, a[:, None] * v + b[:, None] * u + np.cross(u, v)])
-    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True), dtype=np.float32)
+def _rotation(quaternions: NDArray[np.float32]) -> Rotation:
+    """Of quaternions wxyz (N, 4), of any length."""
+    return Rotation.from_quat(np.roll(quaternions, -1, axis=1))
 
 
 def _sources(
     points: FloatArray,
-    across: NDArray[np.float32],
+    across: FloatArray,
     old: Gaussians,
     worn: Mesh | None,
     shown: Sequence[Silhouette],
@@ -93,7 +77,7 @@ def _sources(
     """(N,) the old Gaussian whose attributes each point takes."""
     there = old.centres.astype(np.float64)
     source, view = np.zeros(len(points), dtype=np.int64), np.full(len(points), -1)
-    best, pixels = np.full(len(points), _SLANT), np.empty((len(points), 2), dtype=np.float32)
+    best, pixels = np.full(len(points), SLANT), np.empty((len(points), 2), dtype=np.float32)
     candidates = []
     for number, s in enumerate(shown if worn is not None and len(worn.faces) else ()):
         assert worn is not None

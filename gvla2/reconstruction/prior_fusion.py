@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 
 from gvla2.errors import GeometryError
@@ -16,9 +15,6 @@ from gvla2.reconstruction.placing import place
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import Posterior, fuse_volume
 from gvla2.reconstruction.zbuffer import depth_map
-
-STAGE = "prior"
-
 
 THIN = 0.75
 """Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
@@ -35,8 +31,8 @@ def agreed(estimate: GeometryEstimate, seen: ViewSet, g0: Mesh | None) -> tuple[
     """
 
     def fused(needed: FloatArray | None) -> tuple[DepthEvidence, Posterior]:
-        evidence = gather(estimate, seen.views, seen.hull_surface, needed)
-        return evidence, fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
+        evidence = gather(estimate, seen, needed)
+        return evidence, fuse_volume(seen, evidence, g0)
 
     first = fused(None)
     needed = first[1].needed
@@ -56,18 +52,15 @@ def fuse_prior(
     volume (:mod:`~gvla2.reconstruction.volume`), the surface coloured from the views, and the Gaussians placed on it
     with their attributes. Skipped without a prior; an unusable one is a ``rejected`` stage with its reason.
     """
-    began = time.perf_counter()
     estimate = prior.predict(seen.views)
     if estimate is None:
-        return thing, StageReport(STAGE, "skipped", "There is no geometry prior.")
+        return thing, StageReport("prior", "skipped", "There is no geometry prior.")
     try:
         evidence, posterior = agreed(estimate, seen, thing.mesh)
         if not (posterior.field.values > 0).any():
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:
-        return thing, StageReport(
-            STAGE, "rejected", f"{error} G0 stays.", seconds=time.perf_counter() - began
-        )
+        return thing, StageReport("prior", "rejected", f"{error} G0 stays.")
     vertices, faces, normals = surface_of(posterior.field)
     mesh, step = Mesh(vertices, faces), 2 * posterior.field.step
     depths = [depth_map(mesh, s.camera) for s in seen.silhouettes]
@@ -77,7 +70,5 @@ def fuse_prior(
     if gaussians is not None and len(gaussians):
         gaussians = place(gaussians, thing.mesh, mesh, normals, seen.silhouettes, depths, step)
     told = float((posterior.confidence > 0).mean())
-    report = StageReport(
-        STAGE, "applied", evidence.told, {}, {"voxels_told": told}, time.perf_counter() - began
-    )
+    report = StageReport("prior", "applied", evidence.told, {}, {"voxels_told": told})
     return replace(thing, gaussians=gaussians, mesh=mesh), report

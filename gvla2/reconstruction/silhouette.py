@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.views import View, Views
+from gvla2.geometry.camera import Camera
+from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import run_together
 from gvla2.reconstruction.outline import outline
 from gvla2.reconstruction.support import as_points, mask_of
@@ -51,14 +52,11 @@ def silhouettes(
         raise GeometryError(f"A face names a vertex outside 0..{len(array) - 1}.")
     masks: list[NDArray[np.bool_]] = [np.zeros((0, 0), dtype=np.bool_)] * len(views)
 
-    def draw(number: int, view: View) -> Callable[[], None]:
-        def job() -> None:
-            if triangles is None:
-                masks[number] = outline(array, view.camera).mask
-            else:
-                masks[number] = np.isfinite(depth_of(array, triangles, view.camera))
+    def draw(number: int, camera: Camera) -> None:
+        if triangles is None:
+            masks[number] = outline(array, camera).mask
+        else:
+            masks[number] = np.isfinite(depth_of(array, triangles, camera))
 
-        return job
-
-    run_together([draw(number, view) for number, view in enumerate(views)])
+    run_together([partial(draw, number, view.camera) for number, view in enumerate(views)])
     return masks

@@ -1,9 +1,8 @@
-"""Similarities Sim(3), and the one between the cameras that a prior assumes and the calibrated ones."""
+"""Similarities Sim(3), and the scale between the cameras that a prior assumes and the calibrated ones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +11,7 @@ from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray, check_rigid
 
 _FLAT = 1e-6
-"""Below this share of the largest one, a singular value or a spread counts as zero."""
+"""Below this share of the distance from the origin, a spread counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -54,24 +53,13 @@ class Sim3:
         return Sim3(self.scale * first.scale, self.rotation @ first.rotation, self.apply(first.translation))
 
 
-@dataclass(frozen=True)
-class CameraAlignment:
-    """How a prior's cameras fit the calibrated ones.
-
-    ``status``: ``ok``, or ``scale_undetermined`` when all centres coincide (one view, or a turning camera): the
-    rotation is right, the scale is 1 for want of better and depth must be scaled by other means.
-    """
-
-    sim3: Sim3
-    status: Literal["ok", "scale_undetermined"]
-
-
-def align_cameras(estimated: ArrayLike, calibrated: ArrayLike) -> CameraAlignment:
-    """The similarity from a prior's camera frame to the calibrated one, by centres and axis points.
+def scale_between(estimated: ArrayLike, calibrated: ArrayLike) -> float | None:
+    """The scale of the similarity from a prior's cameras to the calibrated ones, by centres and axis points.
 
     ``estimated`` and ``calibrated`` are world_from_camera (S, 4, 4). Each camera stands for
     its centre and three points on its axes, one root mean square spread of the centres away, so that two or
     collinear centres fix the rotation too; the axes say nothing about scale, which comes from the centres alone.
+    None when all centres coincide (one view, or a turning camera): depth must then be scaled by other means.
     Raises :class:`GeometryError` for different numbers of cameras, or poses that are not rigid.
     """
     a, b = (np.asarray(x, dtype=np.float64) for x in (estimated, calibrated))
@@ -86,23 +74,12 @@ def align_cameras(estimated: ArrayLike, calibrated: ArrayLike) -> CameraAlignmen
     spread_a, spread_b = (float(np.sqrt((c * c).sum(axis=1).mean())) for c in (centres_a, centres_b))
     # Far from the origin, equal centres differ by rounding.
     floor_a, floor_b = (_FLAT * max(float(np.abs(m).max()), 1e-6) for m in (mean_a, mean_b))
-    known = spread_a > floor_a and spread_b > floor_b
+    if spread_a <= floor_a or spread_b <= floor_b:
+        return None
     # Axis points at one spread's distance, in units of the spread: centres and axes then weigh alike.
-    cross = np.einsum("sij,skj->ik", b[:, :3, :3], a[:, :3, :3]) / len(a)
-    if known:
-        cross = cross + centres_b.T @ centres_a / (len(a) * spread_a * spread_b)
-    rotation = _procrustes(cross)
-    scale = 1.0
-    if known:
-        scale = float(np.sum(centres_b * (centres_a @ rotation.T)) / (len(a) * spread_a**2))
-        known = scale > 0
-        scale = scale if known else 1.0
-    sim3 = Sim3(scale, rotation, mean_b - scale * rotation @ mean_a)
-    return CameraAlignment(sim3, "ok" if known else "scale_undetermined")
-
-
-def _procrustes(cross: FloatArray) -> FloatArray:
-    """The proper rotation R (3, 3) with the largest trace of R^T cross."""
-    u, _, vt = np.linalg.svd(cross)
-    flip = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
-    return np.asarray((u * flip) @ vt)
+    axes = np.einsum("sij,skj->ik", b[:, :3, :3], a[:, :3, :3])
+    u, _, vt = np.linalg.svd(axes + centres_b.T @ centres_a / (spread_a * spread_b))
+    # Of all proper rotations, the one with the largest trace of R^T times that.
+    rotation = (u * [1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))]) @ vt
+    scale = float(np.sum(centres_b * (centres_a @ rotation.T)) / (len(a) * spread_a**2))
+    return scale if scale > 0 else None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,8 +61,7 @@ def projection(camera: Camera) -> FloatArray:
     return np.ascontiguousarray(camera.K @ camera.camera_from_world[:3])
 
 
-@dataclass(frozen=True)
-class MaskStack:
+class MaskStack(NamedTuple):
     """The views' projections and masks, laid out for the loop below; make one when scoring many times.
 
     ``texels`` holds all masks one after the other, each with a border of one repeated pixel, so that sampling
@@ -101,40 +100,19 @@ class MaskStack:
     def support(self, points: FloatArray) -> FloatArray:
         """S (N,) of contiguous float64 points (N, 3)."""
         out = np.empty(len(points))
-
-        def body(start: int, stop: int) -> None:
-            _score(
-                points,
-                self.projections,
-                self.texels,
-                self.layout,
-                self.limits,
-                self.zoom,
-                self.offset,
-                self.least_views,
-                out,
-                start,
-                stop,
-            )
-
-        run_chunks(body, len(points))
+        run_chunks(partial(_score, points, self, out), len(points))
         return out
 
 
 @compiled
 def _score(
     points: FloatArray,
-    projections: FloatArray,
-    texels: NDArray[np.float32],
-    layout: NDArray[np.int64],
-    limits: FloatArray,
-    zoom: FloatArray,
-    offset: float,
-    least_views: int,
+    stack: MaskStack,
     out: FloatArray,
     start: int,
     stop: int,
 ) -> None:
+    projections, texels, layout, limits, zoom, offset, least_views = stack
     # Blocks of points, and no branches within a loop: so that the compiler takes several points at once.
     x, y, z = np.empty(_BLOCK), np.empty(_BLOCK), np.empty(_BLOCK)
     right, down = np.empty(_BLOCK), np.empty(_BLOCK)

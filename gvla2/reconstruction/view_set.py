@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
@@ -13,6 +15,7 @@ from gvla2.reconstruction.carving import hull_field, surface_of
 from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
 from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.support import Compat, MaskStack, as_points, mask_of
+from gvla2.reconstruction.zbuffer import depth_map
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,8 +26,6 @@ class ViewSet:
     compat: Compat = "none"
 
     def __post_init__(self) -> None:
-        if any(view.mask is None for view in self.views):
-            raise GeometryError("The branch checks geometry against masks: give every view one.")
         for view in self.views:
             mask_of(view)
             u, v = view.camera.K[:2, 2]
@@ -63,3 +64,12 @@ class ViewSet:
         """The zero of :attr:`hull`."""
         vertices, faces, _ = surface_of(self.hull)
         return Mesh(vertices, faces)
+
+    @cached_property
+    def hull_interval(self) -> tuple[FloatArray, FloatArray]:
+        """Depths (S, H, W), metres, between which the hull lies on each pixel's ray, NaN where it is missed."""
+        cameras = [view.camera for view in self.views]
+        front = np.stack([depth_map(self.hull_surface, camera) for camera in cameras]).astype(np.float64)
+        back = np.stack([depth_map(self.hull_surface, camera, farthest=True) for camera in cameras])
+        missed = ~np.isfinite(front)
+        return np.where(missed, np.nan, front), np.where(missed, np.nan, back.astype(np.float64))

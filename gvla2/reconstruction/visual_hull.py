@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -12,26 +14,6 @@ from gvla2.reconstruction.support import as_points
 
 TAU, ETA, LAMBDA_MAX = 0.45, 0.12, 0.008
 """The released constants: support threshold, softness, greatest shrink ratio."""
-
-
-def shrink_strength(
-    support: ArrayLike, tau: float = TAU, eta: float = ETA, lambda_max: float = LAMBDA_MAX
-) -> FloatArray:
-    """lambda(p) = lambda_max * sigmoid((tau - s(p)) / eta)^2, (N,) in [0, lambda_max] (paper, shrink strength).
-
-    Raises :class:`GeometryError` for support outside [0, 1], eta <= 0 or lambda_max outside [0, 1].
-    """
-    s = np.asarray(support, dtype=np.float64)
-    if not (eta > 0 and 0 <= lambda_max <= 1 and np.isfinite(tau)):
-        raise GeometryError(
-            f"Soft hull: eta must be > 0, lambda_max in [0, 1] and tau finite; "
-            f"got eta={eta}, lambda_max={lambda_max}, tau={tau}."
-        )
-    if s.size and not (s.min() >= 0 and s.max() <= 1):
-        raise GeometryError(f"Soft hull: support must lie in [0, 1], got {s.min():g} to {s.max():g}.")
-    # With the tanh, no exponential overflows for a small eta.
-    sigmoid = 0.5 + 0.5 * np.tanh(0.5 * (tau - s) / eta)
-    return np.asarray(lambda_max * sigmoid * sigmoid)
 
 
 def object_centre(points: ArrayLike) -> FloatArray:
@@ -68,15 +50,20 @@ def soft_hull(
     eta: float = ETA,
     lambda_max: float = LAMBDA_MAX,
 ) -> FloatArray:
-    """P' = c + (p - c) (1 - lambda(p)) (N, 3) of world points (N, 3) with support (N,).
+    """P' = c + (p - c) (1 - lambda(p)) (N, 3) of world points (N, 3) with support s (N,).
 
+    lambda(p) = lambda_max * sigmoid((tau - s(p)) / eta)^2, in [0, lambda_max] (paper, shrink strength).
     ``centre`` (3,) is :func:`object_centre` of these points by default; give one centre for Gaussians and mesh
-    alike. Raises :class:`GeometryError` for points that are not finite, shapes that do not match and as in
-    :func:`shrink_strength`.
+    alike. Raises :class:`GeometryError` for points that are not finite, shapes that do not match, support outside
+    [0, 1], eta <= 0 and lambda_max outside [0, 1].
     """
     array = as_points(points)
     s = np.ascontiguousarray(support, dtype=np.float64)
-    shrink_strength(s[:0], tau, eta, lambda_max)  # refuses wrong constants
+    if not (eta > 0 and 0 <= lambda_max <= 1 and np.isfinite(tau)):
+        raise GeometryError(
+            f"Soft hull: eta must be > 0, lambda_max in [0, 1] and tau finite; "
+            f"got eta={eta}, lambda_max={lambda_max}, tau={tau}."
+        )
     if s.shape != (len(array),):
         raise GeometryError(f"Soft hull: {len(array)} points but support of shape {s.shape}.")
     if len(array) == 0:
@@ -85,11 +72,7 @@ def soft_hull(
     if c.shape != (3,) or not np.isfinite(c).all():
         raise GeometryError(f"Soft hull: the centre must be three finite numbers, got {c}.")
     moved, wrong = np.empty_like(array), np.zeros(2, dtype=np.int64)
-
-    def part(start: int, stop: int) -> None:
-        _shrink(array, s, c, tau, eta, lambda_max, moved, wrong, start, stop)
-
-    run_chunks(part, len(array))
+    run_chunks(partial(_shrink, array, s, c, tau, eta, lambda_max, moved, wrong), len(array))
     if wrong[0]:
         raise GeometryError(f"Soft hull: points must be finite; at least {wrong[0]} of {len(array)} are not.")
     if wrong[1]:

@@ -9,6 +9,7 @@ maps, which is carving, would take the worst error of all. With exact depth the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +17,12 @@ from scipy.ndimage import binary_fill_holes
 
 from gvla2.geometry.mesh import Mesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import compiled, run_chunks
-from gvla2.reconstruction.evidence import DepthEvidence, hull_interval
+from gvla2.reconstruction.evidence import DepthEvidence
 from gvla2.reconstruction.mesh_field import mesh_field
 from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.support import mask_of, projection
+from gvla2.reconstruction.view_set import ViewSet
 
 BAND = 3.0
 """Voxels on either side of a depth map's surface of which it can tell how far away it is."""
@@ -43,14 +44,13 @@ class Posterior:
     needed: FloatArray
 
 
-def fuse_volume(
-    hull: Field, evidence: DepthEvidence, views: Views, g0: Mesh | None, surface: Mesh
-) -> Posterior:
-    """The object within ``hull`` (its ``surface`` as a mesh) as the depth maps see it.
+def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: Mesh | None) -> Posterior:
+    """The object within its masks' visual hull as the depth maps see it.
 
     Voxels of which no map tells are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be
     left without anything on its ray, the likeliest voxel of the ray is filled: thin things stay whole.
     """
+    hull, views = seen.hull, seen.views
     usual = float(np.nanmedian(evidence.depth) * np.nanmedian(evidence.std))
     band = max(BAND * hull.step, SURE * usual)
     values, confidence = hull.values.copy(), np.zeros(hull.values.shape, dtype=np.float32)
@@ -66,29 +66,16 @@ def fuse_volume(
         8 * hull.step,
     )
 
-    def part(start: int, stop: int) -> None:
-        _fuse(values, confidence, start, stop, *arrays)
-
-    run_chunks(part, len(values), least=16)
+    run_chunks(partial(_fuse, values, confidence, *arrays), len(values), least=16)
     if g0 is not None and len(g0.faces):
         unseen = (confidence == 0) & (hull.values > -hull.step)
         values[unseen] = np.minimum(values, mesh_field(g0, hull, unseen))[unseen]
-    front, back = hull_interval(surface, views)
+    front, back = (np.nan_to_num(ends) for ends in seen.hull_interval)
     cut = values <= 0
     for s, view in enumerate(views):
-        _, rays = view.camera.rays()
-        ends = np.nan_to_num(front[s]), np.nan_to_num(back[s])
-        _cover(
-            values,
-            hull.values,
-            hull.origin,
-            hull.step,
-            view.camera.position,
-            rays,
-            *ends,
-            mask_of(view),
-            SOLID,
-        )
+        centre, rays = view.camera.rays()
+        within = hull.values, hull.origin, hull.step
+        _cover(values, *within, centre, rays, front[s], back[s], mask_of(view))
     needed = hull.points(np.argwhere(cut & (values > 0)))
     cavities = binary_fill_holes(values > 0) & (values <= 0)
     values[cavities] = hull.step
@@ -99,8 +86,6 @@ def fuse_volume(
 def _fuse(
     values: NDArray[np.float32],
     confidence: NDArray[np.float32],
-    start: int,
-    stop: int,
     origin: FloatArray,
     step: float,
     projections: FloatArray,
@@ -110,6 +95,8 @@ def _fuse(
     weights: FloatArray,
     band: float,
     jump: float,
+    start: int,
+    stop: int,
 ) -> None:
     _, ny, nz = values.shape
     count, height, width = depth.shape
@@ -202,12 +189,11 @@ def _cover(
     front: FloatArray,
     back: FloatArray,
     mask: NDArray[np.float32],
-    solid: float,
 ) -> None:
     nx, ny, nz = values.shape
     for row in range(mask.shape[0]):
         for column in range(mask.shape[1]):
-            if mask[row, column] < solid or front[row, column] <= 0:
+            if mask[row, column] < SOLID or front[row, column] <= 0:
                 continue
             ray = rays[row, column]
             stride = 0.5 * step / np.sqrt(ray[0] ** 2 + ray[1] ** 2 + ray[2] ** 2)

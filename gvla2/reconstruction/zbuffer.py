@@ -13,18 +13,21 @@ from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.mask_distance import Silhouette, mask_iou
 
+NEAREST = 1e-3
+"""Metres in front of a camera's plane within which nothing is drawn."""
 
-def depth_map(mesh: Mesh, camera: Camera, near: float = 1e-3, farthest: bool = False) -> NDArray[np.float32]:
+
+def depth_map(mesh: Mesh, camera: Camera, farthest: bool = False) -> NDArray[np.float32]:
     """(H, W) float32 depth along the camera's z of the nearest surface at each pixel's centre, inf where none is.
 
-    ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than ``near``
-    (metres) to the camera's plane are left out.
+    ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than
+    :data:`NEAREST` to the camera's plane are left out.
     """
-    return depth_of(mesh.vertices, mesh.faces, camera, near, farthest)
+    return depth_of(mesh.vertices, mesh.faces, camera, farthest)
 
 
 def depth_of(
-    vertices: FloatArray, faces: NDArray[np.int64], camera: Camera, near: float = 1e-3, farthest: bool = False
+    vertices: FloatArray, faces: NDArray[np.int64], camera: Camera, farthest: bool = False
 ) -> NDArray[np.float32]:
     """The same of bare triangles (F, 3); those with a vertex (V, 3) that is not finite are left out."""
     depth = np.full((camera.height, camera.width), -np.inf if farthest else np.inf, dtype=np.float32)
@@ -32,7 +35,7 @@ def depth_of(
     image = local @ camera.K.T
     with np.errstate(divide="ignore", invalid="ignore"):
         uv = image[:, :2] / image[:, 2:3]
-    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), faces, depth, near, farthest)
+    _rasterise(np.ascontiguousarray(uv), np.ascontiguousarray(local[:, 2]), faces, depth, farthest)
     return depth
 
 
@@ -47,13 +50,12 @@ def _rasterise(
     z: FloatArray,
     faces: NDArray[np.int64],
     depth: NDArray[np.float32],
-    near: float,
     farthest: bool,
 ) -> None:
     height, width = depth.shape
     for f in range(len(faces)):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if not (z[a] >= near and z[b] >= near and z[c] >= near):
+        if not (z[a] >= NEAREST and z[b] >= NEAREST and z[c] >= NEAREST):
             continue
         ax, ay, bx, by, cx, cy = uv[a, 0], uv[a, 1], uv[b, 0], uv[b, 1], uv[c, 0], uv[c, 1]
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)

@@ -33,7 +33,7 @@ from gvla2.reconstruction.appearance import fit_affine
 from gvla2.reconstruction.branch import BranchParts, refine_geometry
 from gvla2.reconstruction.compiled import cores
 from gvla2.reconstruction.contracts import Reconstruction
-from gvla2.reconstruction.gate import accept
+from gvla2.reconstruction.gate import judged
 from gvla2.reconstruction.silhouette import symmetric_iou
 from gvla2.reconstruction.support import mask_support
 from gvla2.reconstruction.surfels import surfels
@@ -245,7 +245,7 @@ def main(arguments: list[str]) -> None:
         milliseconds(lambda: symmetric_iou(mesh.vertices, views, faces=mesh.faces), repeats),
         None,
     )
-    show("gate", milliseconds(lambda: accept(drifted, points, views), repeats), None)
+    show("gate", milliseconds(lambda: judged("gate", drifted, points, views), repeats), None)
     view = views[0]
     shifted = np.clip(0.9 * (view.image / 255) + 0.05, 0, 1)
     show(

@@ -1,13 +1,14 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 
 from gvla2.evaluation.report_page import render_report
 from gvla2.evaluation.results import Cell, Run
 from gvla2.evaluation.table_formats import NOT_MEASURED, to_latex, to_markdown
-from gvla2.evaluation.tables import RECONSTRUCTION, make_tables
+from gvla2.evaluation.tables import AGENTS, RECONSTRUCTION, make_tables
 
 
 def cells() -> list[Cell]:
@@ -67,6 +68,30 @@ def test_of_a_cell_measured_twice_the_later_counts():
     again = Cell("new", made[0].factors, {**made[0].measures, "cd_surface": 100.0}, made[0].notes, run=9)
     (table,) = make_tables([again, *made], RECONSTRUCTION)
     assert table.rows[1].entries[0].mean == pytest.approx((100 + 10 * 1.02 + 21 * 0.9 + 11 * 1.02) / 4)
+
+
+def test_a_change_of_nothing_has_no_worst_object():
+    (table,) = make_tables(cells(), RECONSTRUCTION)
+    psnr = table.rows[1].entries[2]
+    assert (psnr.change.percent, psnr.worst, psnr.worst_object) == (0, None, "")
+
+
+def test_stages_that_the_views_refuted_are_counted_below_the_table():
+    made = [
+        replace(cell, notes={"status": "ok", "stages": ["prior: applied", f"axis: {status}"]})
+        for cell, status in zip(cells(), ("applied", "", "rejected", "") * 2, strict=True)
+    ]
+    fused = [cell for cell in made if cell.factors["variant"] == "ab_fusion"]
+    others = [replace(cell, notes={"status": "ok"}) for cell in made if cell not in fused]
+    tables = make_tables([*fused, *others], RECONSTRUCTION)
+    assert "refuted a stage: A + B fusion: axis 2 of 4." in to_markdown(tables)
+    assert [dict(row.rejected) for row in tables[0].rows] == [{}, {"axis": "2 of 4"}]
+
+
+def test_a_table_is_explained_by_its_own_suite():
+    assert "prior" in to_markdown(make_tables(cells(), RECONSTRUCTION))
+    agent = Cell("a", {"memory": "off", "task": "t", "seed": 0}, {"solved": 1.0}, {"status": "ok"}, 1)
+    assert "prior" not in to_markdown(make_tables([agent], AGENTS))
 
 
 def test_markdown():

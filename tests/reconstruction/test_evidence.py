@@ -25,8 +25,8 @@ def views(masked_views, jug):
 
 
 @pytest.fixture(scope="module")
-def hull(views):
-    return ViewSet(views).hull_surface
+def seen(views):
+    return ViewSet(views)
 
 
 def exact(views):
@@ -46,8 +46,8 @@ def error(depth, views):
     return 100 * float(np.sqrt(np.nanmean(np.clip(gap, -0.2, 0.2) ** 2)))
 
 
-def test_exact_depth_stays_as_it_is(views, hull):
-    found = gather(estimate(views), views, hull)
+def test_exact_depth_stays_as_it_is(views, seen):
+    found = gather(estimate(views), seen)
     assert error(found.depth, views) < 0.6
     assert np.nanmedian(found.std) < 0.006
 
@@ -61,31 +61,31 @@ def test_exact_depth_stays_as_it_is(views, hull):
         ({"global_scale": 0.3, "pose_degrees": 1.0, "pose_shift": 0.01}, 0.6),
     ],
 )
-def test_stiff_errors_are_found_whatever_their_size(views, hull, parts, most):
+def test_stiff_errors_are_found_whatever_their_size(views, seen, parts, most):
     given = estimate(views, **parts)
     assert error(given.depth, views) > 1.5 * most
-    assert error(gather(given, views, hull).depth, views) < most
+    assert error(gather(given, seen).depth, views) < most
 
 
-def test_a_smooth_error_is_mended_in_part_and_told(views, hull):
+def test_a_smooth_error_is_mended_in_part_and_told(views, seen):
     given = estimate(views, low_frequency=0.02)
-    found = gather(given, views, hull)
+    found = gather(given, seen)
     assert error(found.depth, views) < 0.9 * error(given.depth, views)
-    assert np.nanmedian(found.std) > 1.5 * np.nanmedian(gather(estimate(views), views, hull).std)
+    assert np.nanmedian(found.std) > 1.5 * np.nanmedian(gather(estimate(views), seen).std)
 
 
-def test_a_view_without_depth_is_left_out_and_the_rest_is_used(views, hull):
+def test_a_view_without_depth_is_left_out_and_the_rest_is_used(views, seen):
     given = estimate(views)
     given.depth[1] = np.nan
-    found = gather(given, views, hull)
+    found = gather(given, seen)
     assert not np.isfinite(found.depth[1]).any()
     assert error(found.depth, views) < 0.6
     assert found.told.startswith("4 of 5 views used")
 
 
-def test_a_single_view_is_believed(views, hull):
+def test_a_single_view_is_believed(views):
     one = Views(views.views[:1])
-    found = gather(estimate(one), one, hull)
+    found = gather(estimate(one), ViewSet(one))
     assert error(found.depth, one) < 0.5
 
 
@@ -112,7 +112,7 @@ def test_edges_and_flying_pixels_are_not_solid():
     assert solid[12, 3]
 
 
-def test_what_cannot_be_used_says_why(views, hull):
+def test_what_cannot_be_used_says_why(views, seen):
     given = estimate(views)
     for wrong, words in (
         (replace(given, depth=given.depth[:2]), "views, height, width"),
@@ -120,7 +120,7 @@ def test_what_cannot_be_used_says_why(views, hull):
         (replace(given, confidence=0 * given.confidence), "0% of the masks"),
     ):
         with pytest.raises(GeometryError, match=words):
-            gather(wrong, views, hull)
+            gather(wrong, seen)
 
 
 def test_a_needed_point_caps_the_depth_of_its_pixel(views):

@@ -6,7 +6,7 @@ import trimesh
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.views import Views
-from gvla2.reconstruction.gate import accept
+from gvla2.reconstruction.gate import judged
 
 
 @pytest.fixture(scope="module")
@@ -20,8 +20,8 @@ def views(jug, masked_views) -> Views:
 
 
 def test_no_change_is_kept(points, views):
-    gate = accept(points, points, views)
-    assert gate.accepted
+    gate = judged("soft_hull", points, points, views)
+    assert gate.status == "applied"
     assert gate.before == gate.after
     assert set(gate.before) == {"support", "symmetric_iou"}
 
@@ -29,45 +29,47 @@ def test_no_change_is_kept(points, views):
 @pytest.mark.parametrize("scale", [0.9, 1.1, (1, 1, 0.93)])
 def test_a_change_for_the_worse_is_not_and_the_way_back_is(points, views, scale):
     worse = points * scale
-    refused, kept = accept(points, worse, views), accept(worse, points, views)
-    assert not refused.accepted
+    refused, kept = judged("soft_hull", points, worse, views), judged("soft_hull", worse, points, views)
+    assert refused.status == "rejected"
     assert "Symmetric IoU fell" in refused.reason
     assert refused.after["symmetric_iou"] < refused.before["symmetric_iou"]
-    assert kept.accepted, kept.reason
+    assert kept.status == "applied", kept.reason
 
 
 def test_support_counts_by_itself(points, views, monkeypatch):
     # With the silhouettes' say taken away, points outside the masks are still refused.
     monkeypatch.setattr("gvla2.reconstruction.gate.IOU_TOLERANCE", 1.0)
-    gate = accept(points, points * 1.06, views)
-    assert not gate.accepted
+    gate = judged("soft_hull", points, points * 1.06, views)
+    assert gate.status == "rejected"
     assert "support fell" in gate.reason
     monkeypatch.setattr("gvla2.reconstruction.gate.SUPPORT_TOLERANCE", 1.0)
-    assert accept(points, points * 1.06, views).accepted
+    assert judged("soft_hull", points, points * 1.06, views).status == "applied"
 
 
 def test_not_a_number_is_never_kept(points, views):
     broken = points.copy()
     broken[7] = np.nan
-    gate = accept(points, broken, views)
-    assert not gate.accepted
+    gate = judged("soft_hull", points, broken, views)
+    assert gate.status == "rejected"
     assert "1 points became infinite" in gate.reason
 
 
 def test_without_silhouettes_nothing_changes(points, views):
     empty = Views(tuple(replace(v, mask=np.zeros_like(v.mask)) for v in views))
-    gate = accept(points, points, empty)
-    assert not gate.accepted
+    gate = judged("soft_hull", points, points, empty)
+    assert gate.status == "rejected"
     assert "Every mask is empty" in gate.reason
 
 
 def test_meshes_are_compared_by_their_faces(jug, views):
     vertices = np.asarray(jug.vertices)
-    assert accept(vertices * 1.05, vertices, views, faces=jug.faces).after["symmetric_iou"] > 0.999
+    assert (
+        judged("soft_hull", vertices * 1.05, vertices, views, faces=jug.faces).after["symmetric_iou"] > 0.999
+    )
 
 
 def test_errors(points, views):
     with pytest.raises(GeometryError, match="0 after"):
-        accept(points, np.zeros((0, 3)), views)
+        judged("soft_hull", points, np.zeros((0, 3)), views)
     with pytest.raises(GeometryError, match=r"after must be \(N, 3\)"):
-        accept(points, points[:, :2], views)
+        judged("soft_hull", points, points[:, :2], views)

@@ -44,7 +44,7 @@ def seen(views):
 
 
 def fused(seen, evidence, g0=None):
-    post = fuse_volume(seen.hull, evidence, seen.views, g0, seen.hull_surface)
+    post = fuse_volume(seen, evidence, g0)
     vertices, faces, _ = surface_of(post.field)
     return post, Mesh(vertices, faces)
 
@@ -55,13 +55,13 @@ def distance(mesh, truth):
 
 
 def test_a_hollow_that_no_silhouette_shows_is_carved(seen, views):
-    post, mesh = fused(seen, gather(from_depth(views), views, seen.hull_surface))
+    post, mesh = fused(seen, gather(from_depth(views), seen))
     assert distance(mesh, bowl()) < 0.5 * distance(seen.hull_surface, bowl())
     assert (post.confidence > 0).any()
 
 
 def test_a_solid_mask_pixel_keeps_something_on_its_ray(seen, views):
-    evidence = gather(from_depth(views), views, seen.hull_surface)
+    evidence = gather(from_depth(views), seen)
     # Every view believes that it looks straight through.
     evidence.depth[:] = 10.0
     post, _ = fused(seen, evidence)
@@ -76,7 +76,7 @@ def test_a_solid_mask_pixel_keeps_something_on_its_ray(seen, views):
 
 
 def test_without_evidence_the_first_reconstruction_stays(seen, views):
-    evidence = gather(from_depth(views), views, seen.hull_surface)
+    evidence = gather(from_depth(views), seen)
     evidence.weight[:] = 0.0
     truth = bowl()
     post, mesh = fused(seen, evidence, Mesh(np.asarray(truth.vertices), np.asarray(truth.faces)))
@@ -107,7 +107,7 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     right = from_depth(views).depth.astype(np.float64)
     wrong, sure, moved = learned(right, poses, noise, np.random.default_rng(1))
     estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
-    plain, plain_mesh = fused(seen, gather(estimate, views, seen.hull_surface))
+    plain, plain_mesh = fused(seen, gather(estimate, seen))
     _, heeding = agreed(estimate, seen, None)
     vertices, faces, _ = surface_of(heeding.field)
     assert len(heeding.needed) < 0.5 * len(plain.needed)
@@ -116,6 +116,6 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
 
 def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
     evidence, posterior = agreed(from_depth(views), seen, None)
-    plain, _ = fused(seen, gather(from_depth(views), views, seen.hull_surface))
+    plain, _ = fused(seen, gather(from_depth(views), seen))
     assert (posterior.field.values > 0).sum() == pytest.approx((plain.field.values > 0).sum(), rel=0.01)
     assert (evidence.weight > 0).any()
