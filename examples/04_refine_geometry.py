@@ -10,7 +10,7 @@ import trimesh
 
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points
 from gvla2.evaluation.protocol import protocol_cameras
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.views import View, Views
 from gvla2.plugins import load_plugins
@@ -58,7 +58,7 @@ refined = refine_geometry(g0, views, chosen)
 for stage in refined.stages:
     print(f"  {stage.stage:<11} {stage.status:<9} {stage.reason}")
 
-truth = Truth.of(Mesh(solid.vertices, solid.faces), samples=20_000)
+truth = Truth.of(TriangleMesh(solid.vertices, solid.faces), samples=20_000)
 for name, thing in (("carved", carved), ("drifted", refined.g0), ("refined", refined.out)):
     points, _ = surface_points(thing.mesh, None, samples=20_000)
     print(f"{name:<8} Chamfer distance {cd_surface(points, truth):6.2f} thousandths of its length")

@@ -21,7 +21,7 @@ from gvla2.errors import GeometryError, Gvla2Error, OutputError
 from gvla2.evaluation.metrics import Truth, cd_surface, surface_points
 from gvla2.evaluation.protocol import protocol_cameras
 from gvla2.geometry.gso_views import write_gso
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.plain_views import write_plain
 from gvla2.geometry.ply import read_gaussians
@@ -61,7 +61,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("views") / "mallet"
     solid = mallet()
     write_plain(place, seen(solid, 7))
-    write_mesh(place.parent / "truth.obj", Mesh(solid.vertices, solid.faces))
+    write_mesh(place.parent / "truth.obj", TriangleMesh(solid.vertices, solid.faces))
     return place
 
 
@@ -182,7 +182,7 @@ def test_a_planted_drift_is_undone_and_told(folder: Path, tmp_path: Path, regist
     record = reconstruct(config, drifting, tmp_path)
     told = record.summary()["metrics"]
     solid = mallet()
-    truth = Truth.of(Mesh(solid.vertices, solid.faces), samples=5000)
+    truth = Truth.of(TriangleMesh(solid.vertices, solid.faces), samples=5000)
     ends = [surface_points(end.mesh, None, samples=5000)[0] for end in (record.result.g0, record.result.out)]
     before, after = (cd_surface(points, truth) for points in ends)
     assert after < 0.9 * before
@@ -311,7 +311,7 @@ def test_cameras_and_masks_that_cannot_be(tmp_path: Path, registry: Registry, sp
 
 def test_truth_in_another_frame_is_refused_early(folder: Path, tmp_path: Path, registry: Registry):
     solid = mallet()
-    write_mesh(tmp_path / "far.obj", Mesh(solid.vertices + 5.0, solid.faces))
+    write_mesh(tmp_path / "far.obj", TriangleMesh(solid.vertices + 5.0, solid.faces))
     with pytest.raises(GeometryError, match="frame and scale"):
         reconstruct(composed(f"views={folder}", f"truth={tmp_path / 'far.obj'}"), registry, tmp_path / "out")
 

@@ -10,7 +10,7 @@ from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.evaluation.gso_truth import true_mesh
 from gvla2.evaluation.protocol import TARGETS
 from gvla2.geometry.gso_views import find_model_folder
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.plain_views import find_cameras
 from gvla2.geometry.view_archive import ARCHIVE, subject_of
@@ -34,7 +34,7 @@ class Inputs:
     folder: Path
     views: Views
     held_out: Views | None
-    truth: Mesh | None
+    truth: TriangleMesh | None
     truth_file: str
 
 
@@ -94,7 +94,7 @@ def _gso_model(folder: Path) -> Path | None:
     return None if other else find_model_folder(folder)
 
 
-def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[Mesh | None, str]:
+def _truth(folder: Path, config: ReconstructConfig, views: Views) -> tuple[TriangleMesh | None, str]:
     """The true mesh in the views' frame; a GSO-30 tree brings its own, scaled and turned as its views were."""
     if config.truth:
         given = read_mesh(Path(config.truth).expanduser())

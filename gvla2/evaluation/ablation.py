@@ -18,7 +18,7 @@ from gvla2.evaluation.judge import MEASURES, ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.evaluation.results import Cell
 from gvla2.evaluation.volume_baselines import aligned_tsdf, carved, dressed
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.branch import BranchOptions, BranchParts, BranchResult, refine_geometry
 from gvla2.reconstruction.contracts import (
@@ -47,7 +47,7 @@ VARIANTS: Mapping[str, Mapping[str, bool] | None] = MappingProxyType(
 )
 """The rows by name, with the stages that each switches off; None is no branch: G0 itself, or a plain use of depth."""
 
-PLAIN: Mapping[str, Callable[[Views, GeometryEstimate], Mesh | None]] = MappingProxyType(
+PLAIN: Mapping[str, Callable[[Views, GeometryEstimate], TriangleMesh | None]] = MappingProxyType(
     {"carving": carved, "aligned_tsdf": aligned_tsdf}
 )
 """Rows that use the very prior of the branch without it."""

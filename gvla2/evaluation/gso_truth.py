@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gvla2.evaluation.metrics import unit_box
 from gvla2.geometry.glb import to_z_up
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.silhouette import symmetric_iou
@@ -18,7 +18,7 @@ AGREEMENT = 0.9
 log = logging.getLogger(__name__)
 
 
-def true_mesh(path: Path, views: Views) -> Mesh | None:
+def true_mesh(path: Path, views: Views) -> TriangleMesh | None:
     """The mesh of a file, scaled to a longest side of 1, centred, and turned as in the views.
 
     Whoever rendered the views may have read the file as Y-up or as Z-up; the masks tell. None, with a warning, when

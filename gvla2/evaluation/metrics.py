@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 
 SURFACE_SAMPLES = 100_000
@@ -31,7 +31,7 @@ class Truth:
     vertex_tree: cKDTree
 
     @classmethod
-    def of(cls, mesh: Mesh, samples: int = SURFACE_SAMPLES, seed: int = 0) -> Truth:
+    def of(cls, mesh: TriangleMesh, samples: int = SURFACE_SAMPLES, seed: int = 0) -> Truth:
         """Sample a true mesh that lies in the calibrated frame."""
         surface, _ = mesh.sample(samples, np.random.default_rng(seed))
         vertices = unit_box(mesh.vertices)
@@ -39,7 +39,7 @@ class Truth:
 
 
 def surface_points(
-    mesh: Mesh | None, centres: FloatArray | None, samples: int = SURFACE_SAMPLES, seed: int = 1
+    mesh: TriangleMesh | None, centres: FloatArray | None, samples: int = SURFACE_SAMPLES, seed: int = 1
 ) -> tuple[FloatArray, str]:
     """Points (N, 3) that stand for a reconstruction's surface, and what they are: ``mesh`` or ``centres``.
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError, OutputError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View, Views
@@ -51,7 +51,7 @@ class ObjectViews:
     name: str
     inputs: Views
     targets: Views
-    mesh: Mesh | None
+    mesh: TriangleMesh | None
 
 
 def protocol_cameras(name: str, size: int = SIZE) -> tuple[Camera, ...]:

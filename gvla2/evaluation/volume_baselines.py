@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import hull_field, surface_of
@@ -28,7 +28,7 @@ TRUNCATION = 6.0
 """Voxels on either side of a surface that a TSDF remembers."""
 
 
-def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> Mesh | None:
+def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh | None:
     """The visual hull less every voxel that lies before a depth map; None when nothing is left."""
     field = hull_field(views, resolution)
     depth = prior.depth.astype(np.float64) * camera_scale(prior, views)
@@ -39,7 +39,7 @@ def carved(views: Views, prior: GeometryEstimate, resolution: int = 96) -> Mesh 
     return mesh_of(Field(values, field.origin, field.step))
 
 
-def aligned_tsdf(views: Views, prior: GeometryEstimate, resolution: int = 96) -> Mesh | None:
+def aligned_tsdf(views: Views, prior: GeometryEstimate, resolution: int = 96) -> TriangleMesh | None:
     """A TSDF mean of the depth maps within the hull, each brought to the consensus by a scale and a shift.
 
     Four rounds: fit each map to the surface that all make (the hull at first) by the median of ratios and, from the
@@ -103,21 +103,21 @@ def _distances(field: Field, camera: Camera, depth: FloatArray) -> FloatArray:
     return np.asarray(np.where(inside, z - there, np.nan).reshape(shape))
 
 
-def mesh_of(field: Field) -> Mesh | None:
+def mesh_of(field: Field) -> TriangleMesh | None:
     """The zero of a field as a mesh without colours; None when it has none."""
     try:
         vertices, faces, _ = surface_of(field)
     except (ValueError, GeometryError):
         return None
-    return Mesh(vertices, faces)
+    return TriangleMesh(vertices, faces)
 
 
-def dressed(mesh: Mesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
+def dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:
     """A bare mesh with colours from the views and about ``count`` Gaussians on it, put as far inside as ours are."""
     shown, _ = silhouettes(views)
     normals = outward_normals(mesh)
     depths = [depth_map(mesh, s.camera) for s in shown]
     tolerance = 0.02 * float(np.ptp(mesh.vertices, axis=0).max())
     colours, _ = vertex_colours(mesh, normals, shown, depths, tolerance)
-    mesh = Mesh(mesh.vertices, mesh.faces, colours)
+    mesh = TriangleMesh(mesh.vertices, mesh.faces, colours)
     return inset(Reconstruction(surfels(mesh, normals, count), mesh), views, renderer)[0]

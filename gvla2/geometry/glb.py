@@ -27,7 +27,7 @@ from gvla2.geometry.gltf import (
     store_floats,
     unpack,
 )
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.writing import write_whole
 
@@ -183,7 +183,7 @@ def _turn(normals: FloatArray, before: FloatArray, after: FloatArray, faces: NDA
 
 def _vertex_normals(vertices: FloatArray, faces: NDArray[np.int64]) -> FloatArray:
     """(V, 3) unit normals, area-weighted over a vertex's faces; +z where there are none."""
-    mesh = Mesh(vertices, faces)
+    mesh = TriangleMesh(vertices, faces)
     weighted = np.repeat(mesh.normals * mesh.areas[:, None], 3, axis=0)
     corners = faces.ravel()
     total = np.stack([np.bincount(corners, weighted[:, k], len(vertices)) for k in range(3)], axis=1)

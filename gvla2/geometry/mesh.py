@@ -12,7 +12,7 @@ from gvla2.geometry.transform import FloatArray
 
 
 @dataclass(frozen=True)
-class Mesh:
+class TriangleMesh:
     """A triangle mesh in the world's or an object's frame.
 
     ``vertices`` (V, 3) metres; ``faces`` (F, 3) vertex indices, counter-clockwise seen from outside;
@@ -86,7 +86,7 @@ class Mesh:
         a, b, c = (self.vertices[self.faces[chosen, k]] for k in range(3))
         return (1 - u) * a + u * (1 - v) * b + u * v * c, chosen
 
-    def with_vertices(self, vertices: ArrayLike) -> Mesh:
+    def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
         """The same topology and colours at other vertices (V, 3), metres."""
         moved = np.asarray(vertices, dtype=np.float64)
         if moved.shape != self.vertices.shape:

@@ -1,8 +1,8 @@
 """Meshes in OBJ, GLB and PLY files, read and written by trimesh.
 
 GLB files are Y-up by their standard and are turned to our Z-up frame and back; OBJ and PLY state no axes and
-are taken as they are. Materials do not pass through a :class:`Mesh`: to move the vertices of a GLB file and keep
-all else, use :func:`gvla2.geometry.glb.map_glb`.
+are taken as they are. Materials do not pass through a :class:`TriangleMesh`: to move the vertices of a GLB file
+and keep all else, use :func:`gvla2.geometry.glb.map_glb`.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import trimesh
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.glb import to_y_up, to_z_up
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.writing import write_whole
 
 _SUFFIXES = (".obj", ".glb", ".ply")
 
 
-def read_mesh(path: str | os.PathLike[str]) -> Mesh:
+def read_mesh(path: str | os.PathLike[str]) -> TriangleMesh:
     """All meshes of a file as one, each placed by the file's scene graph, Z-up.
 
     Vertex order is the file's. Colours come from vertex colours, else from the material or texture at each
@@ -44,12 +44,12 @@ def read_mesh(path: str | os.PathLike[str]) -> Mesh:
     faces = np.concatenate([part.faces + start for part, start in zip(parts, starts[:-1], strict=True)])
     colours = np.concatenate([_colours(part) for part in parts]) if all(map(_is_coloured, parts)) else None
     try:
-        return Mesh(to_z_up(vertices) if suffix == ".glb" else vertices, faces, colours)
+        return TriangleMesh(to_z_up(vertices) if suffix == ".glb" else vertices, faces, colours)
     except GeometryError as error:
         raise GeometryError(f"{source}: {error}") from error
 
 
-def write_mesh(path: str | os.PathLike[str], mesh: Mesh) -> None:
+def write_mesh(path: str | os.PathLike[str], mesh: TriangleMesh) -> None:
     """Write vertices, faces and colours, whole or not at all; the suffix .obj, .glb or .ply chooses the format.
 
     Raises :class:`GeometryError` for another suffix, :class:`gvla2.errors.OutputError` when it cannot be written.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.glb import to_z_up
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 
 GREY = 0.7
 """The colour of a mesh that has none."""
@@ -29,7 +29,7 @@ class TexturedMesh:
     float32 in [0, 1], corner colours, which multiply the texture; ``images`` each (H, W, 3) uint8 RGB.
     """
 
-    mesh: Mesh
+    mesh: TriangleMesh
     uv: NDArray[np.float32]
     texture: NDArray[np.int64]
     rgb: NDArray[np.float32]
@@ -93,7 +93,7 @@ def read_textured_mesh(path: str | os.PathLike[str]) -> TexturedMesh:
     vertices, welded = np.unique(vertices, axis=0, return_inverse=True)
     faces = welded.reshape(-1)[faces]
     try:
-        mesh = Mesh(to_z_up(vertices) if source.suffix.lower() == ".glb" else vertices, faces)
+        mesh = TriangleMesh(to_z_up(vertices) if source.suffix.lower() == ".glb" else vertices, faces)
     except GeometryError as error:
         raise GeometryError(f"{source}: {error}") from error
     return TexturedMesh(

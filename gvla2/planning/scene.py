@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, transform_points
 
 Shape = Literal["box", "cylinder", "sphere", "disc", "plate", "ring", "bar", "region", "other"]
@@ -45,7 +45,7 @@ class KnownShape:
     scale: float = 1.0
     residual: float = 0.0
 
-    def mesh(self) -> Mesh:
+    def mesh(self) -> TriangleMesh:
         """The whole scan in the world frame, also where no camera saw it; raises :class:`GeometryError`."""
         from gvla2.geometry.mesh_files import read_mesh  # scenes are read without trimesh, too
 

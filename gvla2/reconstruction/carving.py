@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label, map_coordinates
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.colouring import vertex_colours
@@ -41,7 +41,7 @@ class Carving:
     view) says how well the mesh covers each mask. ``status`` is ``"ok"`` or what was done otherwise, and why.
     """
 
-    mesh: Mesh
+    mesh: TriangleMesh
     normals: FloatArray
     seen: NDArray[np.bool_]
     iou: tuple[float, ...]
@@ -67,12 +67,12 @@ def carve(views: Views, resolution: int = 96) -> Carving:
     used, dropped, notes, region = _evidence(views)
     field = _without_crumbs(_field(used, region, resolution), used)
     vertices, faces, normals = surface_of(field)
-    mesh = Mesh(vertices, faces)
+    mesh = TriangleMesh(vertices, faces)
     depths = [depth_map(mesh, s.camera) for s in used]
     colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
     status = _status(notes, used, dropped, region)
     iou = tuple(mask_iou(np.isfinite(d), s) for d, s in zip(depths, used, strict=True))
-    return Carving(Mesh(vertices, faces, colours), normals, seen, iou, status)
+    return Carving(TriangleMesh(vertices, faces, colours), normals, seen, iou, status)
 
 
 def hull_field(views: Views, resolution: int = 96) -> Field:
@@ -147,7 +147,7 @@ def _coarse_agreement(used: Sequence[Silhouette], depth: float | None) -> float:
         # Thinner than a coarse voxel everywhere, but there.
         return _AGREEMENT
     vertices, faces, _ = surface_of(field)
-    mesh = Mesh(vertices, faces)
+    mesh = TriangleMesh(vertices, faces)
     return mask_agreement(mesh, used)
 
 

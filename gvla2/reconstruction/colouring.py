@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, minimum_filter
 from scipy.spatial import cKDTree
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.mask_distance import Silhouette
 
@@ -23,7 +23,7 @@ _NEIGHBOURS = 8
 
 
 def vertex_colours(
-    mesh: Mesh,
+    mesh: TriangleMesh,
     normals: FloatArray,
     silhouettes: Sequence[Silhouette],
     depths: Sequence[NDArray[np.float32]],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 
@@ -26,7 +26,7 @@ class Reconstruction:
     """
 
     gaussians: Gaussians | None
-    mesh: Mesh | None
+    mesh: TriangleMesh | None
     status: str = "ok"
     glb: Path | None = None
 

@@ -15,7 +15,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import cores
@@ -30,14 +30,14 @@ MOST = 2.0
 """Farthest that points are moved, pixels of the views."""
 
 
-def outward_normals(mesh: Mesh) -> FloatArray:
+def outward_normals(mesh: TriangleMesh) -> FloatArray:
     """(V, 3) unit normals of the vertices, weighted by angles, out of a closed mesh whatever its winding."""
     made = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     outward = 1.0 if made.volume >= 0 else -1.0
     return np.asarray(outward * made.vertex_normals)
 
 
-def normals_at(centres: FloatArray, mesh: Mesh) -> FloatArray:
+def normals_at(centres: FloatArray, mesh: TriangleMesh) -> FloatArray:
     """(N, 3) outward unit normals of the mesh where it lies nearest to the centres (N, 3)."""
     surface, normals = mesh.vertices, outward_normals(mesh)
     if len(surface) < min(len(centres), _ENOUGH) and mesh.areas.sum() > 0:
@@ -79,13 +79,13 @@ def inset(thing: Reconstruction, views: Views, renderer: Renderer) -> tuple[Reco
     )
 
 
-def fill_masks(mesh: Mesh, views: Views) -> Mesh:
+def fill_masks(mesh: TriangleMesh, views: Views) -> TriangleMesh:
     """The mesh grown, or shrunk, along its normals to where its silhouettes meet the masks best."""
     if len(mesh.faces) == 0:
         return mesh
     step = outward_normals(mesh) * pixel_sizes(mesh.vertices, views)[:, None]
 
-    def at(pixels: float) -> Mesh:
+    def at(pixels: float) -> TriangleMesh:
         return mesh.with_vertices(mesh.vertices + pixels * step)
 
     pixels, before, after = _best(lambda t: symmetric_iou(at(t).vertices, views, faces=mesh.faces))

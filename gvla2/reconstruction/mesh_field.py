@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion
 from scipy.spatial import cKDTree
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled, cores
 from gvla2.reconstruction.occupancy import Field
@@ -15,7 +15,7 @@ from gvla2.reconstruction.occupancy import Field
 _SAMPLES = 60_000
 
 
-def mesh_field(mesh: Mesh, grid: Field, where: NDArray[np.bool_]) -> NDArray[np.float32]:
+def mesh_field(mesh: TriangleMesh, grid: Field, where: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(X, Y, Z) float32 metres inside ``mesh`` at the grid's voxels, negative outside.
 
     Exact at voxels of ``where`` that lie beside the surface, +- two steps elsewhere. Inside is where lines along z

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.colouring import SLANT
 from gvla2.reconstruction.compiled import cores
@@ -23,8 +23,8 @@ from gvla2.reconstruction.zbuffer import depth_map
 
 def place(
     old: Gaussians,
-    worn: Mesh | None,
-    mesh: Mesh,
+    worn: TriangleMesh | None,
+    mesh: TriangleMesh,
     normals: FloatArray,
     shown: Sequence[Silhouette],
     depths: Sequence[NDArray[np.float32]],
@@ -69,7 +69,7 @@ def _sources(
     points: FloatArray,
     across: FloatArray,
     old: Gaussians,
-    worn: Mesh | None,
+    worn: TriangleMesh | None,
     shown: Sequence[Silhouette],
     depths: Sequence[NDArray[np.float32]],
     tolerance: float,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.colouring import vertex_colours
@@ -22,7 +22,9 @@ MENDED = 0.5
 """Share of these points that may be left by a correction that heeds them."""
 
 
-def agreed(estimate: GeometryEstimate, seen: ViewSet, g0: Mesh | None) -> tuple[DepthEvidence, Posterior]:
+def agreed(
+    estimate: GeometryEstimate, seen: ViewSet, g0: TriangleMesh | None
+) -> tuple[DepthEvidence, Posterior]:
     """What a prior's depth and the views agree on.
 
     Depth that is wrong where no other depth looks still cuts away what other views' masks show. Those points go back
@@ -62,10 +64,10 @@ def fuse_prior(
     except GeometryError as error:
         return thing, StageReport("prior", "rejected", f"{error} G0 stays.")
     vertices, faces, normals = surface_of(posterior.field)
-    mesh, step = Mesh(vertices, faces), 2 * posterior.field.step
+    mesh, step = TriangleMesh(vertices, faces), 2 * posterior.field.step
     depths = [depth_map(mesh, s.camera) for s in seen.silhouettes]
     colours, _ = vertex_colours(mesh, normals, seen.silhouettes, depths, step)
-    mesh = Mesh(vertices, faces, colours)
+    mesh = TriangleMesh(vertices, faces, colours)
     gaussians = thing.gaussians
     if gaussians is not None and len(gaussians):
         gaussians = place(gaussians, thing.mesh, mesh, normals, seen.silhouettes, depths, step)

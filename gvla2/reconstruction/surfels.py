@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import SH_C0, Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled
 
@@ -19,7 +19,7 @@ _OPACITY_LOGIT = 4.0  # 0.982
 _GREY = np.array([0.5, 0.5, 0.5])
 
 
-def surfels(mesh: Mesh, normals: FloatArray | None = None, count: int = 15_000) -> Gaussians:
+def surfels(mesh: TriangleMesh, normals: FloatArray | None = None, count: int = 15_000) -> Gaussians:
     """About ``count`` flat, opaque Gaussians on a mesh, no two too close (a Poisson-disk sampling).
 
     ``normals`` (V, 3): unit normals of the vertices; the faces' own serve when there are none. Colours are the
@@ -58,7 +58,7 @@ def turned_to(normals: FloatArray) -> NDArray[np.float32]:
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True), dtype=np.float32)
 
 
-def scattered(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
+def scattered(mesh: TriangleMesh, count: int) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
     """About ``count`` points (N, 3) on a mesh, no two too close, their faces (N,) and weights of the corners (N, 3).
 
     Darts are thrown in rounds, each with one dart for each ``count``-th of the surface: it goes over the surface in the

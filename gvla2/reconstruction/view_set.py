@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.carving import hull_field, surface_of
@@ -60,10 +60,10 @@ class ViewSet:
         return hull_field(self.views)
 
     @cached_property
-    def hull_surface(self) -> Mesh:
+    def hull_surface(self) -> TriangleMesh:
         """The zero of :attr:`hull`."""
         vertices, faces, _ = surface_of(self.hull)
-        return Mesh(vertices, faces)
+        return TriangleMesh(vertices, faces)
 
     @cached_property
     def hull_interval(self) -> tuple[FloatArray, FloatArray]:

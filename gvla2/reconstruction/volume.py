@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_fill_holes
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.reconstruction.compiled import compiled, run_chunks
 from gvla2.reconstruction.evidence import DepthEvidence
@@ -44,7 +44,7 @@ class Posterior:
     needed: FloatArray
 
 
-def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: Mesh | None) -> Posterior:
+def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: TriangleMesh | None) -> Posterior:
     """The object within its masks' visual hull as the depth maps see it.
 
     Voxels of which no map tells are G0's, or the hull's where G0 has no mesh. Where a solid pixel of a mask would be

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, transform_points
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.mask_distance import Silhouette, mask_iou
@@ -17,7 +17,7 @@ NEAREST = 1e-3
 """Metres in front of a camera's plane within which nothing is drawn."""
 
 
-def depth_map(mesh: Mesh, camera: Camera, farthest: bool = False) -> NDArray[np.float32]:
+def depth_map(mesh: TriangleMesh, camera: Camera, farthest: bool = False) -> NDArray[np.float32]:
     """(H, W) float32 depth along the camera's z of the nearest surface at each pixel's centre, inf where none is.
 
     ``farthest`` takes the farthest surface instead, -inf where none is. Triangles that reach nearer than
@@ -39,7 +39,7 @@ def depth_of(
     return depth
 
 
-def mask_agreement(mesh: Mesh, silhouettes: Sequence[Silhouette]) -> float:
+def mask_agreement(mesh: TriangleMesh, silhouettes: Sequence[Silhouette]) -> float:
     """Mean IoU of the mesh's silhouettes with the views' masks."""
     return float(np.mean([mask_iou(np.isfinite(depth_map(mesh, s.camera)), s) for s in silhouettes]))
 

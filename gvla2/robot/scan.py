@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.errors import ConfigurationError, GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.texture import Texture
 from gvla2.geometry.textured_mesh import TexturedMesh, read_textured_mesh
 from gvla2.geometry.transform import FloatArray, transform_points
@@ -139,7 +139,7 @@ def _ordered(textured: TexturedMesh, scale: float | None, source: Path) -> Scan:
     return Scan(textured, offset, str(source), factor, tuple(notes))
 
 
-def signed_volume(mesh: Mesh) -> float:
+def signed_volume(mesh: TriangleMesh) -> float:
     """Cubic metres within the faces, negative where they are wound inside out; the origin must be about inside."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
@@ -159,7 +159,7 @@ def _turned(textured: TexturedMesh) -> TexturedMesh:
     mesh = textured.mesh
     return replace(
         textured,
-        mesh=Mesh(mesh.vertices, mesh.faces[:, ::-1], mesh.colours),
+        mesh=TriangleMesh(mesh.vertices, mesh.faces[:, ::-1], mesh.colours),
         uv=textured.uv[:, ::-1],
         rgb=textured.rgb[:, ::-1],
     )
@@ -176,7 +176,7 @@ def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
             break
         cell *= 1.15
     return TexturedMesh(
-        Mesh(vertices, faces),
+        TriangleMesh(vertices, faces),
         np.zeros((len(faces), 3, 2), dtype=np.float32),
         np.full(len(faces), -1, dtype=np.int64),
         np.repeat(colours[kept][:, None], 3, axis=1),
@@ -184,7 +184,7 @@ def _thinned(textured: TexturedMesh, most: int) -> TexturedMesh:
     )
 
 
-def clustered(mesh: Mesh, cell: float) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+def clustered(mesh: TriangleMesh, cell: float) -> tuple[FloatArray, np.ndarray, np.ndarray]:
     """The mesh with the vertices of each cube of side ``cell``, metres, put together: vertices, faces, old numbers."""
     keys = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
     _, member = np.unique(keys, axis=0, return_inverse=True)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.reconstruction.contracts import Reconstruction
 from gvla2.reconstruction.sim3 import Sim3
 from gvla2_plugins.sam3d.harmonics import turned_harmonics
@@ -25,7 +25,7 @@ def place(reconstruction: Reconstruction, sim3: Sim3) -> Reconstruction:
     )
 
 
-def place_mesh(mesh: Mesh, sim3: Sim3) -> Mesh:
+def place_mesh(mesh: TriangleMesh, sim3: Sim3) -> TriangleMesh:
     """The mesh in the similarity's target frame."""
     return mesh.with_vertices(sim3.apply(mesh.vertices))
 

@@ -15,7 +15,7 @@ from scipy.ndimage import binary_erosion
 from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.view_spec import parse_axis_word
 from gvla2.geometry.views import Views
@@ -43,7 +43,7 @@ class Registration:
     iou_before: float
 
 
-def register(mesh: Mesh, views: Views, start: Sim3) -> Registration:
+def register(mesh: TriangleMesh, views: Views, start: Sim3) -> Registration:
     """Improve a similarity until a mesh's silhouettes fit the masks; never to a worse IoU than at the start.
 
     Converges from displacements of about a quarter of the object. Raises :class:`GeometryError` for an empty mesh
@@ -55,7 +55,7 @@ def register(mesh: Mesh, views: Views, start: Sim3) -> Registration:
     return _refine(mesh, shown, start)
 
 
-def register_unposed(mesh: Mesh, views: Views) -> Registration:
+def register_unposed(mesh: TriangleMesh, views: Views) -> Registration:
     """The same for a shape whose frame is turned by quarter turns against the world's, at any scale and place.
 
     Tries the shape as it is and in the 24 quarter turns, each fitted to the masks' carved hull.
@@ -66,7 +66,7 @@ def register_unposed(mesh: Mesh, views: Views) -> Registration:
     return _best(mesh, shown, starts)
 
 
-def register_along_ray(mesh: Mesh, views: Views, pose: Sim3, eye: FloatArray) -> Registration:
+def register_along_ray(mesh: TriangleMesh, views: Views, pose: Sim3, eye: FloatArray) -> Registration:
     """The same for a shape in a camera's frame of unknown scale: ``pose`` puts it into the world up to a scale
     about the camera's centre ``eye`` (3,), which is searched over four decades.
     """
@@ -78,7 +78,7 @@ def register_along_ray(mesh: Mesh, views: Views, pose: Sim3, eye: FloatArray) ->
     return _best(mesh, shown, starts)
 
 
-def _best(mesh: Mesh, shown: Sequence[Silhouette], starts: Sequence[Sim3]) -> Registration:
+def _best(mesh: TriangleMesh, shown: Sequence[Silhouette], starts: Sequence[Sim3]) -> Registration:
     scores = [_score(mesh, shown, start) for start in starts]
     order = np.argsort(-np.array(scores), kind="stable")[:_TRIED_FURTHER]
     best: Registration | None = None
@@ -91,7 +91,7 @@ def _best(mesh: Mesh, shown: Sequence[Silhouette], starts: Sequence[Sim3]) -> Re
     return best
 
 
-def _score(mesh: Mesh, shown: Sequence[Silhouette], sim3: Sim3) -> float:
+def _score(mesh: TriangleMesh, shown: Sequence[Silhouette], sim3: Sim3) -> float:
     return mask_agreement(place_mesh(mesh, sim3), shown)
 
 
@@ -107,7 +107,7 @@ def _quarter_turns() -> list[FloatArray]:
     return [turn for turn in map(parse_axis_word, words) if np.linalg.det(turn) > 0]
 
 
-def _fitted(mesh: Mesh, hull: Carving, turn: FloatArray) -> Sim3:
+def _fitted(mesh: TriangleMesh, hull: Carving, turn: FloatArray) -> Sim3:
     """The turn, with scale and place such that the mesh's box has the hull's size and middle."""
     box = mesh.bounds @ turn.T
     low, high = box.min(axis=0), box.max(axis=0)
@@ -117,7 +117,7 @@ def _fitted(mesh: Mesh, hull: Carving, turn: FloatArray) -> Sim3:
     return Sim3(scale, turn, target.mean(axis=0) - scale * 0.5 * (low + high))
 
 
-def _refine(mesh: Mesh, shown: Sequence[Silhouette], start: Sim3) -> Registration:
+def _refine(mesh: TriangleMesh, shown: Sequence[Silhouette], start: Sim3) -> Registration:
     """Levenberg-Marquardt with Huber weights; the best similarity seen on the way is kept."""
     best, before, best_iou, now, stale = start, 0.0, -1.0, start, 0
     for iteration in range(_ITERATIONS + 1):

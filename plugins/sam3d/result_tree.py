@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.ply import read_gaussians
 from gvla2.geometry.transform import FloatArray
@@ -44,7 +44,7 @@ class ResultFiles:
     """
 
     gaussians: Gaussians | None
-    mesh: Mesh | None
+    mesh: TriangleMesh | None
     pose: Sim3 | None
     note: str = ""
     glb: Path | None = None
@@ -114,7 +114,7 @@ def align_result(
     return replace(place(Reconstruction(gaussians, result.mesh, glb=result.glb), found.sim3), status=status)
 
 
-def _silhouette_mesh(result: ResultFiles) -> Mesh:
+def _silhouette_mesh(result: ResultFiles) -> TriangleMesh:
     """Triangles that cast the result's silhouettes: some of its mesh's, or one on each Gaussian."""
     if result.mesh is not None:
         return result.mesh if len(result.mesh.faces) <= _MOST_FACES else _clustered(result.mesh)
@@ -130,10 +130,10 @@ def _silhouette_mesh(result: ResultFiles) -> Mesh:
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
     vertices = (g.centres[chosen].astype(np.float64)[:, None] + reach * corners).reshape(-1, 3)
     faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
-    return Mesh(vertices, (faces + 4 * np.arange(len(chosen))[:, None, None]).reshape(-1, 3))
+    return TriangleMesh(vertices, (faces + 4 * np.arange(len(chosen))[:, None, None]).reshape(-1, 3))
 
 
-def _clustered(mesh: Mesh) -> Mesh:
+def _clustered(mesh: TriangleMesh) -> TriangleMesh:
     """The mesh with all vertices of a small cell made one: the same silhouette to half a cell."""
     low, high = mesh.bounds
     cells = np.rint((mesh.vertices - low) * (_CELLS / max(float((high - low).max()), 1e-12))).astype(np.int64)
@@ -144,7 +144,7 @@ def _clustered(mesh: Mesh) -> Mesh:
     faces = place_of[mesh.faces]
     a, b, c = faces.T
     faces = np.unique(faces[(a != b) & (b != c) & (a != c)], axis=0)
-    return Mesh(vertices, faces) if len(faces) else mesh
+    return TriangleMesh(vertices, faces) if len(faces) else mesh
 
 
 def _spacing(points: FloatArray) -> float:

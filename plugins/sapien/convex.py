@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from gvla2.errors import MissingDependencyError, OutputError, SimulationError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.robot.scan import Scan, clustered
 from gvla2.writing import cache_folder, write_whole
@@ -74,7 +74,7 @@ def piece_file(scan: Scan) -> Path:
     return path
 
 
-def decompose(mesh: Mesh) -> list[FloatArray]:
+def decompose(mesh: TriangleMesh) -> list[FloatArray]:
     """Corners (N, 3) of convex pieces that together stand for the mesh; its hull alone where it is convex enough."""
     hull = _hull_of(mesh.vertices)
     if _is_convex(mesh, hull):
@@ -84,7 +84,7 @@ def decompose(mesh: Mesh) -> list[FloatArray]:
     cell = float(np.ptp(mesh.vertices, axis=0).max()) / 400
     while len(coarse.faces) > FACES:
         vertices, faces, _ = clustered(mesh, cell)
-        coarse, cell = Mesh(vertices, faces), cell * 1.3
+        coarse, cell = TriangleMesh(vertices, faces), cell * 1.3
     coacd = _import_coacd()
     coacd.set_log_level("error")
     found = coacd.run_coacd(
@@ -104,7 +104,7 @@ def decompose(mesh: Mesh) -> list[FloatArray]:
     return solid or [_thin_hull(hull)]
 
 
-def _is_convex(mesh: Mesh, hull: FloatArray) -> bool:
+def _is_convex(mesh: TriangleMesh, hull: FloatArray) -> bool:
     """Whether hardly anything of the surface looks into a hollow.
 
     How far a point lies below the hull would not tell: the inside of a thin wall is near the hull's outside.
@@ -178,7 +178,7 @@ def _kept(path: Path) -> tuple[Piece, ...]:
     return tuple(Piece(np.array(corners)) for corners in found)
 
 
-def _digest(mesh: Mesh) -> str:
+def _digest(mesh: TriangleMesh) -> str:
     digest = hashlib.sha256(f"{VERSION} {THRESHOLD} {MOST_PIECES} {MOST_CORNERS}".encode())
     digest.update(np.round(mesh.vertices, 7).tobytes())
     digest.update(mesh.faces.tobytes())

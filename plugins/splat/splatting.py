@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import Floats
@@ -110,7 +110,7 @@ def optimise(
     )
 
 
-def carry(mesh: Mesh, before: Gaussians, after: Gaussians) -> Mesh:
+def carry(mesh: TriangleMesh, before: Gaussians, after: Gaussians) -> TriangleMesh:
     """A mesh whose vertices move as the Gaussians around them did; faces and colours are kept.
 
     ``before`` and ``after`` are the same Gaussians at both times; a vertex takes the mean displacement of the
@@ -124,7 +124,7 @@ def carry(mesh: Mesh, before: Gaussians, after: Gaussians) -> Mesh:
     width = np.maximum(distance[:, -1:], 1e-12)
     weight = np.exp(-4 * (distance / width) ** 2)
     shift = np.einsum("vk,vkc->vc", weight / weight.sum(axis=1, keepdims=True), moved[row])
-    return Mesh(mesh.vertices + shift, mesh.faces, mesh.colours)
+    return TriangleMesh(mesh.vertices + shift, mesh.faces, mesh.colours)
 
 
 def _fit(

@@ -24,7 +24,7 @@ import trimesh
 
 from gvla2.catalog import load_plugins
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.ply import GaussianPly, write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
@@ -117,7 +117,7 @@ class Released:
 
 def scripts(count: int, views: Views, mesh: trimesh.Trimesh, peer: ModuleType | None, repeats: int) -> None:
     """A file of Gaussians in, their support, the shrink, the file out again: ours and theirs, in this process."""
-    gaussians = surfels(Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)), count=count)
+    gaussians = surfels(TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)), count=count)
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "result.ply", Path(folder) / "out.ply"
         write_gaussians(source, gaussians)
@@ -144,7 +144,7 @@ def scripts(count: int, views: Views, mesh: trimesh.Trimesh, peer: ModuleType | 
 
 def branch(count: int, views: Views, mesh: trimesh.Trimesh) -> None:
     """From G0 to the output with the depth of the views as prior, and what rendering costs."""
-    closed = Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    closed = TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     names = {"prior": "depth", "axis": "contours", "fusion": "residual", "renderer": "numba"}
     parts = load_plugins().build_all({kind: {"name": name} for kind, name in names.items()}, tuple(names))
     g0 = Reconstruction(surfels(closed, count=count), closed, "ok")

@@ -3,7 +3,7 @@ import pytest
 
 from gvla2.evaluation.drift import DRIFTS, Drift, DriftSize
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.reconstruction.contracts import Reconstruction
 
 
@@ -18,7 +18,7 @@ def cloud(count: int = 40) -> Reconstruction:
         rng.normal(size=(count, 3)),
     )
     faces = np.arange(count - count % 3).reshape(-1, 3)
-    return Reconstruction(gaussians, Mesh(centres, faces))
+    return Reconstruction(gaussians, TriangleMesh(centres, faces))
 
 
 @pytest.mark.parametrize("name", [name for name, size in DRIFTS.items() if size])

@@ -14,9 +14,9 @@ from gvla2.evaluation.metrics import (
     surface_points,
     unit_box,
 )
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 
-SQUARE = Mesh(
+SQUARE = TriangleMesh(
     np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int64)
 )
 

@@ -7,14 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gvla2.errors import GeometryError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 def test_normals_areas_and_bounds() -> None:
-    mesh = Mesh(SQUARE, np.vstack([FACES, [[0, 0, 1]]]))
+    mesh = TriangleMesh(SQUARE, np.vstack([FACES, [[0, 0, 1]]]))
     assert mesh.areas.tolist() == [1, 1, 0]
     assert mesh.normals.tolist() == [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
     assert mesh.bounds.tolist() == [[0, 0, 0], [2, 1, 0]]
@@ -24,7 +24,7 @@ def test_normals_areas_and_bounds() -> None:
 @given(st.integers(0, 2**32 - 1))
 def test_samples_lie_on_their_faces(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    mesh = Mesh(rng.normal(size=(12, 3)), rng.integers(0, 12, (9, 3)))
+    mesh = TriangleMesh(rng.normal(size=(12, 3)), rng.integers(0, 12, (9, 3)))
     points, faces = mesh.sample(50, rng)
     assert (mesh.areas[faces] > 0).all()
     corner = mesh.vertices[mesh.faces[faces, 0]]
@@ -35,7 +35,7 @@ def test_samples_lie_on_their_faces(seed: int) -> None:
 
 def test_samples_are_spread_by_area() -> None:
     vertices = np.vstack([SQUARE, SQUARE * 0.5 + [10, 0, 0]])  # the second square has a quarter of the area
-    mesh = Mesh(vertices, np.vstack([FACES, FACES + 4]))
+    mesh = TriangleMesh(vertices, np.vstack([FACES, FACES + 4]))
     points, faces = mesh.sample(20000, np.random.default_rng(0))
     assert (faces >= 2).mean() == pytest.approx(0.2, abs=0.01)
     inside = points[faces < 2]
@@ -46,15 +46,15 @@ def test_samples_are_spread_by_area() -> None:
 
 def test_a_mesh_without_area_has_no_samples() -> None:
     with pytest.raises(GeometryError, match="area"):
-        Mesh(SQUARE, np.array([[0, 0, 1]])).sample(3, np.random.default_rng(0))
+        TriangleMesh(SQUARE, np.array([[0, 0, 1]])).sample(3, np.random.default_rng(0))
     with pytest.raises(GeometryError, match="area"):
-        Mesh(SQUARE, np.zeros((0, 3), int)).sample(3, np.random.default_rng(0))
+        TriangleMesh(SQUARE, np.zeros((0, 3), int)).sample(3, np.random.default_rng(0))
     with pytest.raises(GeometryError, match="bounds"):
-        _ = Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)).bounds
+        _ = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int)).bounds
 
 
 def test_with_vertices_keeps_topology_and_colours() -> None:
-    mesh = Mesh(SQUARE, FACES, np.full((4, 3), 0.5))
+    mesh = TriangleMesh(SQUARE, FACES, np.full((4, 3), 0.5))
     moved = mesh.with_vertices(SQUARE + 1)
     assert moved.colours is mesh.colours
     assert moved.faces is mesh.faces
@@ -75,4 +75,4 @@ def test_with_vertices_keeps_topology_and_colours() -> None:
 )
 def test_malformed_meshes_are_refused(vertices, faces, colours, words: str) -> None:
     with pytest.raises(GeometryError, match=words):
-        Mesh(vertices, faces, colours)
+        TriangleMesh(vertices, faces, colours)

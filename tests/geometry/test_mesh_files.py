@@ -8,15 +8,15 @@ import trimesh
 from PIL import Image
 
 from gvla2.errors import GeometryError, OutputError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 
 
-def wedge(coloured: bool) -> Mesh:
+def wedge(coloured: bool) -> TriangleMesh:
     rng = np.random.default_rng(3)
     vertices = rng.normal(size=(6, 3)).astype(np.float32)
     faces = np.array([[0, 1, 2], [3, 4, 5], [0, 2, 4], [1, 1, 5]])  # the last has no area
-    return Mesh(vertices, faces, rng.integers(0, 256, (6, 3)) / 255 if coloured else None)
+    return TriangleMesh(vertices, faces, rng.integers(0, 256, (6, 3)) / 255 if coloured else None)
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".glb", ".ply"])

@@ -3,7 +3,7 @@ import pytest
 
 from gvla2.errors import GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.texture import Texture
 from gvla2.geometry.textured_mesh import TexturedMesh
@@ -18,7 +18,11 @@ def card(image: np.ndarray) -> TexturedMesh:
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=np.float32)[faces]
     return TexturedMesh(
-        Mesh(corners, faces), uv, np.zeros(2, dtype=np.int64), np.ones((2, 3, 3), dtype=np.float32), (image,)
+        TriangleMesh(corners, faces),
+        uv,
+        np.zeros(2, dtype=np.int64),
+        np.ones((2, 3, 3), dtype=np.float32),
+        (image,),
     )
 
 

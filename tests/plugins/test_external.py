@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from gvla2.errors import ConfigurationError, GeometryError, Gvla2Error, MissingDependencyError
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.transform import transform_points
@@ -33,7 +33,7 @@ def checkout(tmp_path):
     (folder / "checkpoints" / "hf").mkdir(parents=True)
     (folder / "checkpoints" / "hf" / "pipeline.yaml").touch()
     cube = trimesh.creation.box((0.052,) * 3).subdivide().subdivide()
-    mesh = Mesh(transform_points(inputs.RED.world_from_block, cube.vertices), cube.faces)
+    mesh = TriangleMesh(transform_points(inputs.RED.world_from_block, cube.vertices), cube.faces)
     write_mesh(folder / "cube.glb", mesh)
     write_gaussians(folder / "cube.ply", surfels(mesh, None, 500))
     return folder

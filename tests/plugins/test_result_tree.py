@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from gvla2.errors import ConfigurationError, GeometryError
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.geometry.raycast import RayCaster, Surface
@@ -21,7 +21,7 @@ from tests.similarities import inverse, moved_poses
 
 
 @pytest.fixture(scope="module")
-def shape() -> Mesh:
+def shape() -> TriangleMesh:
     """No symmetry: a long body, a fin and a foot."""
     parts = [
         trimesh.creation.box((0.9, 0.35, 0.2)),
@@ -30,7 +30,9 @@ def shape() -> Mesh:
     ]
     whole = trimesh.util.concatenate(parts).subdivide()
     rng = np.random.default_rng(0)
-    return Mesh(whole.vertices, whole.faces, np.clip(0.6 + 0.1 * rng.normal(size=whole.vertices.shape), 0, 1))
+    return TriangleMesh(
+        whole.vertices, whole.faces, np.clip(0.6 + 0.1 * rng.normal(size=whole.vertices.shape), 0, 1)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +148,9 @@ def test_a_fine_mesh_is_aligned_as_well(views, shape, tmp_path):
     fine = trimesh.Trimesh(shape.vertices, shape.faces, process=False)
     while len(fine.faces) < 70_000:
         fine = fine.subdivide()
-    moved = place_mesh(Mesh(fine.vertices, fine.faces), Sim3(1.05, np.eye(3), np.array([0.02, -0.03, 0.01])))
+    moved = place_mesh(
+        TriangleMesh(fine.vertices, fine.faces), Sim3(1.05, np.eye(3), np.array([0.02, -0.03, 0.01]))
+    )
     _write(tmp_path, moved, gaussians=False)
     made = _build(tmp_path, axes="identity", gaussians=500).reconstruct(views)
     assert float(np.linalg.norm(made.mesh.vertices - fine.vertices, axis=1).max()) < 0.02
@@ -154,7 +158,7 @@ def test_a_fine_mesh_is_aligned_as_well(views, shape, tmp_path):
 
 def test_a_poor_fit_is_told(views, tmp_path):
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
-    _write(tmp_path, Mesh(ball.vertices + 3.0, ball.faces))
+    _write(tmp_path, TriangleMesh(ball.vertices + 3.0, ball.faces))
     made = _build(tmp_path, axes="identity", refine=False).reconstruct(views)
     assert made.mesh.vertices.mean() == pytest.approx(3.0, abs=0.01)
     bad = _build(tmp_path, axes="identity").reconstruct(views)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.colouring import vertex_colours
@@ -43,7 +43,7 @@ def test_what_stands_in_front_gives_no_colour_to_what_is_behind(masked_views):
     front.apply_translation([-0.3, 0, 0])
     whole = trimesh.util.concatenate([back, front])
     views = _painted(masked_views, whole, 14, seed=3)
-    mesh = Mesh(whole.vertices, whole.faces)
+    mesh = TriangleMesh(whole.vertices, whole.faces)
     shown, _ = silhouettes(views)
     depths = [depth_map(mesh, s.camera) for s in shown]
     colours, seen = vertex_colours(mesh, np.array(whole.vertex_normals), shown, depths, 0.02)
@@ -61,7 +61,7 @@ def test_one_liar_among_the_views_is_outvoted(masked_views):
     ]
     black = replace(plain[0], image=np.zeros((96, 96, 3), dtype=np.uint8))
     shown, _ = silhouettes(Views((black, *plain[1:])))
-    mesh = Mesh(ball.vertices, ball.faces)
+    mesh = TriangleMesh(ball.vertices, ball.faces)
     depths = [depth_map(mesh, s.camera) for s in shown]
     colours, seen = vertex_colours(mesh, np.array(ball.vertex_normals), shown, depths, 0.02)
     assert np.quantile(np.abs(colours[seen] - 128 / 255).max(axis=1), 0.95) < 0.05
@@ -80,7 +80,7 @@ def test_the_unseen_take_their_neighbours_colour(masked_views):
 
 def test_depth_maps_agree_with_ray_casting(masked_views, jug):
     for view in masked_views(jug, count=3, size=96):
-        drawn = depth_map(Mesh(jug.vertices, jug.faces), view.camera)
+        drawn = depth_map(TriangleMesh(jug.vertices, jug.faces), view.camera)
         both = np.isfinite(drawn) & np.isfinite(view.depth)
         assert (np.isfinite(drawn) != np.isfinite(view.depth)).mean() < 0.001
         np.testing.assert_allclose(drawn[both], view.depth[both], atol=1e-4)
@@ -89,9 +89,9 @@ def test_depth_maps_agree_with_ray_casting(masked_views, jug):
 def test_a_triangle_behind_the_camera_is_not_drawn(masked_views, jug):
     view: View = masked_views(jug, count=1, size=32)[0]
     behind = view.camera.position - 2 * view.camera.world_from_camera[:3, 2]
-    mesh = Mesh(behind + np.eye(3), np.array([[0, 1, 2]]))
+    mesh = TriangleMesh(behind + np.eye(3), np.array([[0, 1, 2]]))
     assert np.isinf(depth_map(mesh, view.camera)).all()
-    across = Mesh(np.array([behind, [0, 0, 0], [0, 0.2, 0]]), np.array([[0, 1, 2]]))
+    across = TriangleMesh(np.array([behind, [0, 0, 0], [0, 0.2, 0]]), np.array([[0, 1, 2]]))
     assert np.isinf(depth_map(across, view.camera)).all()
 
 

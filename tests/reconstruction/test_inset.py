@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.reconstruction import rasteriser
 from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.inset import (
@@ -74,7 +74,7 @@ def test_a_mesh_of_wrong_thickness_meets_its_masks_again(carved, views, pixels):
 
 def test_normals_point_outwards_whatever_the_winding(carved):
     mesh = carved.mesh
-    turned = Mesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colours)
+    turned = TriangleMesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colours)
     np.testing.assert_allclose(outward_normals(turned), outward_normals(mesh), atol=1e-9)
     top = mesh.vertices[:, 2].argmax()
     assert outward_normals(mesh)[top, 2] > 0.5

@@ -9,7 +9,7 @@ import trimesh
 from gvla2.errors import ConfigurationError
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.raycast import RayCaster, Surface
 from gvla2.geometry.transform import look_along
 from gvla2.geometry.views import View, Views
@@ -59,7 +59,7 @@ def lumpy(count: int = 1500) -> Gaussians:
     directions = np.asarray(mesh.vertices)
     colours = 0.5 + 0.6 * (paint(directions) - 0.5)
     uneven = directions * (1.04 + 0.03 * np.sin(4 * directions[:, :1])) * RADIUS
-    return surfels(Mesh(uneven, mesh.faces, colours), directions, count)
+    return surfels(TriangleMesh(uneven, mesh.faces, colours), directions, count)
 
 
 def psnr(gaussians: Gaussians, views: Views) -> float:
@@ -190,7 +190,7 @@ def test_a_picture_on_white_is_used_as_it_is(ball: tuple[Views, Views]) -> None:
 def test_a_mesh_is_carried_by_the_gaussians_around_it() -> None:
     start = lumpy(800)
     sphere = trimesh.creation.icosphere(subdivisions=2, radius=RADIUS)
-    mesh = Mesh(sphere.vertices, sphere.faces, np.full((len(sphere.vertices), 3), 0.5))
+    mesh = TriangleMesh(sphere.vertices, sphere.faces, np.full((len(sphere.vertices), 3), 0.5))
     moved = start.with_centres(start.centres + np.float32([0.1, 0.2, -0.3]))
     shifted = carry(mesh, start, moved)
     assert np.allclose(shifted.vertices - mesh.vertices, [0.1, 0.2, -0.3], atol=1e-6)

@@ -8,7 +8,7 @@ import trimesh
 from scipy.ndimage import binary_dilation
 from scipy.spatial import cKDTree
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.reconstruction.carving import surface_of
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.evidence import gather
@@ -46,7 +46,7 @@ def seen(views):
 def fused(seen, evidence, g0=None):
     post = fuse_volume(seen, evidence, g0)
     vertices, faces, _ = surface_of(post.field)
-    return post, Mesh(vertices, faces)
+    return post, TriangleMesh(vertices, faces)
 
 
 def distance(mesh, truth):
@@ -79,7 +79,7 @@ def test_without_evidence_the_first_reconstruction_stays(seen, views):
     evidence = gather(from_depth(views), seen)
     evidence.weight[:] = 0.0
     truth = bowl()
-    post, mesh = fused(seen, evidence, Mesh(np.asarray(truth.vertices), np.asarray(truth.faces)))
+    post, mesh = fused(seen, evidence, TriangleMesh(np.asarray(truth.vertices), np.asarray(truth.faces)))
     assert (post.confidence == 0).all()
     assert distance(mesh, truth) < 0.5 * seen.hull.step
 
@@ -89,7 +89,7 @@ def test_depth_inside_a_ball(turn):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=0.5)
     grid = Field(np.zeros((40, 40, 40), dtype=np.float32), np.full(3, -0.7), 1.4 / 39)
     where = np.ones(grid.values.shape, dtype=bool)
-    found = mesh_field(Mesh(ball.vertices, ball.faces[:, ::turn]), grid, where)
+    found = mesh_field(TriangleMesh(ball.vertices, ball.faces[:, ::turn]), grid, where)
     points = grid.points(np.argwhere(where))
     true = 0.5 - np.linalg.norm(points, axis=1).reshape(found.shape)
     assert ((found > 0) == (true > 0)).mean() > 0.999
@@ -111,7 +111,7 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     _, heeding = agreed(estimate, seen, None)
     vertices, faces, _ = surface_of(heeding.field)
     assert len(heeding.needed) < 0.5 * len(plain.needed)
-    assert distance(Mesh(vertices, faces), bar) < 0.9 * distance(plain_mesh, bar)
+    assert distance(TriangleMesh(vertices, faces), bar) < 0.9 * distance(plain_mesh, bar)
 
 
 def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):

@@ -11,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from gvla2.geometry.camera import Camera
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchParts, BranchResult, refine_geometry
@@ -381,6 +381,6 @@ def test_a_mesh_that_was_only_moved_keeps_its_materials(tmp_path):
     )
 
     other = ReconstructionRecorder(tmp_path / "other", "")
-    other.geometry(Reconstruction(None, Mesh(moved.vertices, moved.faces[:-1]), glb=source))
+    other.geometry(Reconstruction(None, TriangleMesh(moved.vertices, moved.faces[:-1]), glb=source))
     assert (tmp_path / "other" / "result.glb").is_file()
     assert "not the materials of given.glb" in " ".join(other.notes)

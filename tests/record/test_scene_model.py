@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from gvla2.geometry.glb import to_z_up
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.transform import rigid
 from gvla2.planning.findings import CheckReport, Finding
@@ -109,7 +109,7 @@ def test_a_recognised_scan_is_shown_as_it_is_unless_it_is_huge_or_gone(
     small, huge = trimesh.creation.icosphere(1, 0.03), trimesh.creation.icosphere(5, 0.03)
     assert len(huge.faces) > MOST_FACES
     for name, mesh in (("small", small), ("huge", huge)):
-        write_mesh(tmp_path / f"{name}.ply", Mesh(mesh.vertices, mesh.faces))
+        write_mesh(tmp_path / f"{name}.ply", TriangleMesh(mesh.vertices, mesh.faces))
 
     def shown(name: str) -> Any:
         pose = rigid(translation=thing.centre)

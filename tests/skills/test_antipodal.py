@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import write_mesh
 from gvla2.geometry.transform import rigid
 from gvla2.planning.arm import Hand
@@ -25,9 +25,9 @@ def thing(tmp_path):
     def make(mesh: trimesh.Trimesh, *, seen: bool = False) -> SceneObject:
         vertices = np.asarray(mesh.vertices) - [0, 0, mesh.bounds[0, 2]]
         path = tmp_path / "thing.obj"
-        write_mesh(path, Mesh(1000 * vertices, np.asarray(mesh.faces)))
+        write_mesh(path, TriangleMesh(1000 * vertices, np.asarray(mesh.faces)))
         low, high = vertices.min(axis=0), vertices.max(axis=0)
-        points, _ = Mesh(vertices, np.asarray(mesh.faces)).sample(1500, np.random.default_rng(0))
+        points, _ = TriangleMesh(vertices, np.asarray(mesh.faces)).sample(1500, np.random.default_rng(0))
         known = None if seen else KnownShape("thing", str(path), np.eye(4), 0.001)
         pose = rigid(translation=0.5 * (low + high))
         return SceneObject("o1", "thing", "other", "", pose, high - low, points, known=known)

@@ -14,7 +14,7 @@ from gvla2.evaluation import metrics
 from gvla2.evaluation.judge import ReconstructionJudge
 from gvla2.evaluation.protocol import ObjectViews
 from gvla2.geometry.gaussians import Gaussians
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.views import View, Views
 from gvla2.reconstruction.branch import BranchResult
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
@@ -91,7 +91,7 @@ def measure(
     views: Views,
     renderer: Renderer,
     held_out: Views | None = None,
-    truth: Mesh | None = None,
+    truth: TriangleMesh | None = None,
 ) -> Measures:
     """Everything that can be measured of a branch's first and last reconstruction.
 

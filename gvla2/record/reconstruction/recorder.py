@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from gvla2.geometry.glb import map_glb
-from gvla2.geometry.mesh import Mesh
+from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.mesh_files import read_mesh, write_mesh
 from gvla2.geometry.ply import write_gaussians
 from gvla2.reconstruction.contracts import Reconstruction, Renderer
@@ -48,7 +48,7 @@ class ReconstructionRecorder(FolderRecorder):
         elif thing.mesh is None:
             self.notes.append(f"The reconstruction has no mesh, so there is no {GLB}.")
 
-    def _textured(self, mesh: Mesh, source: Path | None) -> bool:
+    def _textured(self, mesh: TriangleMesh, source: Path | None) -> bool:
         """Write ``source`` with its vertices moved to the mesh's; False where there is none, or another surface."""
         if source is None:
             return False
