@@ -141,11 +141,3 @@ def _sides() -> dict[str, tuple[tuple[str, int], ...]]:
 
 SIDES: Mapping[str, tuple[tuple[str, int], ...]] = MappingProxyType(_sides())
 """Stem -> the axes that it stands on, and which side of each, +1 or -1."""
-_PHRASES = re.compile(
-    rf"\b(?:{'|'.join(w.replace('-', ' ') for w in re.findall(r'[a-z]+-[a-z-]+', _OPPOSITES))})\b"
-)
-
-
-def joined(text: str) -> str:
-    """The text with a hyphen in what the table knows as one word: "let go" is "let-go"."""
-    return _PHRASES.sub(lambda found: found.group().replace(" ", "-"), text)

@@ -23,11 +23,10 @@ CROSSED = 0.2
 """From here on two orders are taken for each other's reverse."""
 SIGNS = ("number", "bare", "side", "case_side", "forbids", "rules_out", "order", "choice")
 """How two clauses may contradict each other: in a measure, in a bare number, in what is done, in which case; one
-forbids what the other may do, or all that it does; what comes first, what is taken.
+forbids what the other may do, or does without what it needs; what comes first, what is taken.
 """
 FEATURES = (
-    *SIGNS, "like", "held", "own_words", "own_given", "same_task", "like_task", "when", "two_signs", "steps", "shared",
-    "one_figure",
+    *SIGNS, "like", "held", "own_words", "same_task", "like_task", "when", "two_signs", "steps", "shared",
 )  # fmt: skip
 """The signs; how much of their words two clauses share; what each has of its own; whether their tasks are one; which
 cases they name; in how many respects they differ.
@@ -44,14 +43,11 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     if same < 0:
         return np.empty((0, len(FEATURES)))
     one, two = read(first), read(second)
-    # What one task is about goes without saying: whoever leaves it out means it, too.
-    given = _all(read(first_query)) if same == 1.0 else frozenset()
     shared = len(one.words & two.words)
     context = {
         "same_task": same,
         "steps": min(max(len(one.clauses), len(two.clauses)) - 1, 4) / 4,
         "shared": shared / max(min(len(one.words), len(two.words)), 1),
-        "one_figure": float(all(sum(len(c.figures) for c in said.clauses) == 1 for said in (one, two))),
     }
     found: list[dict[str, float]] = []
     for a in one.clauses:
@@ -59,7 +55,7 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
             if same == 0.0 and a.topics.isdisjoint(b.topics):
                 continue  # of other tasks, and of nothing that the other speaks of
             if signs := _signs(a, b):
-                found.append({**context, **signs, **_compared(a, b, given)})
+                found.append({**context, **signs, **_compared(a, b)})
     like = shared / max(len(one.words | two.words), 1)
     for name, mine, theirs in (("order", one.orders, two.orders), ("choice", one.choices, two.choices)):
         if (crossed := _crossed(mine, theirs)) > CROSSED:
@@ -69,7 +65,7 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
 
 
-def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
+def _compared(a: Clause, b: Clause) -> dict[str, float]:
     """How far two clauses speak of one thing in one case."""
     mine, theirs = a.topics, b.topics
     shared = len(mine & theirs)
@@ -79,7 +75,6 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
         "like": shared / len(mine | theirs) if mine and theirs else 0.5,
         "held": shared / min(len(mine), len(theirs)) if mine and theirs else 1.0,
         "own_words": min(len(mine - theirs), len(theirs - mine), 4) / 4,
-        "own_given": min(len(mine - theirs - given), len(theirs - mine - given), 4) / 4,
         "when": 1.0 if all(cases) else 0.4 * any(cases),
     }
 
@@ -95,8 +90,7 @@ def _signs(a: Clause, b: Clause) -> dict[str, float]:
     opposed = [] if apart else turned(a.sides, b.sides)
     cases = turned(a.sides, _sides_in(b.when)) or turned(_sides_in(a.when), b.sides)
     if a.forbidden != b.forbidden and not opposed and not cases:  # "don't leave it open" and "close it" agree
-        rule, act = (a, b) if a.forbidden else (b, a)
-        found["forbids" if rule.words - act.words - act.when or not rule.words else "rules_out"] = 1.0
+        found["forbids"] = 1.0
     elif a.forbidden == b.forbidden and (opposed or cases):
         found["side" if opposed else "case_side"] = 1.0
     if any(x.lacks and not y.lacks and x.lacks <= y.words for x, y in ((a, b), (b, a))):
