@@ -76,10 +76,8 @@ def same_lesson(first: Record, second: Record) -> bool:
     mine, theirs = first.effect_json() or {}, second.effect_json() or {}
     if bool(mine) != bool(theirs) or "program" in (mine.get("kind"), theirs.get("kind")):
         return False
-    if mine and not (
-        _same_parameter(mine, theirs)
-        and all(mine.get(name) == theirs.get(name) for name in ("kind", "op", "skill", "object", "region"))
-    ):
+    alike = all(mine.get(name) == theirs.get(name) for name in ("kind", "op", "skill", "object", "region"))
+    if mine and not (alike and _same_parameter(mine, theirs)):
         return False
     return first.content == second.content or _same_words(_said(first.content), _said(second.content))
 
@@ -154,10 +152,8 @@ def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
     """
     if any(str(first.get(name) or "") != str(second.get(name) or "") for name in ("parameter", "scale")):
         return False
-    return all(
-        not first.get(name) or not second.get(name) or first[name] == second[name]
-        for name in ("skill", "object")
-    )
+    given = [(first.get(name), second.get(name)) for name in ("skill", "object")]
+    return all(not mine or not theirs or mine == theirs for mine, theirs in given)
 
 
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]

@@ -96,14 +96,8 @@ def _admitted(bank: KnowledgeBank, one: Brought, tally: LessonTally, most: int) 
         if wrong := _wrong(lesson):
             tally.note(f"A lesson was left out: {wrong}.")
             continue
-        candidate = weigh(
-            lesson,
-            one.verdict,
-            origin=one.origin,
-            admission=bank.options.admission,
-            failures=bank.options.failures,
-            ungrounded=one.unsure.get(told.content, ""),
-        )
+        unsure = one.unsure.get(told.content, "")
+        candidate = weigh(lesson, one.verdict, bank.options, origin=one.origin, ungrounded=unsure)
         key = dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
         if candidate.state is None:
             tally.note(candidate.note)

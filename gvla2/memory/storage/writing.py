@@ -26,7 +26,7 @@ from gvla2.memory.storage.events import (
     payload_digest,
 )
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR
-from gvla2.memory.storage.view import BankView, parts
+from gvla2.memory.storage.view import BankView, parts, sound
 
 MAX_WHY = 2000
 MAX_TEXT = 2_000_000
@@ -115,9 +115,7 @@ class Writing(BankView):
         self._change(there)
         self._do(insert(RECORD), [as_json(one) for one in latest.values() if one.id not in stored])
         self.delete(VECTOR, "id", [id for id, row in vectors.items() if row is None and id in stored])
-        self._do(
-            upsert(self.sql, VECTOR, ("bank", "id")), [row for row in vectors.values() if row is not None]
-        )
+        self._save([row for row in vectors.values() if row is not None])
         self.tell(
             self.event(put.action, record.id, "", put.why, put.scores, dump(change), put.origin)
             for put, record, change in steps
@@ -135,8 +133,11 @@ class Writing(BankView):
             for record, vector in vectors
             if stored.get(record.id) == record.version
         ]
-        self._do(upsert(self.sql, VECTOR, ("bank", "id")), rows)
+        self._save(rows)
         return len(rows)
+
+    def _save(self, vectors: Sequence[dict[str, Any]]) -> None:
+        self._do(upsert(self.sql, VECTOR, ("bank", "id")), vectors)
 
     def replace_rows(self, records: Sequence[Record]) -> None:
         """Put records in place of the stored rows of their ids, without an event."""
@@ -144,18 +145,15 @@ class Writing(BankView):
         self._change(records)
 
     def _change(self, records: Sequence[Record], names: Sequence[str] = _CHANGED) -> None:
-        rows = [
-            {"b_bank": self.bank, "b_id": one.id, **{n: getattr(one, n) for n in names}} for one in records
-        ]
-        self._do(_UPDATE, rows)
+        said = ({name: getattr(one, name) for name in names} for one in records)
+        keys = ({"b_bank": self.bank, "b_id": one.id} for one in records)
+        self._do(_UPDATE, [{**key, **changed} for key, changed in zip(keys, said, strict=True)])
 
     def _next(
         self, record: Record, before: Record | None, row: Row[Any] | None
     ) -> tuple[Record, Record | None]:
         """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
-        old = before
-        if old is None and row is not None and row.state != FORGOTTEN and not damage_of(tuple(row)):
-            old = Record(*tuple[Any, ...](row))
+        old = before or (sound(row) if row is not None else None)
         expected = old.version if old else 0
         if record.version != expected:
             raise StaleRecordError(

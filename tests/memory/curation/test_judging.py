@@ -64,7 +64,10 @@ def test_pairs_are_asked_in_batches_and_their_cost_is_counted() -> None:
 
 
 def test_a_judge_hears_how_likely_the_suspicion_is() -> None:
-    english, german = ("Lift the cup slowly.", "Lift the cup quickly."), ("Hebe sie nicht an.", "Hebe sie an.")
+    english, german = (
+        ("Lift the cup slowly.", "Lift the cup quickly."),
+        ("Hebe sie nicht an.", "Hebe sie an."),
+    )
     for texts, low, high in ((english, SUSPECT, 1.0), (german, 0.5, 0.5)):
         records = {id: record(id, query="lift", content=text) for id, text in zip("ab", texts, strict=True)}
         asked = Fixed(None)
