@@ -78,9 +78,8 @@ def weigh(
         state, note = "active", ""
     else:
         note = suspicious or "it comes from outside, and no second source has borne it out yet"
-        state = (
-            "active" if trust is None else state
-        )  # with what others said of it, it may be believed after all
+        if trust is None:  # with what others said of it, it may be believed after all
+            state = "active"
     return Weighed(lesson, state, note, level, bool(suspicious))
 
 
@@ -99,8 +98,6 @@ def credible(verdict: Verdict) -> tuple[Verdict, str]:
         return Verdict.unavailable(note, verdict.verifier), note
     refuted = {"verified_success": verdict.quality <= _FAILED, "verified_fail": verdict.quality >= _SUCCEEDED}
     if refuted.get(verdict.outcome):
-        note = (
-            f"{who} said {verdict.outcome} with R = {verdict.quality:.2f}: its verdict counts as uncertain."
-        )
-        return replace(verdict, outcome="uncertain"), note
+        said = f"{verdict.outcome} with R = {verdict.quality:.2f}"
+        return replace(verdict, outcome="uncertain"), f"{who} said {said}: its verdict counts as uncertain."
     return verdict, ""

@@ -202,19 +202,13 @@ def consolidate(
         elif found.suspicion is not None and found.suspicion >= SUSPECT:
             suspected.append((rival.id, f"suspected by {found.suspicion:.2f}"))
     doubts = tuple(suspected)
-    if against:
-        return _settled(candidate, against, doubts)
-    if same:
+    if same and not against:
         return Edit("MERGE", same[0].id, "it says the same", suspected=doubts)
-    if suspected:
+    if doubts and not against:
         return Edit("ADD", doubts[0][0], "what it may contradict stays as well", suspected=doubts)
-    return Edit("ADD", why="nothing in the bank says the same")
-
-
-def _settled(
-    candidate: Record, against: Sequence[tuple[Record, str]], doubts: tuple[tuple[str, str], ...]
-) -> Edit:
-    """Contradicting effects within a type are decided by evidence; between a hint and a constraint both stay."""
+    if not against:
+        return Edit("ADD", why="nothing in the bank says the same")
+    # Contradicting effects within a type are decided by evidence; between a hint and a constraint both stay.
     listed = tuple((rival.id, why) for rival, why in against)
     rivals = [rival for rival, _ in against if rival.type == candidate.type]
     if not rivals:

@@ -48,9 +48,8 @@ class LessonTally:
     notes: list[str] = field(default_factory=list)
 
     def note(self, text: str) -> None:
-        """Add a sentence."""
-        if text:
-            self.notes.append(text)
+        """Add a sentence, unless it is empty."""
+        self.notes += [text] if text else []
 
     def learned(self) -> Learned:
         """The same as the contract's answer, each id and sentence once."""

@@ -121,10 +121,8 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
     query, sources = "", list[str]()
     for record in [best, *(r for r in group if r is not best)]:
         for wording in wordings_of(record):
-            if wording.key in told:
-                told[wording.key].take_in(wording)
-            else:
-                told[wording.key] = wording
+            if (known := told.setdefault(wording.key, wording)) is not wording:
+                known.take_in(wording)
         query = phrasings(query, record.query) if query else record.query
         sources += [source for source in record.sources() if source not in sources]
     most = sorted(told.values(), key=lambda wording: -wording.count)[:LINES]

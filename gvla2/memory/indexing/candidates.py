@@ -249,7 +249,8 @@ class Candidates:
 
 
 def largest(values: NDArray[np.floating[Any]], k: int, id_of: Callable[[int], str]) -> list[int]:
-    """The places of the ``k`` largest of (N,) values, 0 < k <= N, largest first; equal ones by id."""
+    """The places of the ``k`` > 0 largest of (N,) values, N > 0, largest first; equal ones by id."""
+    k = min(k, len(values))
     # All that are as large as the last of the k, so that the ids settle who is left out.
     some = np.flatnonzero(values >= np.partition(values, len(values) - k)[len(values) - k])
     return sorted(some.tolist(), key=lambda i: (-values[i], id_of(i)))[:k]

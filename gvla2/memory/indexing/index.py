@@ -97,8 +97,7 @@ class Index:
         A zero vector is near to nothing.
         """
         served = np.flatnonzero(self._rows.in_states(states))
-        k = min(k, len(served)) if vector.any() else 0
-        if k <= 0:
+        if k <= 0 or not len(served) or not vector.any():
             return []
         cosines = (self._rows.vectors @ vector)[served].astype(np.float64)
         records = self._rows.records

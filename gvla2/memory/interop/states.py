@@ -105,7 +105,7 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     confidence = number(fields.get("confidence"), 0.0, 1.0)
     ours = _mapping(fields, "gvla2")
     effect, skill = _mapping(ours, "effect"), clean(str(ours.get("skill") or ""), 64)
-    key = dedup_key(kind, content, skill, effect or None)
+    key = dedup_key(kind, content, skill, effect)
     screened = screen(f"{query}\n{content}")
     trust = trust_of([origin], screened=bool(screened))
     if origin.own and ours.get("trust") in LEVELS:

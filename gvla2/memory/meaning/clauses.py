@@ -238,8 +238,5 @@ def _take(word: str, words: set[str], sides: list[Side] | None) -> None:
         sides.extend(known)
     elif known:
         words |= {side_word(axis, sign) for axis, sign in known}
-    elif "-" in word:
-        for part in word.split("-"):
-            _take(part, words, sides)
     elif word not in SOFT and word not in STOP_WORDS and word != _COMMA and len(word) > 1:
         words.add(root)

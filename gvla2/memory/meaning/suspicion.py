@@ -52,8 +52,6 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     found: list[dict[str, float]] = []
     for a in one.clauses:
         for b in two.clauses:
-            if same == 0.0 and a.topics.isdisjoint(b.topics):
-                continue  # of other tasks, and of nothing that the other speaks of
             if signs := _signs(a, b):
                 found.append({**context, **signs, **_compared(a, b)})
     like = shared / max(len(one.words | two.words), 1)

@@ -70,11 +70,9 @@ class HybridRetriever:
             filled=filled(task, candidates, rows),
         )
         scores = np.sum(list(terms.values()), axis=0)
-        if scores.max() < options.min_score:
-            return (), (
-                f"{len(rows)} records are about this, none reliable enough: the best score is {scores.max():.2f}, at "
-                f"least {options.min_score:.2f} is asked."
-            )
+        if (best := scores.max()) < options.min_score:
+            best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is asked"
+            return (), f"{len(rows)} records are about this, none reliable enough: {best_is}."
         return [
             Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
             for i in self._chosen(rows, scores, candidates)

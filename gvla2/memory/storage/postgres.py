@@ -76,11 +76,7 @@ class PostgresDatabase(Database):
         """
         connection.exec_driver_sql("BEGIN ISOLATION LEVEL READ COMMITTED")
         lock = zlib.crc32(bank.encode()) - 2**31 if bank else 0
-        try:
-            connection.execute(text("SELECT pg_advisory_xact_lock(:a, :b)"), {"a": _SPACE, "b": lock})
-        except BaseException:
-            connection.exec_driver_sql("ROLLBACK")
-            raise
+        connection.execute(text("SELECT pg_advisory_xact_lock(:a, :b)"), {"a": _SPACE, "b": lock})
 
     def scrub(self) -> None:
         """Write the tables anew without what was deleted.

@@ -66,12 +66,11 @@ class Writing(BankView):
 
     def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
         if not abs(now) <= LATEST:
-            raise MemoryStoreError(
-                f"The time of a change must be a finite number of seconds, before the year 10000, not {now}."
-            )
+            due = "a finite number of seconds, before the year 10000"
+            raise MemoryStoreError(f"The time of a change must be {due}, not {now}.")
         super().__init__(sql, bank)
         head, self._actor = self.head, clean(actor, 200)
-        self._rev = (int(head.rev) if head else 0) + 1
+        self._rev = super().rev + 1
         self.now = max(float(now), head.at) if head else float(now)
         self._seq, self._hash = (int(head.seq), str(head.hash)) if head else (0, GENESIS)
         self._began, self._half = self._seq, False
@@ -156,10 +155,8 @@ class Writing(BankView):
         old = before or (sound(row) if row is not None else None)
         expected = old.version if old else 0
         if record.version != expected:
-            raise StaleRecordError(
-                f"Record '{record.id}' of bank '{self.bank}' is of version {expected} by now, not {record.version}: "
-                "read it again."
-            )
+            now = f"is of version {expected} by now, not {record.version}: read it again"
+            raise StaleRecordError(f"Record '{record.id}' of bank '{self.bank}' {now}.")
         # A tombstone, and a damaged row, are replaced; the count of changes goes on.
         kept = row.version if row is not None and type(row.version) is int else 0
         return checked(record, self.bank, (old.version if old else kept) + 1, self.rev), old
@@ -177,10 +174,8 @@ class Writing(BankView):
         made: dict[tuple[str, str, str], str] = {}
         for (source, kind, target), why in ties.items():
             if source == target or not kind or not {source, target} <= sound:
-                raise MemoryStoreError(
-                    f"Cannot link '{source}' to '{target}' as '{kind}': two different records of bank '{self.bank}' "
-                    "and a kind are needed."
-                )
+                needed = f"two different records of bank '{self.bank}' and a kind are needed"
+                raise MemoryStoreError(f"Cannot link '{source}' to '{target}' as '{kind}': {needed}.")
             if (key := (source, clean(kind, 64), target)) not in known:
                 made.setdefault(key, why)
         links = [Link(*key, self.now) for key in made]
@@ -210,11 +205,9 @@ class Writing(BankView):
         for stored in self.episode_rows(rows):
             rows[stored.source]["name"] = stored.name  # it stays
         self._do(upsert(self.sql, EPISODE, ("bank", "source")), list(rows.values()))
-        told = {
-            row["name"]: dump({"episode": episode_digest(row["at"], row["data"]), "source": source})
-            for source, row in rows.items()
-        }
-        self.tell(self.event("episode", name, change=change) for name, change in told.items())
+        said = [(row["name"], episode_digest(row["at"], row["data"]), source) for source, row in rows.items()]
+        told = ((name, dump({"episode": digest, "source": source})) for name, digest, source in said)
+        self.tell(self.event("episode", name, change=change) for name, change in told)
 
     # The chain ----------------------------------------------------------------------------------------------------
 
@@ -315,8 +308,7 @@ def vector_row(vector: NDArray[np.floating[Any]], model: str, id: str, bank: str
     """The row of a vector; raises :class:`MemoryStoreError` for one that cannot be stored."""
     array = np.asarray(vector)
     if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        raise MemoryStoreError(
-            f"The vector of record '{id}' cannot be stored: a model's name and finite numbers in one row are needed."
-        )
+        needed = "a model's name and finite numbers in one row are needed"
+        raise MemoryStoreError(f"The vector of record '{id}' cannot be stored: {needed}.")
     stored = array.astype("<f4").tobytes()
     return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}
