@@ -59,8 +59,8 @@ def compare(first: Record, second: Record) -> Compared:
     mine, theirs = first.effect_json(), second.effect_json()
     if mine and theirs:
         return Compared(effects_conflict(mine, theirs), 0.0)
-    failed = [record.type == "failure_avoidance" for record in (first, second)]
-    if all(failed) and all(_FAILURE.search(record.content.casefold()) for record in (first, second)):
+    both = (first, second)
+    if all(one.type == "failure_avoidance" and _FAILURE.search(one.content.casefold()) for one in both):
         return Compared(suspicion=0.0)
     return Compared(suspicion=suspicion(first.content, second.content, first.query, second.query))
 
@@ -210,10 +210,10 @@ def consolidate(
         return Edit("ADD", why="nothing in the bank says the same")
     # Contradicting effects within a type are decided by evidence; between a hint and a constraint both stay.
     listed = tuple((rival.id, why) for rival, why in against)
-    rivals = [rival for rival, _ in against if rival.type == candidate.type]
-    if not rivals:
+    alike = [rival for rival, _ in against if rival.type == candidate.type]
+    if not alike:
         return Edit("ADD", listed[0][0], f"it contradicts {listed[0][0]}", listed, doubts)
-    strongest = min(rivals, key=standing)
+    strongest = min(alike, key=standing)
     wins = standing(candidate)[:2] <= standing(strongest)[:2]  # of two that weigh the same, the later one
     word = "outweighs" if wins else "is outweighed by"
     why = f"it contradicts and {word} {strongest.id}"

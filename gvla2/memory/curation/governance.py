@@ -166,12 +166,11 @@ class Governing:
     def write(self, group: Sequence[Record], text: str = "") -> Record:
         """One summary in place of several records, by rule unless ``text`` was written for it."""
         summary = summary_of(group, self._ledger.now, text)
-        known = self._ledger.get(summary.id)
-        if known is not None and not summary.version:  # archived, or one of the same words that was not near
-            if known.state == "summary":
-                summary = summary_of([known, *group], self._ledger.now, text)
-            else:
-                summary = replace(summary, version=known.version, created=known.created)
+        known = None if summary.version else self._ledger.get(summary.id)
+        if known is not None and known.state == "summary":  # one of the same words that was not near
+            summary = summary_of([known, *group], self._ledger.now, text)
+        elif known is not None:  # archived
+            summary = replace(summary, version=known.version, created=known.created)
         why = f"{len(group)} records of {len(tasks_of(group))} tasks are alike"
         self._ledger.put(summary, "SUMMARY", why, near=self._ledger.vector(group[0]))
         if summary.id not in self.done.summaries:

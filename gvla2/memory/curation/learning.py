@@ -154,14 +154,15 @@ class Learning:
         edit = consolidate(record, rivals, options) if options.governance else Edit("ADD")
         if edit.action == "MERGE":
             self._fold(record, fresh, candidate, edit)
-        elif edit.action == "DISCARD":
+            return
+        if edit.action == "DISCARD":
             self._store(replace(record, state="archive", note=edit.why), "DISCARD", edit.why, self._word)
             self._tally.discarded += 1
             self._tally.note(f"{record.id} was archived: {edit.why}.")
         else:
             self._add(record, candidate, edit)
         for kind, others in (("conflict", edit.conflicts), ("suspicion", edit.suspected)):
-            for other, why in others if edit.action != "MERGE" else ():
+            for other, why in others:
                 self._ledger.link(record.id, kind, other, why)
 
     def _add(self, record: Record, candidate: Weighed, edit: Edit) -> None:

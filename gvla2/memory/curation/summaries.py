@@ -129,11 +129,8 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
     count = sum(record.count for record in group)
     quality = sum(record.quality * record.count for record in group) / count
     key = old.dedup_key if old else dedup_key(best.type, f"summary of {most[0].key}", best.skill, None)
-    provenance = {
-        "made_by": {"governance": "summary"},
-        "sources": sources[-MAX_SOURCES:],
-        "told": [vars(one) for one in most],
-    }
+    made_by, kept = {"governance": "summary"}, [vars(one) for one in most]
+    provenance = {"made_by": made_by, "sources": sources[-MAX_SOURCES:], "told": kept}
     return replace(
         best,
         id=old.id if old else "summary-" + record_id(best.type, best.bank, key).partition("-")[2],

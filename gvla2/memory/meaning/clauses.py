@@ -86,6 +86,11 @@ class Reading:
     choices: tuple[Order, ...]
     words: Words
 
+    @cached_property
+    def everything(self) -> Words:
+        """Words and sides together."""
+        return self.words.union(*(clause.everything for clause in self.clauses))
+
 
 @lru_cache(maxsize=4096)
 def read(text: str) -> Reading:

@@ -16,7 +16,7 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.meaning.clauses import Clause, Order, Reading, Words, read
+from gvla2.memory.meaning.clauses import Clause, Order, Words, read
 from gvla2.memory.meaning.english import Side, is_english
 
 CROSSED = 0.2
@@ -153,14 +153,11 @@ def _same_task(first: str, second: str) -> float:
     mine, theirs = first.casefold().split("\n"), second.casefold().split("\n")
     if set(mine) & set(theirs):
         return 1.0
-    pairs = [(_all(read(line)), _all(read(other))) for line in mine for other in theirs]
-    return -1.0 if all(one - two and two - one for one, two in pairs) else 0.0
+    one, two = ([read(line).everything for line in query] for query in (mine, theirs))
+    return -1.0 if all(a - b and b - a for a in one for b in two) else 0.0
 
 
-def _all(said: Reading) -> Words:
-    return said.words.union(*(clause.everything for clause in said.clauses))
-
-
+@lru_cache(maxsize=16384)
 def suspicion(first: str, second: str, first_query: str = "", second_query: str = "") -> float | None:
     """The probability, in [0, 1], that two texts contradict each other; None where one is not in English.
 
@@ -168,12 +165,7 @@ def suspicion(first: str, second: str, first_query: str = "", second_query: str 
     place, and what is right for one task may be wrong for another. The texts may be exchanged.
     """
     if (second, second_query) < (first, first_query):
-        first, second, first_query, second_query = second, first, second_query, first_query
-    return _suspicion(first, second, first_query, second_query)
-
-
-@lru_cache(maxsize=16384)
-def _suspicion(first: str, second: str, first_query: str, second_query: str) -> float | None:
+        return suspicion(second, first, second_query, first_query)
     if not is_english(first) or not is_english(second):
         return None
     if first == second:

@@ -78,9 +78,7 @@ def _line(item: MemoryItem, limit: int) -> str:
     head = f"[{neutralised(item.id, 64)} | confidence {item.confidence:.2f}{outside}] "
     tail = effect_words(item.effect)
     room = limit - len(head) - len(tail)
-    if room < 16:
-        return ""
-    return head + neutralised(sanitised(item.content), room) + tail
+    return "" if room < 16 else head + neutralised(sanitised(item.content), room) + tail
 
 
 def effect_words(effect: Mapping[str, Any] | None) -> str:

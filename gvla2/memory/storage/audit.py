@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from gvla2.memory.storage.events import (
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
 from gvla2.memory.storage.view import BankView, vector_of
-from gvla2.memory.storage.writing import link_row
 
 _OWN = 0.99
 """Cosine from which a vector is that of a text, whatever the order of additions."""
@@ -204,7 +203,7 @@ def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str],
     if odd := stored ^ set(folding.links):
         t.sql.execute(delete(LINK).where(LINK.c.bank == t.bank))
         if folding.links:
-            t.sql.execute(insert(LINK), [{"bank": t.bank, **link_row(link)} for link in folding.links])
+            t.sql.execute(insert(LINK), [{"bank": t.bank, **asdict(link)} for link in folding.links])
     wrong |= {end for link in odd for end in (link.source, link.target)}
     again = [numbered(due[id], due[id].version + 1, t.rev) for id in sorted(wrong & due.keys())]
     # The event of each changes nothing: every index reads the record anew.

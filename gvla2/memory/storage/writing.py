@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -179,7 +179,7 @@ class Writing(BankView):
             if (key := (source, clean(kind, 64), target)) not in known:
                 made.setdefault(key, why)
         links = [Link(*key, self.now) for key in made]
-        self._do(insert(LINK), [{"bank": self.bank, **link_row(link)} for link in links])
+        self._do(insert(LINK), [{"bank": self.bank, **asdict(link)} for link in links])
         self.touch(end for link in links for end in (link.source, link.target))
         self.tell(self.event(f"link:{key[1]}", key[0], key[2], why) for key, why in made.items())
         return links
@@ -260,11 +260,6 @@ class Writing(BankView):
             self._half = True
             self.sql.execute(statement, rows)
             self._half = False
-
-
-def link_row(link: Link) -> dict[str, Any]:
-    """A link's columns by name."""
-    return {name: getattr(link, name) for name in ("source", "kind", "target", "at")}
 
 
 def _check_action(action: str) -> None:
