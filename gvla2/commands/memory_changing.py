@@ -60,7 +60,7 @@ def export(request: Request) -> Answer:
             store,
             config.bank,
             path,
-            states=config.states or None,  # type: ignore[arg-type]  # checked by the configuration
+            states=config.states or None,  # checked by the configuration
         )
     files = ", ".join(printable(str(file)) for file in done.files)
     told = [f"{counted(done.records, 'record')}: {files}."]
