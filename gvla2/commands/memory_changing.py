@@ -51,8 +51,8 @@ def export(request: VerbRequest) -> Answer:
     """Write the bank in the released layout."""
     config, path = request.config, Path(request.words[0]).expanduser()
     with opened(request) as store:
-        states: Any = config.states or None  # checked by the configuration
-        done = export_path(store, config.bank, path, states=states)
+        # The states were checked by the configuration.
+        done = export_path(store, config.bank, path, states=config.states or None)
     files = ", ".join(str(file) for file in done.files)
     told = [f"{count(done.records, 'record')}: {files}."]
     if done.left_out:

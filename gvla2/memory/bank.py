@@ -163,8 +163,8 @@ class KnowledgeBank(Closing):
         from gvla2.memory.curation import governance, intake, rewriting
 
         if not isinstance(episode, MemoryEpisode):
-            told = tuple(Lesson("procedural_hint", one) if isinstance(one, str) else one for one in lessons)
-            source, context = source or f"run/{uuid4()}", recalled or MemoryContext()
+            told = tuple(map(_lesson, lessons))
+            context, source = recalled or MemoryContext(), source or f"run/{uuid4()}"
             episode = MemoryEpisode(_task(episode), told, str(verdict), context, source)
             verdict = _said(success)
         if not isinstance(verdict, Verdict):
@@ -197,10 +197,9 @@ class KnowledgeBank(Closing):
         What comes from others stays provisional until verified episodes of two independent sources bear it out.
         ``trusted`` vouches for it as for an episode of one's own, and is its verdict where none is given.
         """
-        listed = [lessons] if isinstance(lessons, Lesson | str) else list(lessons)
-        said = verdict or (_said(True) if trusted else _said(None))
-        told = [Lesson("procedural_hint", one) if isinstance(one, str) else one for one in listed]
-        return self.admit_many([(lesson, said, task, source) for lesson in told], trusted=trusted)
+        listed = [lessons] if isinstance(lessons, Lesson | str) else lessons
+        said = verdict or _said(True if trusted else None)
+        return self.admit_many([(_lesson(one), said, task, source) for one in listed], trusted=trusted)
 
     def admit_many(
         self, items: Iterable[tuple[Lesson, Verdict, MemoryTask | str, str]], *, trusted: bool = False
@@ -224,10 +223,10 @@ class KnowledgeBank(Closing):
         """
         from gvla2.memory.curation import governance, rewriting
 
+        done = governance.Governed()
         if not self.options.governance or self.options.frozen:
-            return governance.Governed()
+            return done
         with self._lock:
-            done = governance.Governed()
             if self._judge is not None:
                 done.replaced += self.judge().archived
             if self._writer is not None:
@@ -243,8 +242,8 @@ class KnowledgeBank(Closing):
 
         chosen = judge or self._judge
         if chosen is None or not self.options.governance or self.options.frozen:
-            off = "Governance is switched off."
-            return judging.Judged(notes=[off if chosen else "Nobody was given to judge anything."])
+            off = "Governance is switched off." if chosen else "Nobody was given to judge anything."
+            return judging.Judged(notes=[off])
         with self._lock:
             return judging.judge(self, chosen, limit=limit)
 
@@ -260,8 +259,8 @@ class KnowledgeBank(Closing):
 
         judge = verifier or self._verifier
         if judge is None or not self.options.replay or self.options.frozen:
-            off = "Replay is switched off."
-            return replay.Replayed(notes=[off if judge else "Nobody was given to verify anything again."])
+            off = "Replay is switched off." if judge else "Nobody was given to verify anything again."
+            return replay.Replayed(notes=[off])
         with self._lock:
             return replay.replay(self, judge, limit=limit, but=but)
 
@@ -290,14 +289,15 @@ class KnowledgeBank(Closing):
             ranked, _ = self._retriever.rank(asked, served, vector) if len(found) else ((), "")
             hits = [Hit(served.record(r.row), r.score, dict(r.terms), reliable=True) for r in ranked]
             lexical, cosine = found.lexical(asked.query), found.cosine(vector)
-            text_score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
+            score = 0.6 * lexical + 0.4 * cosine.clip(0.0, 1.0)
             known = {hit.record.id for hit in hits}
-            order = sorted(range(len(found)), key=lambda row: (-text_score[row], found.record(row).id))
-            for row in order[: k + len(known)]:
-                record, said = found.record(row), (float(lexical[row]), float(cosine[row]))
-                if record.id not in known and text_score[row] > 0:
-                    terms = {"lexical": said[0], "cosine": said[1], "confidence": record.confidence}
-                    hits.append(Hit(record, float(text_score[row]), terms, reliable=False))
+            for row in sorted(range(len(found)), key=lambda row: (-score[row], found.record(row).id)):
+                if len(hits) >= k or score[row] <= 0:
+                    break
+                if (record := found.record(row)).id not in known:
+                    terms = {"lexical": float(lexical[row]), "cosine": float(cosine[row])}
+                    terms["confidence"] = record.confidence
+                    hits.append(Hit(record, float(score[row]), terms, reliable=False))
             return hits[: max(k, 0)]
 
     def verify(self, *, head: str = "") -> list[Problem]:
@@ -336,6 +336,10 @@ class KnowledgeBank(Closing):
 
 def _task(task: MemoryTask | str) -> MemoryTask:
     return MemoryTask(task) if isinstance(task, str) else task
+
+
+def _lesson(lesson: Lesson | str) -> Lesson:
+    return Lesson("procedural_hint", lesson) if isinstance(lesson, str) else lesson
 
 
 def _said(success: bool | None) -> Verdict:

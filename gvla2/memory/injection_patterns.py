@@ -45,11 +45,8 @@ def sanitised(text: str) -> str:
     """
     plain = text
     if not (text.isascii() and text.isprintable()):
-        plain = "".join(
-            letter
-            for letter in unicodedata.normalize("NFKC", text)
-            if letter in "\n\t" or not invisible(letter)
-        )
+        letters = unicodedata.normalize("NFKC", text)
+        plain = "".join(letter for letter in letters if letter in "\n\t" or not invisible(letter))
     for _ in range(3):  # a frame may be hidden in another
         stripped = _FRAMES.sub(" ", plain)
         if stripped == plain:

@@ -120,10 +120,8 @@ def load_object(text: str) -> dict[str, Any]:
 
 def damage_of(row: tuple[Any, ...]) -> str:
     """What is wrong with a stored row (columns as in :data:`COLUMNS`), "" for nothing."""
-    if tuple(map(type, row)) != TYPES:
-        wrong = [
-            name for name, value, kind in zip(COLUMNS, row, TYPES, strict=True) if type(value) is not kind
-        ]
+    if (kinds := tuple(map(type, row))) != TYPES:
+        wrong = [name for name, kind, due in zip(COLUMNS, kinds, TYPES, strict=True) if kind is not due]
         return f"{', '.join(wrong)} of a wrong type"
     for i in _NUMBERS:
         if not math.isfinite(row[i]):
@@ -171,14 +169,13 @@ def dedup_key(kind: RecordType, content: str, skill: str, effect: Mapping[str, A
 
     The effect's numbers are left out: they are what merging pools.
     """
-    words = " ".join(unified(content).casefold().split())
-    about = [str((effect or {}).get(name, "")) for name in ("kind", "parameter", "op", "skill")]
-    if scale := (effect or {}).get("scale"):
-        about.append(str(scale))  # shares and metres are never pooled
+    words, said = " ".join(unified(content).casefold().split()), effect or {}
+    about = [str(said.get(name, "")) for name in ("kind", "parameter", "op", "skill")]
+    about += [str(said["scale"])] if said.get("scale") else []  # shares and metres are never pooled
     # Nor is what was learnt of another object or region.
-    about += [f"{name}={where}" for name in ("object", "region") if (where := (effect or {}).get(name))]
-    if (effect or {}).get("kind") == "program":
-        about += [dump([(effect or {}).get(name) for name in ("language", "roles", "steps")])]
+    about += [f"{name}={said[name]}" for name in ("object", "region") if said.get(name)]
+    if said.get("kind") == "program":
+        about += [dump([said.get(name) for name in ("language", "roles", "steps")])]
     return hashlib.blake2b(dump([kind, words, skill, about]).encode(), digest_size=16).hexdigest()
 
 

@@ -11,6 +11,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Lesson, LifecycleState, Trust, Verdict
 from gvla2.memory.curation.trust import Origin, believed, trust_of
 from gvla2.memory.injection_patterns import screen, screened_effect
@@ -40,11 +41,10 @@ class Weighed:
 def weigh(
     lesson: Lesson,
     verdict: Verdict,
+    options: BankOptions | None = None,
     *,
     origin: Origin | None = None,
     trust: Trust | None = None,
-    admission: bool = True,
-    failures: bool = True,
     ungrounded: str = "",
 ) -> Weighed:
     """Decide on one lesson.
@@ -52,13 +52,14 @@ def weigh(
     Verified lessons may become active; what was uncertain, or could not be judged, is provisional. A failed episode
     teaches constraints, never recipes. ``origin`` is who says it (None: an episode of ours); ``trust`` is given instead
     for a record that is judged again. What is not believed stays provisional whatever its verdict, and so does what a
-    model wrote without evidence (``ungrounded`` says why).
-    ``admission`` False is the ablation that lets in all that is ours; ``failures`` False learns nothing from failures.
+    model wrote without evidence (``ungrounded`` says why). ``options.admission`` False is the ablation that lets in all
+    that is ours; ``options.failures`` False learns nothing from failures.
     """
+    options = options or BankOptions()
     if not lesson.content.strip():
         return Weighed(lesson, None, "A lesson without words was left out.")
     failed = verdict.outcome == "verified_fail"
-    if not failures and (failed or lesson.type == "failure_avoidance"):
+    if not options.failures and (failed or lesson.type == "failure_avoidance"):
         return Weighed(lesson, None, "Learning from failures is switched off.")
     if failed and lesson.type != "failure_avoidance":
         why = "A recipe from a failed episode was left out: failures teach constraints alone."
@@ -66,23 +67,20 @@ def weigh(
     suspicious = screen(lesson.content) or screened_effect(lesson.effect)
     who = Origin(True, "") if origin is None else origin
     level = trust_of([who], screened=bool(suspicious)) if trust is None else trust
-
-    def held_back(note: str) -> Weighed:
-        return Weighed(lesson, "provisional", note, level, bool(suspicious))
-
-    if ungrounded and not suspicious:
-        return held_back(ungrounded)
+    state: LifecycleState = "provisional"
     verified = failed or verdict.outcome == "verified_success"
-    if not verified and (admission or not believed(level)):
+    if ungrounded and not suspicious:
+        note = ungrounded
+    elif not verified and (options.admission or not believed(level)):
         lost = verdict.outcome == "unavailable"
-        return held_back(f"the outcome {'could not be judged' if lost else 'is uncertain'}")
-    if believed(level):
-        return Weighed(lesson, "active", "", level, bool(suspicious))
-    note = suspicious or "it comes from outside, and no second source has borne it out yet"
-    if trust is not None:
-        return held_back(note)
-    # With what others said of it, it may be believed after all.
-    return Weighed(lesson, "active", note, level, bool(suspicious))
+        note = f"the outcome {'could not be judged' if lost else 'is uncertain'}"
+    elif believed(level):
+        state, note = "active", ""
+    else:
+        note = suspicious or "it comes from outside, and no second source has borne it out yet"
+        if trust is None:  # with what others said of it, it may be believed after all
+            state = "active"
+    return Weighed(lesson, state, note, level, bool(suspicious))
 
 
 def credible(verdict: Verdict) -> tuple[Verdict, str]:
@@ -100,8 +98,6 @@ def credible(verdict: Verdict) -> tuple[Verdict, str]:
         return Verdict.unavailable(note, verdict.verifier), note
     refuted = {"verified_success": verdict.quality <= _FAILED, "verified_fail": verdict.quality >= _SUCCEEDED}
     if refuted.get(verdict.outcome):
-        note = (
-            f"{who} said {verdict.outcome} with R = {verdict.quality:.2f}: its verdict counts as uncertain."
-        )
-        return replace(verdict, outcome="uncertain"), note
+        said = f"{verdict.outcome} with R = {verdict.quality:.2f}"
+        return replace(verdict, outcome="uncertain"), f"{who} said {said}: its verdict counts as uncertain."
     return verdict, ""

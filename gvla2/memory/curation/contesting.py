@@ -59,8 +59,8 @@ def compare(first: Record, second: Record) -> Compared:
     mine, theirs = first.effect_json(), second.effect_json()
     if mine and theirs:
         return Compared(effects_conflict(mine, theirs), 0.0)
-    failed = [record.type == "failure_avoidance" for record in (first, second)]
-    if all(failed) and all(_FAILURE.search(record.content.casefold()) for record in (first, second)):
+    both = (first, second)
+    if all(one.type == "failure_avoidance" and _FAILURE.search(one.content.casefold()) for one in both):
         return Compared(suspicion=0.0)
     return Compared(suspicion=suspicion(first.content, second.content, first.query, second.query))
 
@@ -76,10 +76,8 @@ def same_lesson(first: Record, second: Record) -> bool:
     mine, theirs = first.effect_json() or {}, second.effect_json() or {}
     if bool(mine) != bool(theirs) or "program" in (mine.get("kind"), theirs.get("kind")):
         return False
-    if mine and not (
-        _same_parameter(mine, theirs)
-        and all(mine.get(name) == theirs.get(name) for name in ("kind", "op", "skill", "object", "region"))
-    ):
+    alike = all(mine.get(name) == theirs.get(name) for name in ("kind", "op", "skill", "object", "region"))
+    if mine and not (alike and _same_parameter(mine, theirs)):
         return False
     return first.content == second.content or _same_words(_said(first.content), _said(second.content))
 
@@ -154,10 +152,8 @@ def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
     """
     if any(str(first.get(name) or "") != str(second.get(name) or "") for name in ("parameter", "scale")):
         return False
-    return all(
-        not first.get(name) or not second.get(name) or first[name] == second[name]
-        for name in ("skill", "object")
-    )
+    given = [(first.get(name), second.get(name)) for name in ("skill", "object")]
+    return all(not mine or not theirs or mine == theirs for mine, theirs in given)
 
 
 Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
@@ -206,24 +202,18 @@ def consolidate(
         elif found.suspicion is not None and found.suspicion >= SUSPECT:
             suspected.append((rival.id, f"suspected by {found.suspicion:.2f}"))
     doubts = tuple(suspected)
-    if against:
-        return _settled(candidate, against, doubts)
-    if same:
+    if same and not against:
         return Edit("MERGE", same[0].id, "it says the same", suspected=doubts)
-    if suspected:
+    if doubts and not against:
         return Edit("ADD", doubts[0][0], "what it may contradict stays as well", suspected=doubts)
-    return Edit("ADD", why="nothing in the bank says the same")
-
-
-def _settled(
-    candidate: Record, against: Sequence[tuple[Record, str]], doubts: tuple[tuple[str, str], ...]
-) -> Edit:
-    """Contradicting effects within a type are decided by evidence; between a hint and a constraint both stay."""
+    if not against:
+        return Edit("ADD", why="nothing in the bank says the same")
+    # Contradicting effects within a type are decided by evidence; between a hint and a constraint both stay.
     listed = tuple((rival.id, why) for rival, why in against)
-    rivals = [rival for rival, _ in against if rival.type == candidate.type]
-    if not rivals:
+    alike = [rival for rival, _ in against if rival.type == candidate.type]
+    if not alike:
         return Edit("ADD", listed[0][0], f"it contradicts {listed[0][0]}", listed, doubts)
-    strongest = min(rivals, key=standing)
+    strongest = min(alike, key=standing)
     wins = standing(candidate)[:2] <= standing(strongest)[:2]  # of two that weigh the same, the later one
     word = "outweighs" if wins else "is outweighed by"
     why = f"it contradicts and {word} {strongest.id}"

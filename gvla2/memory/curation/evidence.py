@@ -19,6 +19,11 @@ def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: V
     """The record of a lesson that the bank does not know, of version 0."""
     lesson, key = candidate.lesson, candidate.key
     judged = verdict.outcome != "unavailable"
+    told = {
+        "verifier": clean(verdict.verifier, 64),
+        "criteria": finite(verdict.criteria),
+        "reasons": [clean(reason, 300) for reason in verdict.reasons[:8]],
+    }
     return Record(
         id=record_id(lesson.type, bank, key),
         bank=bank,
@@ -32,13 +37,7 @@ def new_record(bank: str, candidate: Weighed, episode: MemoryEpisode, verdict: V
         dedup_key=key,
         created=now,
         updated=now,
-        verifier=dump(
-            {
-                "verifier": clean(verdict.verifier, 64),
-                "criteria": finite(verdict.criteria),
-                "reasons": [clean(reason, 300) for reason in verdict.reasons[:8]],
-            }
-        ),
+        verifier=dump(told),
         signature=dump(finite(episode.task.signature)),
         skill=clean(episode.task.skill, 64),
         effect=dump(dict(lesson.effect)) if lesson.effect else "",
@@ -91,10 +90,14 @@ def repeated(record: Record, fresh: Record) -> Record:
     return replace(record, effect=dump(pooled_effects(effect, fresh.effect_json())))
 
 
+def warns(record: Record) -> bool:
+    """Whether a record is a constraint that a verified failure supports."""
+    return record.outcome == "verified_fail" and record.type == "failure_avoidance"
+
+
 def support(record: Record) -> float:
     """Quality R of what a record says, in [0, 1]: a constraint is the better, the worse its episode went."""
-    failed = record.outcome == "verified_fail" and record.type == "failure_avoidance"
-    return 1.0 - record.quality if failed else record.quality
+    return 1.0 - record.quality if warns(record) else record.quality
 
 
 def evidence(record: Record) -> float:
@@ -134,9 +137,10 @@ def pooled_quality(quality: float, count: int, new: float) -> tuple[float, float
     return mean, 2 * abs(mean - 0.5)
 
 
-def pooled_effects(
-    first: Mapping[str, Any] | None, second: Mapping[str, Any] | None
-) -> dict[str, Any] | None:
+Effect = Mapping[str, Any] | None
+
+
+def pooled_effects(first: Effect, second: Effect) -> dict[str, Any] | None:
     """Two effects on the same parameter as one, as JSON.
 
     Priors pool mean, deviation and count (parallel variance); of two bounds the tighter one holds; a ban stays, and

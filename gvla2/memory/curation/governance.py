@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from gvla2.memory.curation.contesting import SUSPECT, compare
-from gvla2.memory.curation.evidence import evidence, standing
+from gvla2.memory.curation.evidence import evidence, standing, warns
 from gvla2.memory.curation.ledger import BankLedger, deciding
 from gvla2.memory.curation.summaries import LONGEST, alike_but_for_numbers, shared_terms, summary_of, tasks_of
 from gvla2.memory.indexing.candidates import SECONDS_PER_DAY, SERVED
@@ -39,7 +39,7 @@ class Governed:
     @property
     def changes(self) -> int:
         """How many records the pass changed or made."""
-        return sum(map(len, (self.retired, self.replaced, self.summaries, self.summed_up, self.archived)))
+        return sum(map(len, vars(self).values()))
 
 
 def retention(record: Record, now: float) -> float:
@@ -49,7 +49,7 @@ def retention(record: Record, now: float) -> float:
     R is that of what a record says, for which kappa = 2|R - .5| tells it: R + kappa = .5 + 1.5 kappa.
     """
     days = max(now - max(record.updated, record.used), 0.0) / SECONDS_PER_DAY
-    verified = 0.5 if is_verified(record) else -0.3
+    verified = 0.5 if record.outcome == "verified_success" or warns(record) else -0.3
     recency = max(0.0, 0.25 - days / 90.0)
     return 0.5 + 1.5 * record.confidence + verified + min(0.1 * record.usage, 0.5) + recency
 
@@ -85,9 +85,8 @@ class Governing:
     def touched(self) -> None:
         """What episodes touched, their words aside: programs, and the budgets."""
         if programs := [r for r in self._ledger.changed() if r.state == "active" and _program(r)]:
-            active = self._ledger.index.records("active")
-            known = {record.id: record for record in [*active, *programs]}
-            self.keep_few_programs(list(known.values()))
+            known = {record.id: record for record in [*self._ledger.index.records("active"), *programs]}
+            self.keep_few_programs(known.values())
         self.cut()
 
     def retire(self) -> None:
@@ -97,8 +96,8 @@ class Governing:
             if record.state != "active" or record.usage or record.outcome == "verified_success":
                 continue
             if now - max(record.updated, record.used) >= limit * SECONDS_PER_DAY:
-                self._archive(record, "RETIRE", f"a failure that nobody used for {limit:g} days")
-                self.done.retired.append(record.id)
+                why = f"a failure that nobody used for {limit:g} days"
+                self._archive(record, "RETIRE", why, self.done.retired)
 
     def resolve(self, records: Iterable[Record]) -> None:
         """Archive what a stronger record about the same parameter contradicts: what replay promoted, or what came in
@@ -131,17 +130,15 @@ class Governing:
                 kinds = sorted(f"{k}={v}" for k, v in roles.items()) if isinstance(roles, dict) else []
                 groups[str(program.get("skill")), record.type, *kinds].append(record)
         for group in groups.values():
-            group.sort(key=lambda r: (-evidence(r), -r.usage, -r.updated, r.id))
             kept: dict[tuple[str, ...], Record] = {}
-            for record in group:
+            for record in sorted(group, key=lambda r: (-evidence(r), -r.usage, -r.updated, r.id)):
                 kind = steps_of(_program(record) or {})
                 best = kept.get(kind)
                 if best is None and len(kept) < PROGRAMS:
                     kept[kind] = record
                     continue
                 better = f"{best.id} of the same steps" if best else f"{PROGRAMS} others"
-                self._archive(record, "ARCHIVE", f"{better} are borne out better")
-                self.done.archived.append(record.id)
+                self._archive(record, "ARCHIVE", f"{better} are borne out better", self.done.archived)
 
     # Summaries ----------------------------------------------------------------------------------------------------
 
@@ -169,21 +166,19 @@ class Governing:
     def write(self, group: Sequence[Record], text: str = "") -> Record:
         """One summary in place of several records, by rule unless ``text`` was written for it."""
         summary = summary_of(group, self._ledger.now, text)
-        known = self._ledger.get(summary.id)
-        if known is not None and not summary.version:  # archived, or one of the same words that was not near
-            if known.state == "summary":
-                summary = summary_of([known, *group], self._ledger.now, text)
-            else:
-                summary = replace(summary, version=known.version, created=known.created)
+        known = None if summary.version else self._ledger.get(summary.id)
+        if known is not None and known.state == "summary":  # one of the same words that was not near
+            summary = summary_of([known, *group], self._ledger.now, text)
+        elif known is not None:  # archived
+            summary = replace(summary, version=known.version, created=known.created)
         why = f"{len(group)} records of {len(tasks_of(group))} tasks are alike"
         self._ledger.put(summary, "SUMMARY", why, near=self._ledger.vector(group[0]))
         if summary.id not in self.done.summaries:
             self.done.summaries.append(summary.id)
         for member in group:
             if member.id != summary.id:
-                self._archive(member, "SUMMED_UP", why, f"{SUMMED_UP}{summary.id}")
+                self._archive(member, "SUMMED_UP", why, self.done.summed_up, f"{SUMMED_UP}{summary.id}")
                 self._ledger.link(summary.id, "summary_of", member.id, why)
-                self.done.summed_up.append(member.id)
         return summary
 
     def _summable(self, record: Record) -> bool:
@@ -205,10 +200,8 @@ class Governing:
 
     def cut(self) -> None:
         """Archive what the budgets have no room for, those first that are least worth keeping."""
-        for states, budget in (
-            (SERVED, self._options.active_budget),
-            (("provisional",), self._options.provisional_budget),
-        ):
+        budgets = {SERVED: self._options.active_budget, ("provisional",): self._options.provisional_budget}
+        for states, budget in budgets.items():
             changed = {record.id: record for record in self._ledger.changed()}
             if sum(map(self._ledger.index.count, states)) + len(changed) <= budget:
                 continue
@@ -216,17 +209,11 @@ class Governing:
             left = [record for record in (held | changed).values() if record.state in states]
             ranked = sorted(left, key=lambda record: (retention(record, self._ledger.now), record.id))
             for record in ranked[: max(len(left) - budget, 0)]:
-                self._archive(record, "ARCHIVE", f"beyond the budget of {budget} records")
-                self.done.archived.append(record.id)
+                self._archive(record, "ARCHIVE", f"beyond the budget of {budget} records", self.done.archived)
 
-    def _archive(self, record: Record, action: str, why: str, note: str = "") -> None:
+    def _archive(self, record: Record, action: str, why: str, listed: list[str], note: str = "") -> None:
         self._ledger.put(replace(record, state="archive", note=note or why), action, why)
-
-
-def is_verified(record: Record) -> bool:
-    """Whether a verdict stands behind what the record says."""
-    failed = record.outcome == "verified_fail" and record.type == "failure_avoidance"
-    return record.outcome == "verified_success" or failed
+        listed.append(record.id)
 
 
 def steps_of(program: dict[str, Any]) -> tuple[str, ...]:

@@ -68,12 +68,11 @@ class RulesInducer:
             if trouble:
                 # What went wrong, and not what a tool says one should do about it.
                 told = _FURTHER.split(trouble[-1], maxsplit=1)[0][:MAX_STEP]
-                return (_bounded("failure_avoidance", f"{subject}: failed because of: {told}"),)
-            last = (f"{subject}: failed although it ended with: {step}" for step in steps[-1:])
-            return tuple(_bounded("failure_avoidance", text) for text in last)
-        if not steps:
-            return ()
-        return (_bounded("procedural_hint", f"{subject}: these steps led to the end: " + "; ".join(steps)),)
+                return _bounded("failure_avoidance", f"{subject}: failed because of: {told}")
+            why = f"{subject}: failed although it ended with: {steps[-1]}" if steps else ""
+            return _bounded("failure_avoidance", why)
+        how = f"{subject}: these steps led to the end: {'; '.join(steps)}" if steps else ""
+        return _bounded("procedural_hint", how)
 
 
 def _steps(transcript: str) -> list[str]:
@@ -84,8 +83,10 @@ def _steps(transcript: str) -> list[str]:
     return list(dict.fromkeys(step[:MAX_STEP] for step in found))[-MAX_STEPS:]
 
 
-def _bounded(kind: RecordType, content: str) -> Lesson:
-    return Lesson(kind, content if len(content) <= MAX_CONTENT else content[: MAX_CONTENT - 1] + "…")
+def _bounded(kind: RecordType, content: str) -> tuple[Lesson, ...]:
+    """One lesson, or none where there is nothing to say."""
+    cut = content if len(content) <= MAX_CONTENT else content[: MAX_CONTENT - 1] + "…"
+    return (Lesson(kind, cut),) if content else ()
 
 
 _WORD = re.compile(r"\w+")

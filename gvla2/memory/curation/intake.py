@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gvla2.errors import Gvla2Error
 from gvla2.memory.contracts import TYPES, Learned, Lesson, MemoryContext, MemoryEpisode, MemoryTask, Verdict
 from gvla2.memory.curation.admission import Weighed, credible, weigh
+from gvla2.memory.curation.evidence import phrasings
 from gvla2.memory.curation.governance import Governed, Governing
 from gvla2.memory.curation.induction import RulesInducer, ungrounded
 from gvla2.memory.curation.learning import Brought, Learning, LessonTally
@@ -46,11 +47,11 @@ def learn(bank: KnowledgeBank, episode: MemoryEpisode, verdict: Verdict) -> Lear
     except Gvla2Error as error:
         tally.note(f"The inducer failed, so the episode's own lessons were taken: {error}")
     unsure = _unsure([lesson for lesson in episode.lessons if id(lesson) not in told], episode, verdict)
-    brought = [Brought(episode, verdict, True, unsure)]
-    weighed = _weighed(bank, brought, tally, bank.options.max_per_episode)
+    brought = Brought(episode, verdict, True, unsure)
+    weighed = _weighed(bank, [brought], tally, bank.options.max_per_episode)
     with deciding(bank, "learn") as ledger:
         _credit(ledger, episode.recalled, verdict)
-        _bring_in(bank, ledger, brought, weighed, tally)
+        _bring_in(bank, ledger, weighed, tally)
     return tally.learned()
 
 
@@ -68,7 +69,7 @@ def admit(
             brought.append(Brought(episode, verdict, own, {}))
         weighed = _weighed(bank, brought, tally, 1)
         with deciding(bank, "admit") as ledger:
-            _bring_in(bank, ledger, brought, weighed, tally)
+            _bring_in(bank, ledger, weighed, tally)
     return tally.learned()
 
 
@@ -77,16 +78,16 @@ def admit(
 
 def _weighed(
     bank: KnowledgeBank, brought: Sequence[Brought], tally: LessonTally, most: int
-) -> list[list[Weighed]]:
+) -> list[tuple[Brought, list[Weighed]]]:
     """Which lessons of each episode may be stored, ``most`` of each; embedded in one go, outside the transaction."""
-    weighed = [_admitted(bank, one, tally, most) for one in brought]
+    weighed = [(one, _admitted(bank, one, tally, most)) for one in brought]
     asked = [
-        f"{' '.join(clean(one.episode.task.query, MAX_QUERY).split())} {candidate.lesson.content}"
-        for one, some in zip(brought, weighed, strict=True)
+        f"{phrasings('', one.episode.task.query)} {candidate.lesson.content}"
+        for one, some in weighed
         for candidate in some
     ]
     vectors = iter(bank.embedder.embed(asked) if asked else ())
-    return [[replace(candidate, vector=next(vectors)) for candidate in some] for some in weighed]
+    return [(one, [replace(each, vector=next(vectors)) for each in some]) for one, some in weighed]
 
 
 def _admitted(bank: KnowledgeBank, one: Brought, tally: LessonTally, most: int) -> list[Weighed]:
@@ -96,14 +97,8 @@ def _admitted(bank: KnowledgeBank, one: Brought, tally: LessonTally, most: int) 
         if wrong := _wrong(lesson):
             tally.note(f"A lesson was left out: {wrong}.")
             continue
-        candidate = weigh(
-            lesson,
-            one.verdict,
-            origin=one.origin,
-            admission=bank.options.admission,
-            failures=bank.options.failures,
-            ungrounded=one.unsure.get(told.content, ""),
-        )
+        unsure = one.unsure.get(told.content, "")
+        candidate = weigh(lesson, one.verdict, bank.options, origin=one.origin, ungrounded=unsure)
         key = dedup_key(lesson.type, lesson.content, episode.task.skill, lesson.effect)
         if candidate.state is None:
             tally.note(candidate.note)
@@ -123,12 +118,10 @@ def _unsure(written: Sequence[Lesson], episode: MemoryEpisode, verdict: Verdict)
     sighted = least(item.trust for item in episode.recalled.items) != "own"
     found = {}
     for lesson in written:
-        if lesson.content in by_rule:
-            continue
         why = ungrounded(lesson, episode)
         if not why and sighted and not lesson.effect:
             why = "it was written with text from outside in sight"
-        if why:
+        if why and lesson.content not in by_rule:
             found[lesson.content] = why
     return found
 
@@ -161,15 +154,14 @@ def _unsound(data: Any) -> str:
 def _bring_in(
     bank: KnowledgeBank,
     ledger: BankLedger,
-    brought: Sequence[Brought],
-    weighed: Sequence[Sequence[Weighed]],
+    weighed: Sequence[tuple[Brought, list[Weighed]]],
     tally: LessonTally,
 ) -> None:
     options, governing = bank.options, Governing(ledger, Governed())
-    sources = {one.episode.source for one in brought if one.episode.source}
+    sources = {one.episode.source for one, _ in weighed if one.episode.source}
     stored = {one.source: one for one in ledger.transaction.episodes(sources)}
-    ledger.expect(candidate.key for some in weighed for candidate in some)
-    for one, some in zip(brought, weighed, strict=True):
+    ledger.expect(candidate.key for _, some in weighed for candidate in some)
+    for one, some in weighed:
         episode = one.episode
         learning = Learning(ledger, one, tally)
         for candidate in some:

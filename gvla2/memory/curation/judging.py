@@ -47,7 +47,7 @@ def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Jud
         linked = pairs_of(view.links())
         pairs = sorted(linked["suspicion"] - linked["conflict"] - linked["dismissed"])
         records = {one.id: one for one in view.records(SERVED, {id for pair in pairs for id in pair})}
-    answers = decide(judge, pairs, records, done, limit=limit)
+    answers = decide(judge, pairs, records, done, limit)
     if not answers:
         return done
     with deciding(bank, "judge") as ledger:
@@ -65,19 +65,14 @@ def judge(bank: KnowledgeBank, judge: Judge, *, limit: int | None = None) -> Jud
 
 
 def decide(
-    judge: Judge,
-    pairs: Sequence[Pair],
-    records: Mapping[str, Record],
-    done: Judged,
-    *,
-    limit: int | None = None,
+    judge: Judge, pairs: Sequence[Pair], records: Mapping[str, Record], done: Judged, limit: int | None = None
 ) -> list[tuple[Pair, Judgement]]:
     """What a judge is sure of about ``pairs``, asked in batches: those of two served ``records``, at most ``limit``."""
     asked = [pair for pair in pairs if records.keys() >= {*pair}][:limit]
     decided: list[tuple[Pair, Judgement]] = []
     for start in range(0, len(asked), BATCH):
         batch = asked[start : start + BATCH]
-        shown = [_suspects(*(records[id] for id in pair)) for pair in batch]
+        shown = [_suspects(records[first], records[second]) for first, second in batch]
         for pair, answer in zip(batch, judge.judge(shown), strict=True):
             done.usage.update(answer.usage)
             if answer.contradicts is None:
@@ -92,5 +87,5 @@ def decide(
 
 def _suspects(first: Record, second: Record) -> Suspects:
     found = compare(first, second).suspicion
-    told = (first.content, second.content, first.query, second.query)
-    return Suspects(*told) if found is None else Suspects(*told, suspicion=found)
+    sure = 0.5 if found is None else found
+    return Suspects(first.content, second.content, first.query, second.query, sure)

@@ -17,6 +17,8 @@ from gvla2.memory.curation.trust import Origin, adds, believed, trust_of
 from gvla2.memory.indexing.candidates import SERVED
 from gvla2.memory.records import Record
 
+Vector = NDArray[np.float32]
+
 
 @dataclass(frozen=True)
 class Brought:
@@ -46,9 +48,8 @@ class LessonTally:
     notes: list[str] = field(default_factory=list)
 
     def note(self, text: str) -> None:
-        """Add a sentence."""
-        if text:
-            self.notes.append(text)
+        """Add a sentence, unless it is empty."""
+        self.notes += [text] if text else []
 
     def learned(self) -> Learned:
         """The same as the contract's answer, each id and sentence once."""
@@ -63,8 +64,7 @@ class Learning:
     def __init__(self, ledger: BankLedger, brought: Brought, tally: LessonTally) -> None:
         self._ledger, self._episode, self._verdict = ledger, brought.episode, brought.verdict
         self._options, self._tally = ledger.options, tally
-        self._origin = brought.origin
-        self._word = str(self._origin)
+        self._origin, self._word = brought.origin, str(brought.origin)
         self.touched: list[str] = []
         self.rivals: dict[str, list[Record]] = {}
         """What was found nearest to the records that were compared."""
@@ -90,9 +90,8 @@ class Learning:
         fresh = replace(fresh, trust=trust)
         if not believed(trust):
             note = candidate.note or "no two independent sources have borne it out"
-            self._unverified(
-                replace(candidate, note=note), replace(fresh, state="provisional"), known, self._word
-            )
+            held = replace(fresh, state="provisional")
+            self._unverified(replace(candidate, note=note), held, known, self._word)
         elif known is not None and known.state in SERVED:
             self._confirm(known, fresh, candidate, "one more episode says the same")
         elif known is not None and known.state == "archive" and counted(known, self._episode):
@@ -117,10 +116,8 @@ class Learning:
             outcome = fresh.outcome if origin else known.outcome
             self._provisional(replace(grown, outcome=outcome, trust=fresh.trust), "MERGE", origin)
 
-    def _provisional(
-        self, record: Record, action: str, origin: str, vector: NDArray[np.float32] | None = None
-    ) -> None:
-        self._store(record, action, record.note, vector=vector, origin=origin)
+    def _provisional(self, record: Record, action: str, origin: str, vector: Vector | None = None) -> None:
+        self._store(record, action, record.note, origin, vector)
         self._tally.provisional.append(record.id)
         self._tally.note(f"{record.id} is provisional: {record.note}.")
 
@@ -157,21 +154,20 @@ class Learning:
         edit = consolidate(record, rivals, options) if options.governance else Edit("ADD")
         if edit.action == "MERGE":
             self._fold(record, fresh, candidate, edit)
-        elif edit.action == "DISCARD":
-            self._store(
-                replace(record, state="archive", note=edit.why), "DISCARD", edit.why, origin=self._word
-            )
+            return
+        if edit.action == "DISCARD":
+            self._store(replace(record, state="archive", note=edit.why), "DISCARD", edit.why, self._word)
             self._tally.discarded += 1
             self._tally.note(f"{record.id} was archived: {edit.why}.")
         else:
             self._add(record, candidate, edit)
         for kind, others in (("conflict", edit.conflicts), ("suspicion", edit.suspected)):
-            for other, why in others if edit.action != "MERGE" else ():
+            for other, why in others:
                 self._ledger.link(record.id, kind, other, why)
 
     def _add(self, record: Record, candidate: Weighed, edit: Edit) -> None:
         vector = candidate.vector if not record.version else None
-        self._store(record, edit.action, edit.why, vector=vector, origin=self._word)
+        self._store(record, edit.action, edit.why, self._word, vector)
         (self._tally.merged if record.version else self._tally.added).append(record.id)
         if record.version:
             self._tally.note(f"{record.id} is verified now and became active.")
@@ -188,7 +184,7 @@ class Learning:
             self._add(record, candidate, replace(edit, action="ADD"))
             return
         note = f"merged into {target.id}"
-        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, origin=self._word)
+        self._store(replace(record, state="archive", note=note), "MERGED", edit.why, self._word)
         self._ledger.link(target.id, "merged", record.id, edit.why)
         self._confirm(target, fresh, candidate, edit.why)
 
@@ -197,14 +193,13 @@ class Learning:
             self._repeated(known, fresh, self._tally.merged)
             return
         grown = confirmed(known, fresh, self._episode, self._verdict, self._ledger.now)
-        self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, origin=self._word)
+        self._store(replace(grown, trust=self._trust(known, candidate)), "MERGE", why, self._word)
         self._tally.merged.append(known.id)
 
     def _adds(self, known: Record) -> bool:
         """Whether the word of this episode adds to those that a record rests on."""
-        if self._origin.own:
-            return True
-        return known.trust != "own" and adds(self._ledger.origins(known.id), self._origin)
+        heard = known.trust == "own" or not adds(self._ledger.origins(known.id), self._origin)
+        return self._origin.own or not heard
 
     def _trust(self, known: Record | None, candidate: Weighed) -> Trust:
         """What a text is trusted with this episode's word: by the origins on the chain, whatever a record claims."""
@@ -214,13 +209,7 @@ class Learning:
         return trust_of([*told, self._origin], screened=candidate.screened)
 
     def _store(
-        self,
-        record: Record,
-        action: str,
-        why: str,
-        *,
-        vector: NDArray[np.float32] | None = None,
-        origin: str = "",
+        self, record: Record, action: str, why: str, origin: str, vector: Vector | None = None
     ) -> None:
         self._ledger.put(record, action, why, vector=vector, origin=origin)
         self.touched.append(record.id)

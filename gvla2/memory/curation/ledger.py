@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.bank_options import BankOptions
-from gvla2.memory.contracts import Embedder
 from gvla2.memory.curation.trust import Origin
 from gvla2.memory.indexing.candidates import SERVED
-from gvla2.memory.indexing.index import Index
 from gvla2.memory.records import Record, numbered
 from gvla2.memory.storage.events import Link, StoredEpisode
 from gvla2.memory.storage.forgetting import Transaction
@@ -34,7 +31,7 @@ def deciding(bank: KnowledgeBank, actor: str) -> Iterator[BankLedger]:
     with bank.store.writing(bank.bank, actor=actor, now=bank.clock()) as transaction:
         if bank.index.rev != transaction.rev - 1:
             bank.index.refresh()  # nobody else can write from here on
-        ledger = BankLedger(transaction, bank.index, bank.embedder, bank.options)
+        ledger = BankLedger(transaction, bank)
         yield ledger
         ledger.write()
     bank.index.refresh()
@@ -46,14 +43,11 @@ class BankLedger:
     The index must be up to date when the transaction begins. Nothing is written before :meth:`write`.
     """
 
-    def __init__(
-        self, transaction: Transaction, index: Index, embedder: Embedder, options: BankOptions
-    ) -> None:
-        self.transaction, self.index, self.options = transaction, index, options
-        self._embedder = embedder
+    def __init__(self, transaction: Transaction, bank: KnowledgeBank) -> None:
+        self.transaction, self.index, self.options = transaction, bank.index, bank.options
+        self._embedder = bank.embedder
         self.now: float = transaction.now
         self._latest: dict[str, Record] = {}
-        self._keys: dict[str, str] = {}
         self._stored: dict[str, Record | None] = {}
         self._by_key: dict[str, Record | None] = {}
         self._origins: dict[str, list[str]] = {}
@@ -90,8 +84,6 @@ class BankLedger:
 
     def by_key(self, key: str) -> Record | None:
         """The record that says the same."""
-        if key in self._keys:
-            return self._latest[self._keys[key]]
         if key not in self._by_key:
             self.expect([key])
         found = self._by_key[key]
@@ -144,25 +136,23 @@ class BankLedger:
         vector: NDArray[np.float32] | None = None,
         near: NDArray[np.float32] | None = None,
         origin: str = "",
-    ) -> Record:
-        """Decide on a record; returns it as it will be stored.
-
-        ``vector`` (D,) is that of its text, where at hand; ``near`` one by which it is found until it is stored.
+    ) -> None:
+        """Decide on a record; ``vector`` (D,) is that of its text, where at hand; ``near`` one by which it is found
+        until it is stored.
         """
         before = self._latest.get(record.id)
         if vector is not None:
             self._vectors[record.id] = vector
         elif before is not None and before.text != record.text:
             self._vectors.pop(record.id, None)
-        by = next((one for one in (vector, self._near.get(record.id), near) if one is not None), None)
-        if by is not None:
-            self._near[record.id] = by
+        if vector is not None:
+            self._near[record.id] = vector
+        elif near is not None:
+            self._near.setdefault(record.id, near)
         scores = {"quality": record.quality, "confidence": record.confidence}
         self._puts.append(Put(record, action, None, "", why, scores, origin))
         stored = numbered(record, record.version + 1, self.transaction.rev)
-        self._latest[record.id] = stored
-        self._keys[record.dedup_key] = record.id
-        return stored
+        self._latest[record.id] = self._by_key[record.dedup_key] = stored
 
     def replace(self, winner: Record, loser: Record, action: str, note: str, why: str) -> None:
         """Archive a record in whose place another one stays, and link them."""
@@ -184,30 +174,21 @@ class BankLedger:
 
     def write(self) -> None:
         """Write all of it. A record whose text is new gets the vector of its text."""
-        transaction, model = self.transaction, self._embedder.model
-        last = {put.record.id: place for place, put in enumerate(self._puts)}
-        due = [
-            place
-            for id, place in last.items()
-            if self._latest[id].state in _EMBEDDED and self._reworded(self._latest[id])
-        ]
-        missing = [place for place in due if self._puts[place].record.id not in self._vectors]
-        made = self._embedder.embed([self._puts[place].record.text for place in missing]) if missing else ()
-        for place, vector in zip(missing, made, strict=True):
-            self._vectors[self._puts[place].record.id] = vector
-        for place in due:
-            put = self._puts[place]
-            vector = self._vectors[put.record.id]
-            self._puts[place] = Put(put.record, put.action, vector, model, put.why, put.scores, put.origin)
-        if self._puts:
-            transaction.put_many(self._puts)
-        if self._ties:
-            transaction.link_many(self._ties)
+        held = {id: self.index.get(id) for id in self._latest}  # whose vectors the index has
+        due = {
+            id: last
+            for id, last in self._latest.items()
+            if last.state in _EMBEDDED and ((known := held[id]) is None or known.text != last.text)
+        }
+        missing = [id for id in due if id not in self._vectors]
+        made = self._embedder.embed([due[id].text for id in missing]) if missing else ()
+        self._vectors.update(zip(missing, made, strict=True))
+        for id, place in {put.record.id: place for place, put in enumerate(self._puts)}.items():
+            if id in due:
+                vector, model = self._vectors[id], self._embedder.model
+                self._puts[place] = replace(self._puts[place], vector=vector, model=model)
+        self.transaction.put_many(self._puts)
+        self.transaction.link_many(self._ties)
         for action, record, why in self._decisions:
-            transaction.decide(action, record, why=why)
-        transaction.save_episodes(self._episodes.values())
-
-    def _reworded(self, record: Record) -> bool:
-        """Whether the index has no vector of the record's text."""
-        held = self.index.get(record.id)
-        return held is None or held.text != record.text
+            self.transaction.decide(action, record, why=why)
+        self.transaction.save_episodes(self._episodes.values())

@@ -61,18 +61,15 @@ def _asked(bank: KnowledgeBank, limit: int | None, but: str) -> list[StoredEpiso
     with bank.store.reading(bank.bank) as view:
         records = view.records(["provisional", "active"])
         contested = view.conflicts({record.id for record in records})
-        found = [
-            record
-            for record in sorted(records, key=lambda record: (record.confidence, record.updated, record.id))
-            if record.state == "provisional"
-            or record.id in contested
-            or record.confidence < bank.options.replay_confidence
-        ]
+        least, unsure = bank.options.replay_confidence, list[Record]()
+        for one in sorted(records, key=lambda one: (one.confidence, one.updated, one.id)):
+            if one.state == "provisional" or one.id in contested or one.confidence < least:
+                unsure.append(one)
         # Of each record the latest one first.
-        listed = dict.fromkeys(source for record in found for source in reversed(record.sources()))
-        sources = [source for source in listed if source != but]
-        if limit is not None:
-            sources = sources[: 8 * limit]
+        listed = dict.fromkeys(
+            source for one in unsure for source in reversed(one.sources()) if source != but
+        )
+        sources = list(listed)[: None if limit is None else 8 * limit]
         episodes = {episode.source: episode for episode in view.episodes(sources)}
     kept = [episodes[source] for source in sources if source in episodes]
     return sorted(kept, key=lambda episode: len(episode.verdicts))[:limit]
@@ -88,8 +85,9 @@ def _revise(bank: KnowledgeBank, source: str, verdict: Verdict, done: Replayed) 
             if not action or source not in record.sources():
                 continue
             ledger.put(changed, action, why)
-            listed = {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}
-            listed[action].append(record.id)
+            {"PROMOTE": done.promoted, "DEMOTE": done.demoted, "CONFIRM": done.confirmed}[action].append(
+                record.id
+            )
         ledger.keep(with_verdict(episode, verdict))
 
 
@@ -108,7 +106,7 @@ def revised(record: Record, verdict: Verdict, now: float, options: BankOptions) 
     contradicted is demoted, unless other episodes still outweigh the doubt. Otherwise the verdicts are pooled.
     """
     lesson = Lesson(record.type, record.content, record.effect_json())
-    state = weigh(lesson, verdict, trust=record.trust, failures=options.failures).state
+    state = weigh(lesson, verdict, replace(options, admission=True), trust=record.trust).state
     again = f"verified again: {verdict.outcome}"
     if record.state == "provisional":
         judged = replace(record, outcome=verdict.outcome, note="", updated=now)

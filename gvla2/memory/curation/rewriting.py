@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from gvla2.errors import Gvla2Error
@@ -39,7 +40,7 @@ def rewrite(bank: KnowledgeBank, writer: Consolidator, done: Governed, *, limit:
     bank.index.refresh()
     with bank.store.reading(bank.bank) as view:
         considered = view.decided(CONSIDERED)
-    for record, near in asked(bank.index, considered, bank.options, limit):
+    for record, near in islice(asked(bank.index, considered, bank.options), limit):
         try:
             answers.append((record, near, writer.consolidate(record, near)))
         except Gvla2Error as error:
@@ -51,28 +52,23 @@ def rewrite(bank: KnowledgeBank, writer: Consolidator, done: Governed, *, limit:
 
 
 def asked(
-    index: Index, considered: Collection[str], options: BankOptions, limit: int | None
+    index: Index, considered: Collection[str], options: BankOptions
 ) -> Iterator[tuple[Record, list[Record]]]:
     """Lessons in words that nobody has considered, the latest first, each with those near it; those alone left out."""
-    given = 0
     for record in sorted(index.records("active"), key=lambda r: (-r.updated, r.id)):
         if record.effect or record.id in considered:
             continue
-        if limit is not None and given >= limit:
-            break
         vector = index.vector(record.id)
+        found = [] if vector is None else index.nearest(vector, NEAREST + 1, ("active",))
         near = [
             other
-            for other, cosine in (
-                index.nearest(vector, NEAREST + 1, ("active",)) if vector is not None else ()
-            )
+            for other, cosine in found
             if cosine >= options.match
             and other.id != record.id
             and not other.effect
             and (other.type, other.skill) == (record.type, record.skill)
         ]
         if near:
-            given += 1
             yield record, near
 
 
@@ -91,13 +87,8 @@ def _carry_out(
         text = " ".join(edit.content.split())
         missing = (numbers_in(candidate.content) | numbers_in(target.content)) - numbers_in(text)
         why = f"it lost {', '.join(sorted(missing))}" if missing else screen(text)
-        if why or not text or len(text) > LENGTH:
-            log.info(
-                "What was written of %s and %s was not taken: %s.",
-                candidate.id,
-                target.id,
-                why or "its length",
-            )
+        if why := why or ("its length" if not 0 < len(text) <= LENGTH else ""):
+            log.info("What was written of %s and %s was not taken: %s.", candidate.id, target.id, why)
             text = ""
         Governing(ledger, done).write([candidate, target], text)
     elif edit.action == "REPLACE" and standing(candidate) < standing(target):

@@ -121,21 +121,16 @@ def summary_of(group: Sequence[Record], now: float, text: str = "") -> Record:
     query, sources = "", list[str]()
     for record in [best, *(r for r in group if r is not best)]:
         for wording in wordings_of(record):
-            if wording.key in told:
-                told[wording.key].take_in(wording)
-            else:
-                told[wording.key] = wording
+            if (known := told.setdefault(wording.key, wording)) is not wording:
+                known.take_in(wording)
         query = phrasings(query, record.query) if query else record.query
         sources += [source for source in record.sources() if source not in sources]
     most = sorted(told.values(), key=lambda wording: -wording.count)[:LINES]
     count = sum(record.count for record in group)
     quality = sum(record.quality * record.count for record in group) / count
     key = old.dedup_key if old else dedup_key(best.type, f"summary of {most[0].key}", best.skill, None)
-    provenance = {
-        "made_by": {"governance": "summary"},
-        "sources": sources[-MAX_SOURCES:],
-        "told": [vars(one) for one in most],
-    }
+    made_by, kept = {"governance": "summary"}, [vars(one) for one in most]
+    provenance = {"made_by": made_by, "sources": sources[-MAX_SOURCES:], "told": kept}
     return replace(
         best,
         id=old.id if old else "summary-" + record_id(best.type, best.bank, key).partition("-")[2],

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
@@ -23,23 +24,9 @@ SERVED = ("active", "summary")
 """The states that planners are told of, unless somebody asks for others."""
 MAX_NUMBERS = 256
 """How many names of signature numbers are compared; further ones are kept with their records and not ranked by."""
-ROW = np.dtype(
-    {
-        "names": [
-            "state",
-            "type",
-            "outcome",
-            "skill",
-            "confidence",
-            "updated",
-            "usage",
-            "conflicts",
-            "program",
-        ],
-        "formats": ["i1", "i1", "i1", "i4", "f8", "f8", "i8", "i8", "?"],
-    },
-    align=True,
-)
+_NAMES = "state", "type", "outcome", "skill", "confidence", "updated", "usage", "conflicts", "program"
+_KINDS = "i1", "i1", "i1", "i4", "f8", "f8", "i8", "i8", "?"
+ROW = np.dtype(list(zip(_NAMES, _KINDS, strict=True)), align=True)
 """What is ranked by. ``state`` is a place in STATES, -1 for a dead row."""
 _DEAD = 1024
 UNSEEN = 10
@@ -61,16 +48,12 @@ class Postings:
     """
 
     def __init__(self) -> None:
-        self._rows: dict[str, array[int]] = {}
+        self._rows: defaultdict[str, array[int]] = defaultdict(lambda: array("i"))
 
     def add(self, row: int, terms: Iterable[str]) -> None:
         """A row has these distinct terms."""
         for term in terms:
-            held = self._rows.get(term)
-            if held is None:
-                self._rows[term] = array("i", (row,))
-            else:
-                held.append(row)
+            self._rows[term].append(row)
 
     def coverage(self, query: Iterable[str], served: NDArray[np.bool_]) -> NDArray[np.float64]:
         """(N,) share in [0, 1] of the query's information in each row: the sum of idf of the terms that it has.
@@ -126,10 +109,8 @@ class RecordRows:
                 new.append(entry)
         self._append(new)
         if len(self.records) - len(self) > _DEAD + len(self) // 2:
-            conflicts = self._table["conflicts"]
-            kept = [
-                (self.records[r], self._vectors[r], int(conflicts[r])) for r in sorted(self.row_of.values())
-            ]
+            rows, conflicts = sorted(self.row_of.values()), self._table["conflicts"]
+            kept = [(self.records[row], self._vectors[row], int(conflicts[row])) for row in rows]
             self.clear()
             self._append(kept)
 
@@ -216,9 +197,8 @@ class Candidates:
         self._order: NDArray[np.intp] | None = None if self._served.all() else np.flatnonzero(self._served)
         self._asked: tuple[str, NDArray[np.float64]] | None = None
         self.confidence: NDArray[np.float64] = self._column("confidence")  # (N,)
-        self.ages: NDArray[np.float64] = (
-            np.maximum(now - self._column("updated"), 0.0) / SECONDS_PER_DAY
-        )  # (N,)
+        days = (now - self._column("updated")) / SECONDS_PER_DAY
+        self.ages: NDArray[np.float64] = np.maximum(days, 0.0)  # (N,)
         self.usage: NDArray[np.int64] = self._column("usage")  # (N,)
         self.conflicts: NDArray[np.int64] = self._column("conflicts")  # (N,)
         self.outcomes: NDArray[np.int8] = self._column("outcome")  # (N,)
@@ -269,7 +249,8 @@ class Candidates:
 
 
 def largest(values: NDArray[np.floating[Any]], k: int, id_of: Callable[[int], str]) -> list[int]:
-    """The places of the ``k`` largest of (N,) values, 0 < k <= N, largest first; equal ones by id."""
+    """The places of the ``k`` > 0 largest of (N,) values, N > 0, largest first; equal ones by id."""
+    k = min(k, len(values))
     # All that are as large as the last of the k, so that the ids settle who is left out.
     some = np.flatnonzero(values >= np.partition(values, len(values) - k)[len(values) - k])
     return sorted(some.tolist(), key=lambda i: (-values[i], id_of(i)))[:k]

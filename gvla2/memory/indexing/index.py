@@ -49,8 +49,6 @@ class Index:
         Raises :class:`~gvla2.errors.MemoryStoreError` when the store cannot be read; the index then stays as it was.
         """
         rev = self._store.rev(self.bank)
-        if rev == self.rev:
-            return
         if rev < self.rev:  # another database took the place of the one known
             self._rows.clear()
             self.rev = 0
@@ -69,11 +67,15 @@ class Index:
 
     def apply(self, changes: Iterable[RecordChange]) -> None:
         """Bring rows up to date; a record without a sound vector of this embedder's model is embedded here."""
-        listed = list(changes)
-        kept = [one for one in listed if _held(one.record)]
+        kept, gone = list[RecordChange](), list[str]()
+        for one in changes:
+            if one.record.state in STATES and one.record.type in TYPES and one.record.outcome in OUTCOMES:
+                kept.append(one)
+            else:  # archived, forgotten, or of a kind that is not known
+                gone.append(one.record.id)
         vectors = self._vectors(kept)
         try:
-            self._rows.drop([one.record.id for one in listed if not _held(one.record)])
+            self._rows.drop(gone)
             self._rows.put([(one.record, v, one.conflicts) for one, v in zip(kept, vectors, strict=True)])
         except BaseException:
             self._rows.clear()  # half applied: read all of it again
@@ -95,8 +97,7 @@ class Index:
         A zero vector is near to nothing.
         """
         served = np.flatnonzero(self._rows.in_states(states))
-        k = min(k, len(served)) if vector.any() else 0
-        if k <= 0:
+        if k <= 0 or not len(served) or not vector.any():
             return []
         cosines = (self._rows.vectors @ vector)[served].astype(np.float64)
         records = self._rows.records
@@ -125,27 +126,17 @@ class Index:
     def _vectors(self, changes: Sequence[RecordChange]) -> list[NDArray[np.float32]]:
         """The stored (D,) vectors that are sound and of this embedder's model, new ones for the others."""
         model = self._embedder.model
-        found = [
-            change.vector if change.model == model and _sound(change.vector, self._dimension) else None
-            for change in changes
-        ]
-        missing = [i for i, vector in enumerate(found) if vector is None]
+        found = [change.vector if change.model == model else None for change in changes]
+        missing = [i for i, vector in enumerate(found) if not _sound(vector, self._dimension)]
         if len(missing) > _MANY:
-            log.info(
-                "%d records of the bank '%s' have no vectors of %s: embedding them.",
-                len(missing), self.bank, model,
-            )  # fmt: skip
+            told = "%d records of the bank '%s' have no vectors of %s: embedding them."
+            log.info(told, len(missing), self.bank, model)
         made = self._embedder.embed([changes[i].record.text for i in missing]) if missing else ()
         for i, vector in zip(missing, made, strict=True):
             found[i] = sound = np.nan_to_num(np.asarray(vector, np.float32))
             if not changes[i].model or (self._replace and changes[i].model != model):
                 self._made.append((changes[i].record, sound))
         return [vector for vector in found if vector is not None]
-
-
-def _held(record: Record) -> bool:
-    """Whether an index holds such a record: one that is neither archived nor forgotten, of kinds that are known."""
-    return record.state in STATES and record.type in TYPES and record.outcome in OUTCOMES
 
 
 def _sound(vector: NDArray[np.float32] | None, dimension: int) -> bool:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gvla2.errors import OutputError
-from gvla2.memory.contracts import LifecycleState
 from gvla2.memory.interop.states import STATES, to_bytes, write_record
 from gvla2.memory.storage.store import Store
 from gvla2.writing import write_whole
@@ -24,9 +23,7 @@ class Exported:
     left_out: int
 
 
-def export_path(
-    store: Store, bank: str, path: Path, *, states: Sequence[LifecycleState] | None = None
-) -> Exported:
+def export_path(store: Store, bank: str, path: Path, *, states: Sequence[str] | None = None) -> Exported:
     """Write the records of a bank, those in ``states`` (all by default), to a new folder.
 
     Raises :class:`OutputError` when the path is taken or cannot be written; nothing is left there then.

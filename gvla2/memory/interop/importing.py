@@ -70,12 +70,10 @@ def import_path(
     entries: list[ReadRecord] = []
     for file, number, fields in lines:
         try:
-            entry = read_record(fields, file, bank, at, origin)
+            entries.append(read_record(fields, file, bank, at, origin))
+            remarks += [Remark(file, number, note, broken=False) for note in entries[-1].notes]
         except (LineError, ValueError, OverflowError, RecursionError) as error:  # the others are read
             remarks.append(Remark(file, number, str(error)))
-            continue
-        entries.append(entry)
-        remarks += [Remark(file, number, note, broken=False) for note in entry.notes]
     ids: dict[str, str] = {}
     new: dict[str, ReadRecord] = {}
     with store.writing(bank, actor=actor, now=at) as tx:

@@ -22,16 +22,9 @@ STATES: tuple[LifecycleState, ...] = ("active", "provisional", "summary", "archi
 """The lifecycle states in the order of their files."""
 LONGEST_TEXT = 100_000
 """Characters of a field."""
-_TEXTS = [
-    "memory_id",
-    "content",
-    "query",
-    "task_id",
-    "state",
-    "memory_type",
-    "verifier_label",
-    "verifier_model",
-]
+_TEXTS = (
+    "memory_id", "content", "query", "task_id", "state", "memory_type", "verifier_label", "verifier_model"
+)  # fmt: skip
 _LINE_ENDS = {0x85: "\\u0085", 0x2028: "\\u2028", 0x2029: "\\u2029"}
 _SPELT: Mapping[Outcome, str] = {
     "verified_success": "success succeeded verified_success pass passed true",
@@ -39,11 +32,8 @@ _SPELT: Mapping[Outcome, str] = {
     "uncertain": "uncertain unknown unverified none",
     "unavailable": "unavailable",
 }
-"""Every spelling of a status that the releases have used."""
-_OUTCOMES: Mapping[str, Outcome] = {
-    "": "uncertain",
-    **{word: outcome for outcome, words in _SPELT.items() for word in words.split()},
-}
+"""Every spelling of a status that the releases have used; none at all is uncertain."""
+_OUTCOMES = {word: outcome for outcome, words in _SPELT.items() for word in words.split()}
 _QUALITIES: Mapping[Outcome, float] = {"verified_success": 0.8, "verified_fail": 0.2}
 """Quality R of a line that has a verdict and no score, else .5; its confidence follows as 2|R - .5|."""
 
@@ -100,30 +90,22 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         raise LineError(f"neither the file's name nor 'state' ('{words[1]}') is one of {', '.join(STATES)}")
     said = told["verifier_label"] or fields.get("source_status")
     status = "" if said is None else str(said)
-    outcome = _OUTCOMES.get(status.strip().casefold())
-    if outcome is None:
+    outcome = _OUTCOMES.get(status.strip().casefold(), "uncertain")
+    if status.strip().casefold() not in {"", *_OUTCOMES}:
         notes.append(f"its status '{status[:40]}' is not known")
-        outcome = "uncertain"
     called = told["memory_type"]
     kind: RecordType = next((known for known in TYPES if known == called), "procedural_hint")
     if called not in ("", kind):
         notes.append(f"its type '{called}' is not known")
-    if (
-        outcome == "verified_fail" and kind == "procedural_hint"
-    ):  # a recipe from a failure is a thing to avoid
-        kind = "failure_avoidance"
-    key_there, content, query, task = (
-        told["memory_id"][:1000],
-        told["content"],
-        told["query"],
-        told["task_id"][:200],
-    )
+    if outcome == "verified_fail" and kind == "procedural_hint":
+        kind = "failure_avoidance"  # a recipe from a failure is a thing to avoid
+    key_there, content, query = told["memory_id"][:1000], told["content"], told["query"]
     quality = number(fields.get("quality_score"), 0.0, 1.0)
     quality = _QUALITIES.get(outcome, 0.5) if quality is None else quality
     confidence = number(fields.get("confidence"), 0.0, 1.0)
     ours = _mapping(fields, "gvla2")
     effect, skill = _mapping(ours, "effect"), clean(str(ours.get("skill") or ""), 64)
-    key = dedup_key(kind, content, skill, effect or None)
+    key = dedup_key(kind, content, skill, effect)
     screened = screen(f"{query}\n{content}")
     trust = trust_of([origin], screened=bool(screened))
     if origin.own and ours.get("trust") in LEVELS:
@@ -134,7 +116,7 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
     created, used = _when(fields.get("created_at")), min(_when(fields.get("last_used_at")) or 0.0, now)
     created = now if created is None else min(created, now)
     usage = count(fields.get("use_count"))
-    criteria = _numbers(_mapping(fields, "verifier_criteria"))
+    criteria, task = _numbers(_mapping(fields, "verifier_criteria")), told["task_id"][:200]
     provenance = {"made_by": {"import": "states"}, "sources": [task] if task else [], "key": key_there}
     record = Record(
         id=record_id(kind, bank, key),
@@ -161,13 +143,8 @@ def read_record(fields: Mapping[str, Any], file: str, bank: str, now: float, ori
         note=note,
         trust=trust,
     )
-    return ReadRecord(
-        key_there,
-        record,
-        _names(fields.get("supersedes")),
-        _names(fields.get("conflicts_with")),
-        tuple(notes),
-    )
+    supersedes, conflicts = (_names(fields.get(name)) for name in ("supersedes", "conflicts_with"))
+    return ReadRecord(key_there, record, supersedes, conflicts, tuple(notes))
 
 
 def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[str]) -> dict[str, Any]:
@@ -200,9 +177,7 @@ def write_record(record: Record, replaces: Sequence[str], conflicts: Sequence[st
             "skill": record.skill,
             "effect": record.effect_json(),
             "signature": record.signature_json(),
-            "count": record.count,
-            "recalled": record.recalled,
-            "trust": record.trust,
+            **{name: getattr(record, name) for name in ("count", "recalled", "trust")},
         },
     }
 

@@ -10,17 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 from gvla2.memory.indexing.terms import STOP_WORDS, stem
-from gvla2.memory.meaning.english import (
-    CONDITIONS,
-    IDIOMS,
-    MAX_READ,
-    NEGATORS,
-    SIDES,
-    SOFT,
-    WORD,
-    Side,
-    joined,
-)
+from gvla2.memory.meaning.english import CONDITIONS, IDIOMS, MAX_READ, NEGATORS, SIDES, SOFT, WORD, Side
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import Quantity, quantities
 
@@ -96,6 +86,11 @@ class Reading:
     choices: tuple[Order, ...]
     words: Words
 
+    @cached_property
+    def everything(self) -> Words:
+        """Words and sides together."""
+        return self.words.union(*(clause.everything for clause in self.clauses))
+
 
 @lru_cache(maxsize=4096)
 def read(text: str) -> Reading:
@@ -103,7 +98,7 @@ def read(text: str) -> Reading:
     clauses: list[Clause] = []
     orders: list[Order] = []
     choices: list[Order] = []
-    plain = _SWITCHED.sub(_switched, joined(IDIOMS.sub(" ", plain_text(text[:MAX_READ]))))
+    plain = _SWITCHED.sub(_switched, IDIOMS.sub(" ", plain_text(text[:MAX_READ])))
     for sentence in _SENTENCE.split(plain):
         parts: list[Words] = []
         first = last = -1
@@ -198,19 +193,13 @@ def _without_figures(text: str) -> tuple[str, list[Quantity]]:
 
 def _sorted(main: str) -> tuple[set[str], set[str], list[Side], int]:
     """Words, what it does without, sides, and how many words forbid."""
-    words, lacks, sides, negations = set[str](), set[str](), list[Side](), 0
-    lacking = False
+    words, lacks, sides, negations, lacking = set[str](), set[str](), list[Side](), 0, False
     for word in _ended(WORD.findall(main.replace(",", f" {_COMMA} "))):
-        if word == _COMMA:
-            lacking = False
-        elif word == "without":
-            lacking = True
-        elif word in NEGATORS:
+        lacking = (lacking or word == "without") and word != _COMMA
+        if word in NEGATORS:
             negations += 1
-        elif lacking:
-            _take(word, lacks, None)
-        elif word not in CONDITIONS:
-            _take(word, words, sides)
+        elif word not in CONDITIONS and word != "without":
+            _take(word, *((lacks, None) if lacking else (words, sides)))
     return words, lacks, sides, negations
 
 
@@ -254,8 +243,5 @@ def _take(word: str, words: set[str], sides: list[Side] | None) -> None:
         sides.extend(known)
     elif known:
         words |= {side_word(axis, sign) for axis, sign in known}
-    elif "-" in word:
-        for part in word.split("-"):
-            _take(part, words, sides)
     elif word not in SOFT and word not in STOP_WORDS and word != _COMMA and len(word) > 1:
         words.add(root)

@@ -5,9 +5,9 @@ language.
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Mapping
 from functools import lru_cache
-from types import MappingProxyType
 
 from gvla2.memory.indexing.terms import stem
 
@@ -127,25 +127,15 @@ Side = tuple[str, int]
 """An axis, and on which side of it a word stands: +1 or -1."""
 
 
-def _sides() -> dict[str, tuple[tuple[str, int], ...]]:
-    found: dict[str, list[tuple[str, int]]] = {}
+def _sides() -> dict[str, tuple[Side, ...]]:
+    found: defaultdict[str, dict[str, int]] = defaultdict(dict)
     for line in _OPPOSITES.strip().replace("\n    ", " ").split("\n"):
         axis, _, rest = line.partition(":")
         for sign, words in zip((1, -1), rest.split("/"), strict=True):
             for word in words.split():
-                sides = found.setdefault(stem(word), [])
-                if all(known != axis for known, _ in sides):
-                    sides.append((axis, sign))
-    return {word: tuple(sides) for word, sides in found.items()}
+                found[stem(word)].setdefault(axis, sign)
+    return {word: tuple(sides.items()) for word, sides in found.items()}
 
 
-SIDES: Mapping[str, tuple[tuple[str, int], ...]] = MappingProxyType(_sides())
+SIDES: Mapping[str, tuple[Side, ...]] = _sides()
 """Stem -> the axes that it stands on, and which side of each, +1 or -1."""
-_PHRASES = re.compile(
-    rf"\b(?:{'|'.join(w.replace('-', ' ') for w in re.findall(r'[a-z]+-[a-z-]+', _OPPOSITES))})\b"
-)
-
-
-def joined(text: str) -> str:
-    """The text with a hyphen in what the table knows as one word: "let go" is "let-go"."""
-    return _PHRASES.sub(lambda found: found.group().replace(" ", "-"), text)

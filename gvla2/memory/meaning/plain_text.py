@@ -73,21 +73,15 @@ _HALVES = re.compile(
 def _counted(found: re.Match[str]) -> str:
     if found["times"]:
         return _TIMES[found["times"]]
-    value = _VALUES[found["tens"] or found["small"] or "one"] + (
-        _VALUES[found["ones"]] if found["ones"] else 0
-    )
+    value = _VALUES[found["tens"] or found["small"] or "one"] + _VALUES[found["ones"] or "zero"]
     return f"{value * _POWERS.get(found['power'], 1) + (0.5 if found['half'] else 0):g}"
 
 
 def _half(found: re.Match[str]) -> str:
     value = (0.5 if "half" in (found["part"], found["share"]) else 0.25) * (3 if found["three"] else 1)
-    return (
-        f"{100 * value:g} % "
-        if found["share"]
-        else f"{360 * value:g} degrees"
-        if found["turn"]
-        else f"{value:g}"
-    )
+    if found["share"]:
+        return f"{100 * value:g} % "
+    return f"{360 * value:g} degrees" if found["turn"] else f"{value:g}"
 
 
 # Names --------------------------------------------------------------------------------------------------------------

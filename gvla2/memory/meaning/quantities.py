@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import deque
 from typing import NamedTuple
 
 _UNITS = """
@@ -70,7 +71,7 @@ _METRE = re.compile(r"(?:\s*[·⋅*]?\s*|-)m(?:et(?:er|re)s?)?(?![\w/])")
 _DEGREES_OF = re.compile(r"\s+(?:celsius|c)(?!\w)")
 
 
-class UnitAt(NamedTuple):
+class _Unit(NamedTuple):
     """A unit in a text: a number x of it is ``x * factor`` of its base unit; it ends at ``end``."""
 
     dimension: str
@@ -78,11 +79,11 @@ class UnitAt(NamedTuple):
     end: int
 
 
-def unit_at(text: str, at: int) -> UnitAt | None:
-    """The unit that stands in a casefolded text behind a number that ends at ``at``, None where there is none."""
+def _unit_at(text: str, at: int) -> _Unit:
+    """The unit that stands in a casefolded text behind a number that ends at ``at``; one of no dimension for none."""
     token = _TOKEN.match(text, at)
     if token is None or (found := _known(token["word"])) is None:
-        return None
+        return _Unit("", 1.0, at)
     (dimension, factor), end = found, token.end()
     if dimension == "force" and (metre := _METRE.match(text, end)):
         dimension, end = "torque", metre.end()
@@ -91,7 +92,7 @@ def unit_at(text: str, at: int) -> UnitAt | None:
     if (rate := _RATE.match(text, end)) is not None and (under := _known(rate["under"])) is not None:
         dimension = _RATES.get((dimension, under[0]), f"{dimension}/{under[0]}")
         factor, end = factor / under[1], rate.end()
-    return UnitAt(dimension, factor, end)
+    return _Unit(dimension, factor, end)
 
 
 def _known(word: str) -> tuple[str, float] | None:
@@ -165,19 +166,44 @@ class QuantityAt(NamedTuple):
 
 def quantities(text: str) -> list[QuantityAt]:
     """All quantities of a :func:`~gvla2.memory.meaning.plain_text.plain_text`, in reading order."""
-    atoms: list[tuple[float, int, int]] = []
+    atoms = deque[tuple[float, int, int]]()
     for match in _DIGITS.finditer(text):
         start = _start(text, match.start())
         value = _number(text[start : match.end()]) if start >= 0 else None
         if value is not None:
             atoms.append((value, start, match.end()))
     found: list[QuantityAt] = []
-    last = index = 0
-    while index < len(atoms):
-        made, index = _read(text, atoms, index, last)
-        if made is not None:
-            found.append(made)
-            last = made.end
+    last = 0
+    while atoms:
+        value, start, end = atoms.popleft()
+        if start < last:
+            continue
+        if (over := _FRACTION.match(text, end)) is not None and float(over["under"]) > 0:
+            value, end = value / float(over["under"]), over.end()
+        unit = _unit_at(text, end)
+        if not unit.dimension and (ending := _ATTACHED.match(text, end)):
+            if ending["size"] is None and ending["share"] is None:
+                continue  # "2nd", "3d"
+            unit = _Unit("ratio" if ending["share"] else "", 1000.0 if ending["size"] else 1.0, ending.end())
+        front, end, spread = _BEFORE.search(text, max(last, start - 48), start), unit.end, False
+        between = front is not None and front["between"] is not None
+        low = high = value * unit.factor
+        to = _TO.match(text, end) if atoms else None
+        if to is not None and to.end() == atoms[0][1] and (to["word"] != "and" or between):
+            high, _, end = atoms.popleft()
+            other = _unit_at(text, end)
+            end, spread = other.end, to["word"] in ("±", "+/-")
+            high *= other.factor if other.dimension else unit.factor
+            if not unit.dimension:
+                unit, low = other, low * other.factor
+        if spread:
+            low, high = low - high, low + high
+        elif high == low and (bound := front if front and not between else _BEHIND.match(text, end)):
+            low, high = (low, math.inf) if bound["low"] else (-math.inf, high)
+            end = max(end, bound.end())
+        last = end
+        read = Quantity(unit.dimension, min(low, high), max(low, high))
+        found.append(QuantityAt(read, front.start() if front else start, end))
     return found
 
 
@@ -193,50 +219,6 @@ def _start(text: str, at: int) -> int:
 
 def _in_word(character: str) -> bool:
     return character.isalnum() or character == "_"
-
-
-def _read(
-    text: str, atoms: list[tuple[float, int, int]], index: int, last: int
-) -> tuple[QuantityAt | None, int]:
-    """The quantity that begins with atom ``index``, and the index of the atom behind it."""
-    value, start, end = atoms[index]
-    index += 1
-    if start < last:
-        return None, index
-    if (over := _FRACTION.match(text, end)) is not None and float(over["under"]) > 0:
-        value, end = value / float(over["under"]), over.end()
-    unit, dimension = unit_at(text, end), ""
-    end = unit.end if unit else end
-    if unit is None and (ending := _ATTACHED.match(text, end)):
-        if ending["size"] is None and ending["share"] is None:
-            return None, index  # "2nd", "3d"
-        value, end = value * (1000.0 if ending["size"] else 1.0), ending.end()
-        dimension = "ratio" if ending["share"] else ""
-    front = _BEFORE.search(text, max(last, start - 48), start)
-    high, unit2, spread = value, unit, False
-    to = _TO.match(text, end) if index < len(atoms) else None
-    if (
-        to is not None
-        and to.end() == atoms[index][1]
-        and (to["word"] != "and" or (front and front["between"]))
-    ):
-        high, _, end = atoms[index]
-        index += 1
-        unit2 = unit_at(text, end) or unit
-        end = max(end, unit2.end if unit2 else 0)
-        unit, spread = unit or unit2, to["word"] in ("±", "+/-")
-    low, high = _scaled(value, unit), _scaled(high, unit2)
-    if spread:
-        low, high = low - high, low + high
-    elif high == low and (bound := front if front and not front["between"] else _BEHIND.match(text, end)):
-        low, high = (low, math.inf) if bound["low"] else (-math.inf, high)
-        end = max(end, bound.end())
-    read = Quantity(unit.dimension if unit else dimension, min(low, high), max(low, high))
-    return QuantityAt(read, front.start() if front else start, end), index
-
-
-def _scaled(value: float, unit: UnitAt | None) -> float:
-    return value if unit is None else value * unit.factor
 
 
 def _number(text: str) -> float | None:

@@ -16,18 +16,17 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import NDArray
 
-from gvla2.memory.meaning.clauses import Clause, Order, Reading, Words, read
+from gvla2.memory.meaning.clauses import Clause, Order, Words, read
 from gvla2.memory.meaning.english import Side, is_english
 
 CROSSED = 0.2
 """From here on two orders are taken for each other's reverse."""
 SIGNS = ("number", "bare", "side", "case_side", "forbids", "rules_out", "order", "choice")
 """How two clauses may contradict each other: in a measure, in a bare number, in what is done, in which case; one
-forbids what the other may do, or all that it does; what comes first, what is taken.
+forbids what the other may do, or does without what it needs; what comes first, what is taken.
 """
 FEATURES = (
-    *SIGNS, "like", "held", "own_words", "own_given", "same_task", "like_task", "when", "two_signs", "steps", "shared",
-    "one_figure",
+    *SIGNS, "like", "held", "own_words", "same_task", "like_task", "when", "two_signs", "steps", "shared",
 )  # fmt: skip
 """The signs; how much of their words two clauses share; what each has of its own; whether their tasks are one; which
 cases they name; in how many respects they differ.
@@ -44,22 +43,17 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     if same < 0:
         return np.empty((0, len(FEATURES)))
     one, two = read(first), read(second)
-    # What one task is about goes without saying: whoever leaves it out means it, too.
-    given = _all(read(first_query)) if same == 1.0 else frozenset()
     shared = len(one.words & two.words)
     context = {
         "same_task": same,
         "steps": min(max(len(one.clauses), len(two.clauses)) - 1, 4) / 4,
         "shared": shared / max(min(len(one.words), len(two.words)), 1),
-        "one_figure": float(all(sum(len(c.figures) for c in said.clauses) == 1 for said in (one, two))),
     }
     found: list[dict[str, float]] = []
     for a in one.clauses:
         for b in two.clauses:
-            if same == 0.0 and a.topics.isdisjoint(b.topics):
-                continue  # of other tasks, and of nothing that the other speaks of
             if signs := _signs(a, b):
-                found.append({**context, **signs, **_compared(a, b, given)})
+                found.append({**context, **signs, **_compared(a, b)})
     like = shared / max(len(one.words | two.words), 1)
     for name, mine, theirs in (("order", one.orders, two.orders), ("choice", one.choices, two.choices)):
         if (crossed := _crossed(mine, theirs)) > CROSSED:
@@ -69,7 +63,7 @@ def candidates(first: str, second: str, first_query: str = "", second_query: str
     return np.array([[way.get(name, 0.0) for name in FEATURES] for way in found]).reshape(-1, len(FEATURES))
 
 
-def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
+def _compared(a: Clause, b: Clause) -> dict[str, float]:
     """How far two clauses speak of one thing in one case."""
     mine, theirs = a.topics, b.topics
     shared = len(mine & theirs)
@@ -79,7 +73,6 @@ def _compared(a: Clause, b: Clause, given: Words) -> dict[str, float]:
         "like": shared / len(mine | theirs) if mine and theirs else 0.5,
         "held": shared / min(len(mine), len(theirs)) if mine and theirs else 1.0,
         "own_words": min(len(mine - theirs), len(theirs - mine), 4) / 4,
-        "own_given": min(len(mine - theirs - given), len(theirs - mine - given), 4) / 4,
         "when": 1.0 if all(cases) else 0.4 * any(cases),
     }
 
@@ -95,8 +88,7 @@ def _signs(a: Clause, b: Clause) -> dict[str, float]:
     opposed = [] if apart else turned(a.sides, b.sides)
     cases = turned(a.sides, _sides_in(b.when)) or turned(_sides_in(a.when), b.sides)
     if a.forbidden != b.forbidden and not opposed and not cases:  # "don't leave it open" and "close it" agree
-        rule, act = (a, b) if a.forbidden else (b, a)
-        found["forbids" if rule.words - act.words - act.when or not rule.words else "rules_out"] = 1.0
+        found["forbids"] = 1.0
     elif a.forbidden == b.forbidden and (opposed or cases):
         found["side" if opposed else "case_side"] = 1.0
     if any(x.lacks and not y.lacks and x.lacks <= y.words for x, y in ((a, b), (b, a))):
@@ -161,14 +153,11 @@ def _same_task(first: str, second: str) -> float:
     mine, theirs = first.casefold().split("\n"), second.casefold().split("\n")
     if set(mine) & set(theirs):
         return 1.0
-    pairs = [(_all(read(line)), _all(read(other))) for line in mine for other in theirs]
-    return -1.0 if all(one - two and two - one for one, two in pairs) else 0.0
+    one, two = ([read(line).everything for line in query] for query in (mine, theirs))
+    return -1.0 if all(a - b and b - a for a in one for b in two) else 0.0
 
 
-def _all(said: Reading) -> Words:
-    return said.words.union(*(clause.everything for clause in said.clauses))
-
-
+@lru_cache(maxsize=16384)
 def suspicion(first: str, second: str, first_query: str = "", second_query: str = "") -> float | None:
     """The probability, in [0, 1], that two texts contradict each other; None where one is not in English.
 
@@ -176,12 +165,7 @@ def suspicion(first: str, second: str, first_query: str = "", second_query: str 
     place, and what is right for one task may be wrong for another. The texts may be exchanged.
     """
     if (second, second_query) < (first, first_query):
-        first, second, first_query, second_query = second, first, second_query, first_query
-    return _suspicion(first, second, first_query, second_query)
-
-
-@lru_cache(maxsize=16384)
-def _suspicion(first: str, second: str, first_query: str, second_query: str) -> float | None:
+        return suspicion(second, first, second_query, first_query)
     if not is_english(first) or not is_english(second):
         return None
     if first == second:

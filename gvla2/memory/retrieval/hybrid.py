@@ -14,7 +14,7 @@ from gvla2.memory.indexing.candidates import Candidates
 from gvla2.memory.indexing.terms import questions, words
 from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions
-from gvla2.memory.retrieval.scoring import filled, relative_difference, scene_distance, score_terms
+from gvla2.memory.retrieval.scoring import relative_difference, scene_distance, score_terms, share_filled
 
 Array = NDArray[np.float64]
 _CONSTRAINT = TYPES.index("failure_avoidance")
@@ -67,14 +67,12 @@ class HybridRetriever:
             # Of the best, as BM25 / its maximum is: else what is sure would outdo what is asked for.
             relevance=relevance / max(float(relevance.max()), 1e-9),
             distance=scene_distance(task.signature, candidates, rows),
-            filled=_filled(task, candidates, rows),
+            filled=filled(task, candidates, rows),
         )
         scores = np.sum(list(terms.values()), axis=0)
-        if scores.max() < options.min_score:
-            return (), (
-                f"{len(rows)} records are about this, none reliable enough: the best score is {scores.max():.2f}, at "
-                f"least {options.min_score:.2f} is asked."
-            )
+        if (best := scores.max()) < options.min_score:
+            best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is asked"
+            return (), f"{len(rows)} records are about this, none reliable enough: {best_is}."
         return [
             Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
             for i in self._chosen(rows, scores, candidates)
@@ -100,11 +98,8 @@ class HybridRetriever:
                 some = some[np.argpartition(-scores[some], _LOOKED_AT)[:_LOOKED_AT]]
             groups: dict[str, list[int]] = {}
             for i in sorted(some.tolist(), key=lambda i: (-scores[i], candidates.record(row[i]).id)):
-                name = (
-                    str((candidates.record(row[i]).effect_json() or {}).get("language"))
-                    if programs[i]
-                    else ""
-                )
+                program = candidates.record(row[i]).effect_json() if programs[i] else None
+                name = str(program.get("language")) if program else ""
                 if name not in groups and len(groups) == _LANGUAGES:
                     continue
                 group = groups.setdefault(name, [])
@@ -141,20 +136,18 @@ class HybridRetriever:
         nearest = int(np.argmax(np.where(allowed, evidence, -np.inf)))
         id = candidates.record(nearest).id
         return (
-            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has "
-            f"cosine {cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
+            f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has cosine "
+            f"{cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
             f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is asked, or {options.min_words:.0%} of the "
             "words)."
         )
 
 
-def _filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) -> Array:
+def filled(task: MemoryTask, candidates: Candidates, rows: NDArray[np.intp]) -> Array:
     """(K,) how well the task's things can fill the roles of the rows' programs, nan where that says nothing."""
     found = np.full(len(rows), math.nan)
     for i in np.flatnonzero(candidates.programs[rows]) if task.things else ():
-        share = filled(candidates.record(int(rows[i])).effect_json(), task.things)
-        if share is not None:
-            found[i] = share
+        found[i] = share_filled(candidates.record(int(rows[i])).effect_json(), task.things)
     return found
 
 

@@ -77,9 +77,8 @@ class HybridOptions:
         """Raises :class:`~gvla2.errors.ConfigurationError` for weights that S would divide by zero with."""
         for name in ("recency_days", "usage_divisor", "signature_scale"):
             if getattr(self.weights, name) == 0:
-                raise ConfigurationError(
-                    f"The weight '{name}' of the retriever is 0, and S divides by it: give a positive one."
-                )
+                why = "is 0, and S divides by it: give a positive one"
+                raise ConfigurationError(f"The weight '{name}' of the retriever {why}.")
 
 
 @dataclass(kw_only=True)

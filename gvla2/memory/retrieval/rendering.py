@@ -32,8 +32,6 @@ CONSTRAINTS = "Constraints (binding):"
 _ITEM_LIMIT = 600
 # In ASCII: what is shown as something else, or not at all.
 _ODD = re.compile(r"[\x00-\x08\x0e-\x1b\x7f<>\[\]|`]")
-
-
 _LOOKALIKES = {"<": "‹", ">": "›", "[": "(", "]": ")", "|": "/", "`": "'"}
 
 
@@ -65,11 +63,10 @@ def render(items: Sequence[MemoryItem], max_chars: int = 2400) -> str:
         limit = min(_ITEM_LIMIT, (max_chars - frame) // len(shown) - 1)
         told = [(item.binding, _line(item, limit)) for item in shown]
         if all(line for _, line in told):
-            constraints, hints = (
-                [line for binding, line in told if binding is kind] for kind in (True, False)
-            )
-            parts = [CONSTRAINTS, *constraints] if constraints else []
-            parts += [HINTS, *hints] if hints else []
+            parts: list[str] = []
+            for title, kind in ((CONSTRAINTS, True), (HINTS, False)):
+                lines = [line for binding, line in told if binding is kind]
+                parts += [title, *lines] if lines else []
             return "\n".join([OPENING, *parts, CLOSING])
         shown = shown[:-1]
     return ""
@@ -81,14 +78,12 @@ def _line(item: MemoryItem, limit: int) -> str:
     head = f"[{neutralised(item.id, 64)} | confidence {item.confidence:.2f}{outside}] "
     tail = effect_words(item.effect)
     room = limit - len(head) - len(tail)
-    if room < 16:
-        return ""
-    return head + neutralised(sanitised(item.content), room) + tail
+    return "" if room < 16 else head + neutralised(sanitised(item.content), room) + tail
 
 
 def effect_words(effect: Mapping[str, Any] | None) -> str:
     """The numbers of a typed effect, in words; "" for one that is damaged, or whose names read like orders."""
-    if not effect or _talks(str(effect.get("parameter") or ""), str(effect.get("scale") or "")):
+    if not effect or screened_effect({name: effect.get(name) for name in ("parameter", "scale")}):
         return ""
     name = neutralised(str(effect.get("parameter", "")), 48)
     try:
@@ -113,22 +108,16 @@ def effect_words(effect: Mapping[str, Any] | None) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _talks(parameter: str, scale: str) -> bool:
-    return bool(screened_effect({"parameter": parameter, "scale": scale}))
-
-
-@lru_cache(maxsize=4096)
 def neutralised(text: str, limit: int) -> str:
     """``text`` on one line of at most ``limit`` characters, with nothing in it that could act as markup.
 
     Compatibility forms are resolved first, so that wide brackets don't slip through.
     """
-    if text.isascii() and _ODD.search(text) is None:
-        line = " ".join(text[: 4 * limit].split())  # quicker than to look up each letter
-        return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"
     # Normalising may lengthen a text, so cut before (to bound the work) and after (to bound the result).
-    plain = unicodedata.normalize("NFKC", text[: 4 * limit])
-    line = " ".join("".join(map(_shown, plain)).split())
+    plain = text[: 4 * limit]
+    if not text.isascii() or _ODD.search(text):  # else it is quicker not to look up each letter
+        plain = "".join(map(_shown, unicodedata.normalize("NFKC", plain)))
+    line = " ".join(plain.split())
     return line if len(line) <= limit else line[: limit - 1].rstrip() + "…"
 
 

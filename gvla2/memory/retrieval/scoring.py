@@ -20,7 +20,7 @@ from gvla2.memory.retrieval.options import ScoreWeights
 
 Array = NDArray[np.float64]
 _AVOIDANCE = TYPES.index("failure_avoidance")
-_SUCCESS, _FAIL = OUTCOMES.index("verified_success"), OUTCOMES.index("verified_fail")
+_FAIL = OUTCOMES.index("verified_fail")
 
 
 def score_terms(
@@ -37,7 +37,9 @@ def score_terms(
     ``relevance`` (K,) is r_text in [0, 1]; ``distance`` (K,) of the scenes by :func:`scene_distance`, nan where it does
     not apply; ``filled`` (K,) the share of a program's roles that can be filled, nan where there is no program.
     """
-    ages, usage = candidates.ages[rows], candidates.usage[rows]
+    ages, usage, outcomes = candidates.ages[rows], candidates.usage[rows], candidates.outcomes[rows]
+    # In the order of OUTCOMES.
+    bonus = np.array([weights.verified, weights.failed, weights.uncertain, weights.unjudged])
     avoidance = candidates.types[rows] == _AVOIDANCE
     used = np.minimum(np.log1p(np.maximum(usage, 0)) / weights.usage_divisor, weights.usage_most)
     forgotten = avoidance & (ages > weights.stale_days) & (usage <= 0)
@@ -46,29 +48,14 @@ def score_terms(
     return {
         "r_text": relevance,
         "confidence": np.clip(candidates.confidence[rows], 0.0, 1.0),
-        "success": _success(weights, candidates.outcomes[rows], avoidance),
-        "recency": np.maximum(
-            weights.recency - np.minimum(ages / weights.recency_days, weights.recency), 0.0
-        ),
+        "success": np.where(avoidance & (outcomes == _FAIL), weights.verified, bonus[outcomes]),
+        "recency": np.maximum(weights.recency - ages / weights.recency_days, 0.0),
         "usage": used,
-        "conflict": -np.minimum(
-            weights.conflict * np.maximum(candidates.conflicts[rows], 0), weights.conflict_most
-        ),
+        "conflict": -np.minimum(weights.conflict * candidates.conflicts[rows], weights.conflict_most),
         "stale": -np.where(forgotten, weights.stale_failure, ageing),
         "applicability": np.where(np.isnan(fit), 0.0, weights.applicability * fit),
         "program": np.where(np.isnan(filled), 0.0, weights.program * (2 * filled - 1)),
     }
-
-
-def _success(weights: ScoreWeights, outcomes: NDArray[np.int8], avoidance: NDArray[np.bool_]) -> Array:
-    bonus = {
-        "verified_success": weights.verified,
-        "verified_fail": weights.failed,
-        "uncertain": weights.uncertain,
-        "unavailable": weights.unjudged,
-    }
-    by_outcome = np.array([bonus[outcome] for outcome in OUTCOMES])
-    return np.asarray(np.where(avoidance & (outcomes == _FAIL), weights.verified, by_outcome[outcomes]))
 
 
 def scene_distance(signature: Mapping[str, float], candidates: Candidates, rows: NDArray[np.intp]) -> Array:
@@ -88,15 +75,15 @@ def relative_difference(known: Array, asked: float) -> Array:
     return np.asarray(np.abs(known - asked) / np.maximum(np.maximum(np.abs(known), abs(asked)), 1e-9))
 
 
-def filled(effect: Mapping[str, Any] | None, things: Sequence[str]) -> float | None:
+def share_filled(effect: Mapping[str, Any] | None, things: Sequence[str]) -> float:
     """How well the things can fill the program's roles, each thing one of them: 0 (no role) to 1 (every role in full).
 
     A role is filled by the share of its words that the thing has: a mug is no cup, but both may be cylinders. The best
-    pairs are taken first. None for what is no program, or has no roles, or where nothing is known of the things.
+    pairs are taken first. nan for what is no program, or has no roles, or where nothing is known of the things.
     """
     roles = (effect or {}).get("roles")
     if (effect or {}).get("kind") != "program" or not isinstance(roles, Mapping) or not (roles and things):
-        return None
+        return math.nan
     wanted, offered = [terms(str(role)) for role in roles.values()], [terms(thing) for thing in things]
     pairs = [
         (len(need & have) / len(need) if need else 1.0, i, j)

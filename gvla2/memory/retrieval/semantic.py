@@ -27,8 +27,7 @@ class SemanticRetriever:
         if not query_embedding.any():
             return (), "The query has no vector to search by."
         cosines = candidates.cosine(query_embedding)
-        k = min(self._options.top_k, len(cosines))
-        if k <= 0:
+        if self._options.top_k <= 0:
             return (), "The retriever is told to find none (top_k)."
-        best = largest(cosines, k, lambda row: candidates.record(row).id)
+        best = largest(cosines, self._options.top_k, lambda row: candidates.record(row).id)
         return [Ranked(row, float(cosines[row]), {"cosine": float(cosines[row])}) for row in best], ""

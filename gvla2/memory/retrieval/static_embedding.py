@@ -46,13 +46,11 @@ class StaticEmbedder:
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """(N, 256) unit rows; a text without tokens gives a zero row."""
-        plain = [
-            text[:_MAX_CHARS].casefold().encode("utf-8", "replace").decode("utf-8").strip() for text in texts
-        ]
+        bare = (text[:_MAX_CHARS].casefold().encode("utf-8", "replace") for text in texts)
+        plain = [text.decode("utf-8").strip() for text in bare]
         rows = np.zeros((len(texts), self._table.shape[1]), np.float32)
-        for row, tokens in zip(
-            rows, self._tokenizer.encode_batch(plain, add_special_tokens=False), strict=True
-        ):
+        encoded = self._tokenizer.encode_batch(plain, add_special_tokens=False)
+        for row, tokens in zip(rows, encoded, strict=True):
             if tokens.ids:
                 total = self._table[tokens.ids].sum(axis=0, dtype=np.float32)
                 length = float(np.linalg.norm(total))

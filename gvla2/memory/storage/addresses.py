@@ -71,9 +71,8 @@ def settled(address: str, environment: Mapping[str, str]) -> str:
     "" is ``memory.db`` in ``$GVLA2_HOME``, else in ``$XDG_DATA_HOME/gvla2``, else in ``~/.local/share/gvla2``.
     """
     if not address:
-        folder = environment.get("GVLA2_HOME") or os.path.join(  # noqa: PTH118  # a home may hold a "~" itself
-            environment.get("XDG_DATA_HOME") or "~/.local/share", "gvla2"
-        )
+        data = environment.get("XDG_DATA_HOME") or "~/.local/share"
+        folder = environment.get("GVLA2_HOME") or f"{data}/gvla2"
         address = f"sqlite:///{(Path(folder).expanduser() / 'memory.db').absolute()}"
     url = parsed(address)
     return f"sqlite:///{url.database}" if url.drivername == "sqlite" else address

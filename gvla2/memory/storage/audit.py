@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from gvla2.memory.storage.events import (
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import LINK, PENDING, RECORD, VECTOR
 from gvla2.memory.storage.view import BankView, vector_of
-from gvla2.memory.storage.writing import link_row
 
 _OWN = 0.99
 """Cosine from which a vector is that of a text, whatever the order of additions."""
@@ -106,15 +105,14 @@ def _kept_head(view: BankView, head: str) -> Iterator[Problem]:
     """Whether the chain still has an event that was its last once."""
     place, _, hash_ = head.strip().partition(":")
     if not place.isdecimal() or not hash_:
-        raise MemoryStoreError(
-            f"{head!r} is no head of a chain: give SEQ:HASH, as the statistics of a bank have them."
-        )
-    event = next(view.events(int(place) - 1), None)
+        why = "is no head of a chain: give SEQ:HASH, as the statistics of a bank have them"
+        raise MemoryStoreError(f"{head!r} {why}.")
+    event, told = next(view.events(int(place) - 1), None), ""
     if event is None or event.seq != int(place):
         told = "the head that was kept elsewhere is missing: the end of the chain was cut off"
-        yield Problem("chain", place, told)
     elif event.hash != hash_:
         told = "it is another than the head that was kept elsewhere: the chain was written anew"
+    if told:
         yield Problem("chain", place, told)
 
 
@@ -126,20 +124,19 @@ def _hash(event: Event) -> str:
 
 
 def _records(view: BankView, folding: Folding) -> Iterator[Problem]:
-    missing = set(folding.rows)
+    due = dict(folding.rows)
     for row in view.rows():
-        id = str(row.id)
-        missing.discard(id)
+        id, said = str(row.id), due.pop(str(row.id), None)
+        differing = [
+            name for name, value in zip(COLUMNS, row, strict=True) if said and said.get(name) != value
+        ]
         if damage := damage_of(tuple(row)):
             yield Problem("record", id, f"damaged: {damage}")
-        elif id not in folding.rows:
+        elif said is None:
             yield Problem("record", id, "no event created it")
-        else:
-            said = folding.rows[id]
-            differing = [name for name, value in zip(COLUMNS, row, strict=True) if said.get(name) != value]
-            if differing:
-                yield Problem("record", id, f"{', '.join(differing)} differ from what the events say")
-    for id in sorted(missing):
+        elif differing:
+            yield Problem("record", id, f"{', '.join(differing)} differ from what the events say")
+    for id in sorted(due):
         yield Problem("record", id, "the events have it, the rows do not")
 
 
@@ -166,17 +163,16 @@ def _vectors(view: BankView, embedder: Embedder | None, named: Collection[str]) 
 
 
 def _episodes(view: BankView, folding: Folding) -> Iterable[Problem]:
-    missing = set(folding.episodes)
+    due = dict(folding.episodes)
     for row in view.episode_rows():
-        missing.discard(row.source)
+        digest = due.pop(row.source, None)
         try:
             StoredEpisode.from_json(row.source, row.at, row.data)
+            if digest != episode_digest(row.at, row.data):
+                yield Problem("episode", row.source, "it is not what was stored")
         except ValueError as error:
             yield Problem("episode", str(row.source), f"damaged: {error}")
-            continue
-        if folding.episodes.get(row.source) != episode_digest(row.at, row.data):
-            yield Problem("episode", row.source, "it is not what was stored")
-    for source in sorted(missing):
+    for source in sorted(due):
         yield Problem("episode", source, "the events have it, the rows do not")
 
 
@@ -207,7 +203,7 @@ def repair(t: Transaction, embedder: Embedder | None = None) -> tuple[list[str],
     if odd := stored ^ set(folding.links):
         t.sql.execute(delete(LINK).where(LINK.c.bank == t.bank))
         if folding.links:
-            t.sql.execute(insert(LINK), [{"bank": t.bank, **link_row(link)} for link in folding.links])
+            t.sql.execute(insert(LINK), [{"bank": t.bank, **asdict(link)} for link in folding.links])
     wrong |= {end for link in odd for end in (link.source, link.target)}
     again = [numbered(due[id], due[id].version + 1, t.rev) for id in sorted(wrong & due.keys())]
     # The event of each changes nothing: every index reads the record anew.

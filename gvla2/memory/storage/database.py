@@ -10,6 +10,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from typing import Any, Self
 
 from sqlalchemy import URL, Connection, Engine, create_engine, insert
@@ -89,19 +90,17 @@ class Database(ABC):
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """A consistent view, held until the end of the block."""
-        with self.connection() as connection:
+        with self.connection() as connection, _ended(connection):
             connection.exec_driver_sql(self.begin_reading)
-            with _ended(connection):
-                yield connection
+            yield connection
 
     @contextmanager
     def writing(self, bank: str) -> Iterator[Connection]:
         """A transaction that keeps other writers of the bank out from its start; an exception undoes all of it."""
-        with self.connection() as connection:
+        with self.connection() as connection, _ended(connection):
             self.begin(connection, bank)
-            with _ended(connection):
-                yield connection
-                self.check()
+            yield connection
+            self.check()
 
     def close(self) -> None:
         """Close all connections; safe to call twice."""
@@ -140,11 +139,7 @@ def engine_of(url: URL, *, pooled: bool = True, **options: Any) -> Engine:
 
 def upsert(connection: Connection, table: Any, keys: tuple[str, ...]) -> Any:
     """An INSERT that replaces the row of the same keys."""
-    if connection.dialect.name == "sqlite":
-        from sqlalchemy.dialects.sqlite import insert as into
-    else:
-        from sqlalchemy.dialects.postgresql import insert as into  # type: ignore[assignment]
-    statement = into(table)
+    statement = import_module(f"sqlalchemy.dialects.{connection.dialect.name}").insert(table)
     changed = {c.name: statement.excluded[c.name] for c in table.columns if c.name not in keys}
     return statement.on_conflict_do_update(index_elements=list(keys), set_=changed)
 
@@ -155,6 +150,7 @@ def _ended(connection: Connection) -> Iterator[None]:
         yield
         connection.exec_driver_sql("COMMIT")
     except BaseException:
-        with suppress(SQLAlchemyError):  # a full disk, or a server that is gone, has undone it already
+        # It never began, or a full disk, or a server that is gone, has undone it already.
+        with suppress(SQLAlchemyError):
             connection.exec_driver_sql("ROLLBACK")
         raise

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -117,7 +117,6 @@ class Folding:
     rows: dict[str, dict[str, Any]] = field(default_factory=dict)
     ties: dict[tuple[str, str, str], float] = field(default_factory=dict)
     episodes: dict[str, str] = field(default_factory=dict)
-    _tied: dict[str, set[tuple[str, str, str]]] = field(default_factory=dict)
     _sources: dict[str, str] = field(default_factory=dict)
     _blurred: set[str] = field(default_factory=set)
     """Records of which an event was erased: what comes after it need not fit, until one has the whole record."""
@@ -142,16 +141,12 @@ class Folding:
         if verb == "link":
             key = (event.record, kind, event.target)
             self.ties[key] = event.at
-            for end in (event.record, event.target):
-                self._tied.setdefault(end, set()).add(key)
-                self._touch(end, event.rev)
+            self._touch((event.record, event.target), event.rev)
             return ""
         if verb == "forget" and not kind:  # even if it was erased, as forgetting the same id once more does
-            for key in self._tied.pop(event.record, ()):
-                self.ties.pop(key, None)
-                for end in {key[0], key[2]} - {event.record}:
-                    self._tied[end].discard(key)
-                    self._touch(end, event.rev)
+            for key in [key for key in self.ties if event.record in (key[0], key[2])]:
+                del self.ties[key]
+                self._touch({key[0], key[2]} - {event.record}, event.rev)
         if event.erased:
             self._blurred.add(event.record)
             return ""
@@ -168,11 +163,11 @@ class Folding:
             return ""
         return self._change(event, change) if event.change else ""
 
-    def _touch(self, end: str, rev: int) -> None:
-        """An end of a link counts as changed; one that is not there (forgotten) does not."""
-        row = self.rows.get(end)
-        if row is not None and row["state"] != FORGOTTEN:
-            row["rev"] = rev
+    def _touch(self, ends: Iterable[str], rev: int) -> None:
+        """The ends of a link count as changed; one that is not there (forgotten) does not."""
+        for row in map(self.rows.get, ends):
+            if row is not None and row["state"] != FORGOTTEN:
+                row["rev"] = rev
 
     def _change(self, event: Event, change: dict[str, Any]) -> str:
         if isinstance(change.get("id"), str):

@@ -18,7 +18,7 @@ from gvla2.memory.records import FORGOTTEN, Record, as_json, dump, load_object, 
 from gvla2.memory.storage.database import upsert
 from gvla2.memory.storage.tables import EPISODE, EVENT, LINK, META, PENDING, VECTOR
 from gvla2.memory.storage.view import parts
-from gvla2.memory.storage.writing import Put, Writing
+from gvla2.memory.storage.writing import Writing
 
 ERASED = {"why": "", "scores": "", "change": "", "origin": "", "salt": b""}
 """What is left of the payload of an event that told of something forgotten."""
@@ -139,8 +139,12 @@ class Transaction(Writing):
                 continue
             del self.also[also:]
             members = [one for one in self.records(["archive"], held) if one.note == f"{SUMMED_UP}{id}"]
-            why = "no summary tells it any more"
-            self.put_many([Put(replace(one, state="active", note=""), "RESTORE", why=why) for one in members])
+            for one in members:
+                self.put(
+                    replace(one, state="active", note=""),
+                    action="RESTORE",
+                    why="no summary tells it any more",
+                )
             back = f"; active again: {', '.join(member.id for member in members)}" if members else ""
             self.also.append(f"The summary {id} told it and was forgotten{back}.")
 

@@ -35,9 +35,8 @@ class PostgresDatabase(Database):
             plain = url.set(drivername="postgresql").render_as_string(hide_password=False)
             told = psycopg.conninfo.conninfo_to_dict(plain)
         except psycopg.Error as error:
-            raise ConfigurationError(
-                "Not a PostgreSQL address: give postgresql://user@host/database."
-            ) from error
+            why = "Not a PostgreSQL address: give postgresql://user@host/database."
+            raise ConfigurationError(why) from error
         shown = {name: value for name, value in told.items() if name not in ("password", "sslpassword")}
         engine = engine_of(url, connect_args={"connect_timeout": max(2, round(busy_seconds))})
         super().__init__(f"postgresql({psycopg.conninfo.make_conninfo('', **shown)})", engine)
@@ -77,11 +76,7 @@ class PostgresDatabase(Database):
         """
         connection.exec_driver_sql("BEGIN ISOLATION LEVEL READ COMMITTED")
         lock = zlib.crc32(bank.encode()) - 2**31 if bank else 0
-        try:
-            connection.execute(text("SELECT pg_advisory_xact_lock(:a, :b)"), {"a": _SPACE, "b": lock})
-        except BaseException:
-            connection.exec_driver_sql("ROLLBACK")
-            raise
+        connection.execute(text("SELECT pg_advisory_xact_lock(:a, :b)"), {"a": _SPACE, "b": lock})
 
     def scrub(self) -> None:
         """Write the tables anew without what was deleted.
@@ -106,6 +101,5 @@ class PostgresDatabase(Database):
             hint = " Another process holds the lock: wait for it."
         elif isinstance(cause, self._psycopg.OperationalError):
             hint = " Is the server running, and does it take this user?"
-        return MemoryStoreError(
-            f"The memory {self.name} cannot be used: {' '.join(str(cause).split())}.{hint}"
-        )
+        said = " ".join(str(cause).split())
+        return MemoryStoreError(f"The memory {self.name} cannot be used: {said}.{hint}")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import sqlite3
 import sys
 import time
@@ -31,21 +32,13 @@ _READ_ONLY = "The memory {} is read-only. Make it writable, or choose another fi
 _EMPTY_LOG = "PRAGMA wal_checkpoint(TRUNCATE)"
 _SCRUB = ("PRAGMA secure_delete=ON", _EMPTY_LOG, "VACUUM", _EMPTY_LOG)
 _HINTS = {
-    ("locked", "busy"): "Another process holds it: wait for it, or choose another file.",
-    (
-        "readonly",
-        "unable to open",
-        "Permission",
-    ): "It, or its folder, is gone or not writable: choose another file.",
-    (
-        "not a database",
-        "malformed",
-    ): "It is corrupt and was left as it is: restore it from a copy, or choose another file.",
-    ("full",): "Nothing of the change was stored: make room, and try again.",
-    (
-        "disk I/O",
-    ): "Nothing of the change was stored: is the disk full or failing, or is there a limit on files?",
+    "locked|busy": "Another process holds it: wait for it, or choose another file.",
+    "readonly|unable to open|Permission": "It, or its folder, is gone or not writable: choose another file.",
+    "not a database|malformed": "It is corrupt and was left as it is: restore it from a copy, or choose another file.",
+    "full": "Nothing of the change was stored: make room, and try again.",
+    "disk I/O": "Nothing of the change was stored: is the disk full or failing, or is there a limit on files?",
 }
+"""What to do, by what SQLite or the system said."""
 
 
 class SqliteDatabase(Database):
@@ -122,7 +115,7 @@ class SqliteDatabase(Database):
     def explained(self, error: BaseException) -> MemoryStoreError:
         """What SQLite or the file system said, with the file, and what to do."""
         said = str(getattr(error, "orig", None) or error)
-        hint = next((f" {hint}" for words, hint in _HINTS.items() if any(w in said for w in words)), "")
+        hint = next((f" {hint}" for words, hint in _HINTS.items() if re.search(words, said)), "")
         return MemoryStoreError(f"The memory {self._path} cannot be used: {said}.{hint}")
 
     def _refuse_read_only(self) -> None:
@@ -139,19 +132,16 @@ class SqliteDatabase(Database):
             mode = "mode=ro" if any(path.exists() for path in beside) else "immutable=1"
         return f"file:{quote(str(self._path))}?{mode or 'mode=rw'}"
 
+    def _opened(self, mode: str = "", **options: Any) -> sqlite3.Connection:
+        address, wait = self._address(mode), self._busy_seconds
+        opened: sqlite3.Connection = sqlite3.connect(address, uri=True, timeout=wait, **options)
+        return opened
+
     def _engine(self, mode: str = "") -> Engine:
         """Connections to the file; those for reading alone are not kept."""
 
         def connect() -> sqlite3.Connection:
-            address, wait = self._address(mode), self._busy_seconds
-            raw = sqlite3.connect(
-                address,
-                uri=True,
-                timeout=wait,
-                isolation_level=None,
-                check_same_thread=False,
-                cached_statements=256,
-            )
+            raw = self._opened(mode, isolation_level=None, check_same_thread=False, cached_statements=256)
             # One damaged text must not hide the others: what is no UTF-8 stays bytes, which no text column may hold.
             raw.text_factory = _text_or_bytes
             if self._writable:
@@ -159,9 +149,8 @@ class SqliteDatabase(Database):
             raw.execute("PRAGMA synchronous=FULL")
             return raw
 
-        return engine_of(
-            URL.create("sqlite", database=str(self._path)), pooled=self._writable, creator=connect
-        )
+        url = URL.create("sqlite", database=str(self._path))
+        return engine_of(url, pooled=self._writable, creator=connect)
 
     # The file -----------------------------------------------------------------------------------------------------
 
@@ -203,10 +192,9 @@ class SqliteDatabase(Database):
         path = self._path
         if not path.exists() or path.stat().st_size == 0:
             return False
-        with closing(sqlite3.connect(self._address(), uri=True, timeout=self._busy_seconds)) as connection:
-            names = {
-                row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
-            }
+        with closing(self._opened()) as connection:
+            tables = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+            names = {name for (name,) in tables}
             if not names:
                 return False
             if "memory_meta" not in names:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,10 @@ from gvla2.memory.records import COLUMNS, FORGOTTEN, Record, damage_of
 from gvla2.memory.storage.events import Event, Folding, Link, StoredEpisode
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, META, RECORD, VECTOR
 
+Wanted = Collection[str] | None
+"""What is asked for by name; None for all."""
 _STATE = COLUMNS.index("state")
+_PAIRED = (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id)
 _TOGETHER = 500
 """How many ids one query names, and how many rows of a stream are held at once."""
 
@@ -72,27 +76,21 @@ class BankView:
         rows = self._named(self._of(RECORD), RECORD.c.dedup_key, keys)
         return {record.dedup_key: record for row in rows if (record := sound(row)) is not None}
 
-    def records(
-        self, states: Sequence[str] | None = None, ids: Collection[str] | None = None
-    ) -> list[Record]:
+    def records(self, states: Wanted = None, ids: Wanted = None) -> list[Record]:
         """The records in these states, with these ids (all by default; never forgotten ones), by id."""
         found = [record for row in self.rows(states, ids) if (record := sound(row)) is not None]
         return sorted(found, key=lambda record: record.id)
 
-    def rows(
-        self, states: Sequence[str] | None = None, ids: Collection[str] | None = None
-    ) -> Iterator[Row[Any]]:
+    def rows(self, states: Wanted = None, ids: Wanted = None) -> Iterator[Row[Any]]:
         """The stored rows, damaged or not, tombstones too."""
         query = self._of(RECORD)
-        return self._named(
-            query if states is None else query.where(RECORD.c.state.in_(states)), RECORD.c.id, ids
-        )
+        query = query if states is None else query.where(RECORD.c.state.in_(states))
+        return self._named(query, RECORD.c.id, ids)
 
     def changes(self, since: int = 0) -> list[RecordChange]:
         """What transactions after ``since`` changed, each record once, by rev and id; forgotten ones too."""
-        joined = RECORD.outerjoin(VECTOR, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
-        query = select(VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD).select_from(joined)
-        found = []
+        columns = (VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD)
+        query, found = select(*columns).select_from(RECORD.outerjoin(VECTOR, _PAIRED)), []
         for row in self.sql.execute(query.where(RECORD.c.bank == self.bank, RECORD.c.rev > since)):
             record = sound(row[3:], forgotten=True)
             if record is not None:
@@ -103,9 +101,9 @@ class BankView:
 
     def vector_rows(self) -> Iterator[Row[Any]]:
         """(id, model, dimension, bytes, state of the record or None) of the stored vectors."""
-        joined = VECTOR.outerjoin(RECORD, (VECTOR.c.bank == RECORD.c.bank) & (VECTOR.c.id == RECORD.c.id))
         columns = (VECTOR.c.id, VECTOR.c.model, VECTOR.c.dimension, VECTOR.c.vector, RECORD.c.state)
-        return self._streamed(select(*columns).select_from(joined).where(VECTOR.c.bank == self.bank))
+        joined = self._of(VECTOR, *columns).select_from(VECTOR.outerjoin(RECORD, _PAIRED))
+        return self._streamed(joined)
 
     # Links --------------------------------------------------------------------------------------------------------
 
@@ -117,13 +115,12 @@ class BankView:
         held = pairs["conflict"] | (pairs["suspicion"] - pairs["dismissed"])
         return Counter(id for pair in held for id in pair if id in ids)
 
-    def links(self, ids: Collection[str] | None = None) -> list[Link]:
+    def links(self, ids: Wanted = None) -> list[Link]:
         """The links of the bank, or those that name one of these records on either end; by source, kind, target."""
         query = self._of(LINK, LINK.c.source, LINK.c.kind, LINK.c.target, LINK.c.at)
         ends = (LINK.c.source, LINK.c.target) if ids is not None else (LINK.c.source,)
-        return [
-            Link(*row) for row in sorted({tuple(row) for end in ends for row in self._named(query, end, ids)})
-        ]
+        found = {tuple(row) for end in ends for row in self._named(query, end, ids)}
+        return [Link(*row) for row in sorted(found)]
 
     # Events and episodes ------------------------------------------------------------------------------------------
 
@@ -162,17 +159,15 @@ class BankView:
             found.setdefault(row.record, []).append(row.origin)
         return found
 
-    def episodes(self, sources: Collection[str] | None = None) -> list[StoredEpisode]:
+    def episodes(self, sources: Wanted = None) -> list[StoredEpisode]:
         """The stored episodes, of these sources or all, by time and source."""
         found = []
         for row in self.episode_rows(sources):
-            try:
+            with suppress(ValueError):  # damaged: the audit names it
                 found.append(StoredEpisode.from_json(row.source, row.at, row.data))
-            except ValueError:
-                continue  # damaged: the audit names it
         return sorted(found, key=lambda episode: (episode.at, episode.source))
 
-    def episode_rows(self, sources: Collection[str] | None = None) -> Iterator[Row[Any]]:
+    def episode_rows(self, sources: Wanted = None) -> Iterator[Row[Any]]:
         """The rows of the stored episodes, damaged or not."""
         return self._named(self._of(EPISODE), EPISODE.c.source, sources)
 
@@ -196,12 +191,11 @@ class BankView:
         """Of the bank's rows of a table all columns, or these."""
         return select(*columns or (table,)).where(table.c.bank == self.bank)
 
-    def _named(self, query: Select[Any], column: Any, wanted: Collection[str] | None) -> Iterator[Row[Any]]:
+    def _named(self, query: Select[Any], column: Any, wanted: Wanted) -> Iterator[Row[Any]]:
         """The rows of a query, those whose ``column`` is among the ``wanted``, asked for a few at a time."""
         if wanted is None:
             yield from self._streamed(query)
-            return
-        for some in parts(wanted):
+        for some in parts(wanted or ()):
             yield from self.sql.execute(query.where(column.in_(some))).all()
 
     def _streamed(self, query: Select[Any]) -> Iterator[Row[Any]]:
@@ -235,12 +229,7 @@ def sound(row: Sequence[Any], *, forgotten: bool = False) -> Record | None:
 
 def vector_of(length: object, stored: object) -> NDArray[np.float32] | None:
     """The (D,) vector of stored bytes, None where they are damaged: another length, or no finite numbers."""
-    if (
-        not isinstance(stored, bytes)
-        or not stored
-        or not isinstance(length, int)
-        or len(stored) != 4 * length
-    ):
+    if not isinstance(stored, bytes) or not stored or type(length) is not int or len(stored) != 4 * length:
         return None
     vector = np.frombuffer(stored, dtype="<f4")
     return vector if np.isfinite(vector).all() else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from gvla2.memory.storage.events import (
     payload_digest,
 )
 from gvla2.memory.storage.tables import BANK, EPISODE, EVENT, LINK, RECORD, VECTOR
-from gvla2.memory.storage.view import BankView, parts
+from gvla2.memory.storage.view import BankView, parts, sound
 
 MAX_WHY = 2000
 MAX_TEXT = 2_000_000
@@ -66,12 +66,11 @@ class Writing(BankView):
 
     def __init__(self, sql: Connection, bank: str, actor: str, now: float) -> None:
         if not abs(now) <= LATEST:
-            raise MemoryStoreError(
-                f"The time of a change must be a finite number of seconds, before the year 10000, not {now}."
-            )
+            due = "a finite number of seconds, before the year 10000"
+            raise MemoryStoreError(f"The time of a change must be {due}, not {now}.")
         super().__init__(sql, bank)
         head, self._actor = self.head, clean(actor, 200)
-        self._rev = (int(head.rev) if head else 0) + 1
+        self._rev = super().rev + 1
         self.now = max(float(now), head.at) if head else float(now)
         self._seq, self._hash = (int(head.seq), str(head.hash)) if head else (0, GENESIS)
         self._began, self._half = self._seq, False
@@ -115,9 +114,7 @@ class Writing(BankView):
         self._change(there)
         self._do(insert(RECORD), [as_json(one) for one in latest.values() if one.id not in stored])
         self.delete(VECTOR, "id", [id for id, row in vectors.items() if row is None and id in stored])
-        self._do(
-            upsert(self.sql, VECTOR, ("bank", "id")), [row for row in vectors.values() if row is not None]
-        )
+        self._save([row for row in vectors.values() if row is not None])
         self.tell(
             self.event(put.action, record.id, "", put.why, put.scores, dump(change), put.origin)
             for put, record, change in steps
@@ -135,8 +132,11 @@ class Writing(BankView):
             for record, vector in vectors
             if stored.get(record.id) == record.version
         ]
-        self._do(upsert(self.sql, VECTOR, ("bank", "id")), rows)
+        self._save(rows)
         return len(rows)
+
+    def _save(self, vectors: Sequence[dict[str, Any]]) -> None:
+        self._do(upsert(self.sql, VECTOR, ("bank", "id")), vectors)
 
     def replace_rows(self, records: Sequence[Record]) -> None:
         """Put records in place of the stored rows of their ids, without an event."""
@@ -144,24 +144,19 @@ class Writing(BankView):
         self._change(records)
 
     def _change(self, records: Sequence[Record], names: Sequence[str] = _CHANGED) -> None:
-        rows = [
-            {"b_bank": self.bank, "b_id": one.id, **{n: getattr(one, n) for n in names}} for one in records
-        ]
-        self._do(_UPDATE, rows)
+        said = ({name: getattr(one, name) for name in names} for one in records)
+        keys = ({"b_bank": self.bank, "b_id": one.id} for one in records)
+        self._do(_UPDATE, [{**key, **changed} for key, changed in zip(keys, said, strict=True)])
 
     def _next(
         self, record: Record, before: Record | None, row: Row[Any] | None
     ) -> tuple[Record, Record | None]:
         """The record as it will be stored and as it is, ``before`` in the same batch, or the stored ``row``."""
-        old = before
-        if old is None and row is not None and row.state != FORGOTTEN and not damage_of(tuple(row)):
-            old = Record(*tuple[Any, ...](row))
+        old = before or (sound(row) if row is not None else None)
         expected = old.version if old else 0
         if record.version != expected:
-            raise StaleRecordError(
-                f"Record '{record.id}' of bank '{self.bank}' is of version {expected} by now, not {record.version}: "
-                "read it again."
-            )
+            now = f"is of version {expected} by now, not {record.version}: read it again"
+            raise StaleRecordError(f"Record '{record.id}' of bank '{self.bank}' {now}.")
         # A tombstone, and a damaged row, are replaced; the count of changes goes on.
         kept = row.version if row is not None and type(row.version) is int else 0
         return checked(record, self.bank, (old.version if old else kept) + 1, self.rev), old
@@ -179,14 +174,12 @@ class Writing(BankView):
         made: dict[tuple[str, str, str], str] = {}
         for (source, kind, target), why in ties.items():
             if source == target or not kind or not {source, target} <= sound:
-                raise MemoryStoreError(
-                    f"Cannot link '{source}' to '{target}' as '{kind}': two different records of bank '{self.bank}' "
-                    "and a kind are needed."
-                )
+                needed = f"two different records of bank '{self.bank}' and a kind are needed"
+                raise MemoryStoreError(f"Cannot link '{source}' to '{target}' as '{kind}': {needed}.")
             if (key := (source, clean(kind, 64), target)) not in known:
                 made.setdefault(key, why)
         links = [Link(*key, self.now) for key in made]
-        self._do(insert(LINK), [{"bank": self.bank, **link_row(link)} for link in links])
+        self._do(insert(LINK), [{"bank": self.bank, **asdict(link)} for link in links])
         self.touch(end for link in links for end in (link.source, link.target))
         self.tell(self.event(f"link:{key[1]}", key[0], key[2], why) for key, why in made.items())
         return links
@@ -212,11 +205,9 @@ class Writing(BankView):
         for stored in self.episode_rows(rows):
             rows[stored.source]["name"] = stored.name  # it stays
         self._do(upsert(self.sql, EPISODE, ("bank", "source")), list(rows.values()))
-        told = {
-            row["name"]: dump({"episode": episode_digest(row["at"], row["data"]), "source": source})
-            for source, row in rows.items()
-        }
-        self.tell(self.event("episode", name, change=change) for name, change in told.items())
+        said = [(row["name"], episode_digest(row["at"], row["data"]), source) for source, row in rows.items()]
+        told = ((name, dump({"episode": digest, "source": source})) for name, digest, source in said)
+        self.tell(self.event("episode", name, change=change) for name, change in told)
 
     # The chain ----------------------------------------------------------------------------------------------------
 
@@ -271,11 +262,6 @@ class Writing(BankView):
             self._half = False
 
 
-def link_row(link: Link) -> dict[str, Any]:
-    """A link's columns by name."""
-    return {name: getattr(link, name) for name in ("source", "kind", "target", "at")}
-
-
 def _check_action(action: str) -> None:
     if not action or action.partition(":")[0] in RESERVED:
         raise MemoryStoreError(f"'{action}' cannot be the name of a decision: choose another one.")
@@ -317,8 +303,7 @@ def vector_row(vector: NDArray[np.floating[Any]], model: str, id: str, bank: str
     """The row of a vector; raises :class:`MemoryStoreError` for one that cannot be stored."""
     array = np.asarray(vector)
     if not model or array.ndim != 1 or not array.size or not np.isfinite(array).all():
-        raise MemoryStoreError(
-            f"The vector of record '{id}' cannot be stored: a model's name and finite numbers in one row are needed."
-        )
+        needed = "a model's name and finite numbers in one row are needed"
+        raise MemoryStoreError(f"The vector of record '{id}' cannot be stored: {needed}.")
     stored = array.astype("<f4").tobytes()
     return {"bank": bank, "id": id, "model": model, "dimension": array.size, "vector": stored}

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import Lesson, Trust, Verdict
 from gvla2.memory.curation.admission import credible, weigh
 from gvla2.memory.curation.trust import Origin
@@ -26,7 +27,7 @@ def test_what_is_ours_and_verified_becomes_active_at_once() -> None:
 
 def test_failures_teach_constraints_alone() -> None:
     assert weigh(HINT, NO).state is None
-    assert weigh(AVOID, NO, failures=False).state is None
+    assert weigh(AVOID, NO, BankOptions(failures=False)).state is None
     assert weigh(Lesson("tool_usage", "  "), YES).state is None
 
 
@@ -50,8 +51,8 @@ def test_no_verdict_promotes_what_is_not_believed(trust: Trust) -> None:
 
 
 def test_without_admission_what_is_ours_is_let_in_and_nothing_else() -> None:
-    assert weigh(HINT, UNSURE, admission=False).state == "active"
-    assert weigh(HINT, UNSURE, admission=False, trust="foreign").state == "provisional"
+    assert weigh(HINT, UNSURE, BankOptions(admission=False)).state == "active"
+    assert weigh(HINT, UNSURE, BankOptions(admission=False), trust="foreign").state == "provisional"
 
 
 def test_a_model_names_its_evidence() -> None:

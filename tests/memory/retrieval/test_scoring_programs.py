@@ -1,10 +1,11 @@
 """What a program needs against what a scene has."""
 
+import math
 from typing import Any
 
 import pytest
 
-from gvla2.memory.retrieval.scoring import filled
+from gvla2.memory.retrieval.scoring import share_filled
 
 
 def program(**roles: str) -> dict[str, Any]:
@@ -25,7 +26,7 @@ def program(**roles: str) -> dict[str, Any]:
     ],
 )
 def test_shares(roles: dict[str, str], things: tuple[str, ...], share: float) -> None:
-    assert filled(program(**roles), things) == pytest.approx(share)
+    assert share_filled(program(**roles), things) == pytest.approx(share)
 
 
 @pytest.mark.parametrize(
@@ -39,4 +40,4 @@ def test_shares(roles: dict[str, str], things: tuple[str, ...], share: float) ->
     ],
 )
 def test_where_there_is_nothing_to_compare(effect: dict[str, Any] | None, things: tuple[str, ...]) -> None:
-    assert filled(effect, things) is None
+    assert math.isnan(share_filled(effect, things))
