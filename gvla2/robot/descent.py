@@ -96,46 +96,73 @@ def _apply(turn: FloatArray, vector: FloatArray) -> FloatArray:
 
 
 @_compiled
+def _dot(one: FloatArray, other: FloatArray) -> float:
+    """Sum of the products of two (n,)."""
+    total = 0.0
+    for k in range(len(one)):
+        total += one[k] * other[k]
+    return total
+
+
+@_compiled
+def _put(values: FloatArray, into: FloatArray) -> None:
+    """Copies (n,) into (n,): the assignment of a slice brings texts of errors, which take seconds to compile."""
+    for k in range(len(values)):
+        into[k] = values[k]
+
+
+@_compiled
 def _across(a: FloatArray, b: FloatArray) -> FloatArray:
     """Cross product of two (3,)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    product = np.empty(3)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        product[i] = a[j] * b[k] - a[k] * b[j]
+    return product
 
 
 @_compiled
 def _about(spin: FloatArray, value: float) -> FloatArray:
     """(3, 3) the turn by ``value`` radians about a unit axis (3,); an axis of length 0 turns nothing."""
     c, s = np.cos(value), np.sin(value)
-    if spin @ spin < 0.5:
+    if _dot(spin, spin) < 0.5:
         c, s = 1.0, 0.0
-    x, y, z = spin
-    k = 1.0 - c
-    return np.array(
-        [
-            [c + k * x * x, k * x * y - s * z, k * x * z + s * y],
-            [k * y * x + s * z, c + k * y * y, k * y * z - s * x],
-            [k * z * x - s * y, k * z * y + s * x, c + k * z * z],
-        ]
-    )
+    turn = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = (1.0 - c) * spin[i] * spin[j]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        turn[i, i] += c
+        turn[k, j] += s * spin[i]
+        turn[j, k] -= s * spin[i]
+    return turn
 
 
 @_compiled
 def _tool(chain: Chain, joints: FloatArray, pose: FloatArray, jacobian: FloatArray) -> None:
     """Writes world_from_tool (4, 4) and its Jacobian (6, dof) in the tool frame, metres before radians."""
     count = len(chain.column)
-    turn, place = np.eye(3), np.zeros(3)
+    turn, place = np.zeros((3, 3)), np.zeros(3)
+    for i in range(3):
+        turn[i, i] = 1.0
     spins, slides, hinges = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
     for k in range(count):
         value = joints[chain.column[k]]
         place = place + _apply(turn, chain.places[k])
         turn = _times(turn, chain.turns[k])
-        spins[k], slides[k] = _apply(turn, chain.spin[k]), _apply(turn, chain.slide[k])
+        _put(_apply(turn, chain.spin[k]), spins[k])
+        _put(_apply(turn, chain.slide[k]), slides[k])
         place = place + value * slides[k]
-        hinges[k] = place
+        _put(place, hinges[k])
         turn = _times(turn, _about(chain.spin[k], value))
     place = place + _apply(turn, chain.tool_place)
     turn = _times(turn, chain.tool_turn)
-    pose[:3, :3], pose[:3, 3], pose[3] = turn, place, np.array([0.0, 0.0, 0.0, 1.0])
-    jacobian[:] = 0.0
+    for i in range(3):
+        _put(turn[i], pose[i, :3])
+        pose[i, 3], pose[3, i] = place[i], 0.0
+    pose[3, 3] = 1.0
+    jacobian.fill(0.0)
     for k in range(count):
         moves = slides[k] + _across(spins[k], place - hinges[k])
         column = chain.column[k]
@@ -185,10 +212,12 @@ def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
     turn = _times(back, target[:3, :3])
     shift = _apply(back, target[:3, 3] - pose[:3, 3])
     # By the quaternion, which tells small turns and half turns alike; its largest part comes first.
-    diagonal = np.array([turn[0, 0], turn[1, 1], turn[2, 2]])
-    trace = diagonal.sum()
+    diagonal = np.empty(3)
+    for n in range(3):
+        diagonal[n] = turn[n, n]
+    trace = diagonal[0] + diagonal[1] + diagonal[2]
     vector, real = np.empty(3), 0.0
-    if trace > diagonal.max():
+    if trace > max(diagonal[0], diagonal[1], diagonal[2]):
         real = 0.5 * np.sqrt(1.0 + trace)
         vector[0] = (turn[2, 1] - turn[1, 2]) / (4.0 * real)
         vector[1] = (turn[0, 2] - turn[2, 0]) / (4.0 * real)
@@ -202,7 +231,7 @@ def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
         real = (turn[k, j] - turn[j, k]) / (4.0 * vector[i])
     if real < 0.0:
         vector, real = -vector, -real
-    sine = np.sqrt(vector @ vector)
+    sine = np.sqrt(_dot(vector, vector))
     angle = 2.0 * np.arctan2(sine, real)
     rotation = vector * (2.0 if sine < 1e-12 else angle / sine)
     if angle < 1e-4:
@@ -211,8 +240,8 @@ def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
         share = (1.0 - 0.5 * angle * real / sine) / (angle * angle)
     across = _across(rotation, shift)
     twist = np.empty(6)
-    twist[:3] = shift - 0.5 * across + share * _across(rotation, across)
-    twist[3:] = rotation
+    _put(shift - 0.5 * across + share * _across(rotation, across), twist[:3])
+    _put(rotation, twist[3:])
     return twist
 
 
@@ -232,11 +261,10 @@ def _away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float) -
         return np.zeros(len(joints))
     push = np.maximum(0.0, 2 * COMFORT - (joints - chain.low))
     push -= np.maximum(0.0, 2 * COMFORT - (chain.high - joints))
-    # What of the push moves the tool: its share in the Jacobian's rows; by least squares where those nearly depend.
+    # What of the push moves the tool: its share in the Jacobian's rows. Where those nearly depend it isn't known well.
     across = np.ascontiguousarray(jacobian.T)
     rates, sound = _solved(jacobian @ across, jacobian @ push)
-    toward = across @ rates if sound > 1e-6 else np.linalg.lstsq(jacobian, jacobian @ push, 1e-4)[0]
-    return np.asarray(gain * (push - toward))
+    return gain * (push - across @ rates) if sound > 1e-6 else np.zeros(len(joints))
 
 
 @_compiled
@@ -255,7 +283,7 @@ def descend(
     for _ in range(iterations):
         _tool(chain, joints, pose, jacobian)
         error = _error(pose, target)
-        squared = float(error @ error)
+        squared = _dot(error, error)
         if squared < 1e-11:
             return True, joints
         stalled = 0 if squared < 0.9 * best else stalled + 1
@@ -274,7 +302,7 @@ def descend(
         joints = np.minimum(np.maximum(joints, chain.low), chain.high)
     _tool(chain, joints, pose, jacobian)
     error = _error(pose, target)
-    shift, turn = float(np.sqrt(error[:3] @ error[:3])), float(np.sqrt(error[3:] @ error[3:]))
+    shift, turn = np.sqrt(_dot(error[:3], error[:3])), np.sqrt(_dot(error[3:], error[3:]))
     return shift < 0.2 * POSITION_TOLERANCE and turn < 0.2 * ROTATION_TOLERANCE, joints
 
 
@@ -301,5 +329,5 @@ def settle(
     _tool(chain, best, pose, jacobian)
     error = _error(pose, target)
     volume = float(np.linalg.det(jacobian @ np.ascontiguousarray(jacobian.T)))
-    shift, turn = float(np.sqrt(error[:3] @ error[:3])), float(np.sqrt(error[3:] @ error[3:]))
+    shift, turn = np.sqrt(_dot(error[:3], error[:3])), np.sqrt(_dot(error[3:], error[3:]))
     return reached, best, margin, float(np.sqrt(max(0.0, volume))), shift, turn

@@ -16,11 +16,11 @@ from typing import Any, Literal
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.summaries import alike_but_for_numbers
-from gvla2.memory.indexing.terms import stem
 from gvla2.memory.meaning.english import PREPOSITIONS, is_english, word_set
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import quantities
 from gvla2.memory.meaning.suspicion import suspicion, threshold
+from gvla2.memory.meaning.terms import stem
 from gvla2.memory.records import Record
 
 SUSPECT: float = threshold()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 
 from gvla2.memory.contracts import Lesson, MemoryEpisode, RecordType, Verdict
-from gvla2.memory.indexing.terms import terms
+from gvla2.memory.meaning.terms import terms
 
 MAX_STEPS, MOST_ACTS = 8, 60
 MAX_STEP = 160

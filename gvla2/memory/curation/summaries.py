@@ -13,7 +13,7 @@ from functools import lru_cache
 
 from gvla2.memory.curation.evidence import MAX_SOURCES, phrasings, support
 from gvla2.memory.curation.trust import least
-from gvla2.memory.indexing.terms import terms
+from gvla2.memory.meaning.terms import terms
 from gvla2.memory.records import Record, dedup_key, dump, load_object, record_id
 
 LINES = 6

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.memory.contracts import OUTCOMES, TYPES
-from gvla2.memory.indexing.terms import questions, terms
+from gvla2.memory.meaning.terms import questions, terms
 from gvla2.memory.records import Record
 
 STATES = ("provisional", "active", "summary")

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
-from gvla2.memory.indexing.terms import STOP_WORDS, stem
 from gvla2.memory.meaning.english import CONDITIONS, IDIOMS, MAX_READ, NEGATORS, SIDES, SOFT, WORD, Side
 from gvla2.memory.meaning.plain_text import plain_text
 from gvla2.memory.meaning.quantities import Quantity, quantities
+from gvla2.memory.meaning.terms import STOP_WORDS, stem
 
 Words = frozenset[str]
 Order = tuple[Words, Words]

@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from functools import lru_cache
 
-from gvla2.memory.indexing.terms import stem
+from gvla2.memory.meaning.terms import stem
 
 
 def word_set(text: str) -> frozenset[str]:

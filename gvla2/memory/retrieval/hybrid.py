@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gvla2.memory.contracts import TYPES, MemoryTask, Ranked
 from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.terms import questions, words
+from gvla2.memory.meaning.terms import questions, words
 from gvla2.memory.records import dump
 from gvla2.memory.retrieval.options import HybridOptions
 from gvla2.memory.retrieval.scoring import relative_difference, scene_distance, score_terms, share_filled

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gvla2.memory.contracts import OUTCOMES, TYPES
 from gvla2.memory.indexing.candidates import Candidates
-from gvla2.memory.indexing.terms import terms
+from gvla2.memory.meaning.terms import terms
 from gvla2.memory.retrieval.options import ScoreWeights
 
 Array = NDArray[np.float64]

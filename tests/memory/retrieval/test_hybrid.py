@@ -14,7 +14,7 @@ from gvla2.errors import ConfigurationError
 from gvla2.evaluation.memory.corpus import lessons, tasks
 from gvla2.memory.contracts import TYPES, Lesson, MemoryTask, Ranked
 from gvla2.memory.indexing.candidates import Candidates, RecordRows
-from gvla2.memory.indexing.terms import questions, terms
+from gvla2.memory.meaning.terms import questions, terms
 from gvla2.memory.retrieval.hybrid import HybridRetriever
 from gvla2.memory.retrieval.options import HybridOptions, ScoreWeights, SemanticOptions
 from gvla2.memory.retrieval.semantic import SemanticRetriever

@@ -3,7 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gvla2.memory.indexing.terms import MAX_SENTENCES, MAX_TEXT, questions, terms, words
+from gvla2.memory.meaning.terms import MAX_SENTENCES, MAX_TEXT, questions, terms, words
 
 
 def test_forms_of_a_word_are_one_term() -> None:
