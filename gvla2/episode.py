@@ -118,7 +118,14 @@ class EpisodeListener(Protocol):
         ...
 
 
-def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener) -> EpisodeRecord:
+class SilentListener(EpisodeListener):
+    """Hears and keeps nothing."""
+
+
+_SILENT = SilentListener()
+
+
+def run_episode(parts: Parts, request: EpisodeRequest, listener: EpisodeListener = _SILENT) -> EpisodeRecord:
     """Run one episode and return its record, whose ``failure`` says where and why it ended early, if it did.
 
     Never raises for what happens in an episode; an interrupt and a crash of a plugin are recorded as

@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 from gvla2.commands.primary import PRIMARY
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.views import Views
 from gvla2.hydra_bridge import register
 from gvla2.planning.colours import COLOURS, colours_in
@@ -26,18 +26,7 @@ OUTCOMES = {"success", "perception", "nothing_matches", "ambiguous", "unreachabl
 """What may come of a bad world; "error" and "crashed" are not among it."""
 
 
-class Silent:
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
-
-    def frame(self, image):
-        pass
-
-
-class Meddler(Silent):
+class Meddler(SilentListener):
     """Gives the asked body a speed (m/s) and a turn (rad/s) at the picture ``at`` of the motion, once."""
 
     def __init__(self, robot, at, speed, turn=(0.0, 0.0, 0.0)):
@@ -110,7 +99,7 @@ def run(parts, change=None, listener=None, robot=None, **request):
     if isinstance(listener, Meddler):
         listener.task = task
     altered = replace(parts, task=task, robot=robot or parts.robot)
-    record = run_episode(altered, EpisodeRequest(seed=2, **request), listener or Silent())
+    record = run_episode(altered, EpisodeRequest(seed=2, **request), listener or SilentListener())
     assert outcome(record) in OUTCOMES, record.failure
     assert record.failure is None or len(record.failure.message) > 20
     return record

@@ -11,7 +11,7 @@ import pytest
 
 from gvla2.commands.config_errors import explain
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Plan
@@ -23,12 +23,9 @@ ORDER = (
 )  # fmt: skip
 
 
-class Listener:
+class Listener(EpisodeListener):
     def __init__(self):
         self.records, self.frames = {}, 0
-
-    def begin(self, stage):
-        pass
 
     def stage(self, record, stage):
         self.records[stage] = record
@@ -75,7 +72,7 @@ def test_an_episode_goes_through_every_stage_and_learns(parts_of):
     assert listener.frames > 5
     assert listener.records["learn"].judgement is None, "the referee must speak after everything is learnt"
     # What was learnt is recalled next time, and shapes the plan's parameters as typed effects.
-    again = run_episode(parts, EpisodeRequest(seed=3), Listener())
+    again = run_episode(parts, EpisodeRequest(seed=3))
     assert {item.id for item in again.recalled.items} & set(record.learned.added)
 
 
@@ -125,9 +122,9 @@ class _Renaming:
 @pytest.mark.parametrize("task", ["pick_and_lift", "push_block", "lamp_on"])
 def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     parts = parts_of(f"task={task}", "memory=none")
-    plain = run_episode(parts, EpisodeRequest(seed=3), Listener())
+    plain = run_episode(parts, EpisodeRequest(seed=3))
     blind = replace(parts, task=Renamed(parts.task), choices={**parts.choices, "task": "anything"})
-    renamed = run_episode(blind, EpisodeRequest(seed=3), Listener())
+    renamed = run_episode(blind, EpisodeRequest(seed=3))
     assert plain.plan.trajectory is not None, plain.failure
     assert renamed.plan.trajectory.to_json() == plain.plan.trajectory.to_json()
     assert renamed.judgement == plain.judgement
@@ -138,7 +135,7 @@ def test_names_of_bodies_and_tasks_change_nothing(parts_of, task):
     "sentence", ["juggle the walrus", "pick up the zeppelin", "", "\x00;DROP TABLE memory;--"]
 )
 def test_an_instruction_that_names_nothing_abstains(parts_of, sentence):
-    record = run_episode(parts_of(), EpisodeRequest(seed=1, instruction=sentence), Listener())
+    record = run_episode(parts_of(), EpisodeRequest(seed=1, instruction=sentence))
     assert record.failure is not None
     assert record.failure.stage == "plan"
     assert record.report is None
@@ -164,7 +161,7 @@ def broken_views(observation, change):
 def test_blind_cameras_are_a_failure_of_perception(parts_of, change):
     parts = parts_of("memory=none")
     robot = Wrapped(parts.robot, observe=lambda: broken_views(parts.robot.observe(), change))
-    record = run_episode(replace(parts, robot=robot), EpisodeRequest(seed=1), Listener())
+    record = run_episode(replace(parts, robot=robot), EpisodeRequest(seed=1))
     assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
     assert record.judgement is not None
 
@@ -173,7 +170,7 @@ def test_blind_cameras_are_a_failure_of_perception(parts_of, change):
 def test_rubbish_from_a_planner_is_named(parts_of, answer):
     parts = parts_of("memory=none")
     planner = Wrapped(parts.planner, plan=lambda request: answer)
-    record = run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1), Listener())
+    record = run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1))
     assert (record.failure.stage, record.failure.kind) == ("plan", "invalid_plan")
 
 
@@ -211,7 +208,7 @@ def test_an_effect_that_says_nothing_definite_is_passed_over_with_a_note(parts_o
         effect=Effect("bound", "lift_height", 0.3).to_json(),
     )
     recall = Wrapped(parts.memory, recall=lambda task: MemoryContext((item, sound), "Lift higher."))
-    record = run_episode(replace(parts, memory=recall), EpisodeRequest(seed=0), Listener())
+    record = run_episode(replace(parts, memory=recall), EpisodeRequest(seed=0))
     assert record.verdict.outcome == "verified_success"
     assert any("'r1' was passed over" in note and "op and value" in note for note in record.notes)
     assert record.plan.parameters["lift_height"] >= 0.3
@@ -257,7 +254,7 @@ def test_an_interrupt_in_mid_motion_is_recorded_and_nothing_is_learnt(parts_of):
     assert listener.records["execute"].report.abort.abort == "interrupted"
     assert "learn" not in listener.records
     # The same robot and memory serve the next episode, which remembers nothing of the broken one.
-    record = run_episode(parts, EpisodeRequest(seed=1), Listener())
+    record = run_episode(parts, EpisodeRequest(seed=1))
     assert not record.recalled.items
     assert record.failure is None
 
@@ -266,7 +263,7 @@ def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_pat
     path = tmp_path / "broken.db"
     path.write_bytes(b"this is no database" * 100)
     parts = parts_of(f"memory.url=sqlite:///{path}")
-    record = run_episode(parts, EpisodeRequest(seed=1), Listener())
+    record = run_episode(parts, EpisodeRequest(seed=1))
     assert record.judgement.eased
     assert record.recalled.degraded
     assert record.learned.degraded
@@ -276,7 +273,7 @@ def test_a_memory_that_cannot_be_opened_is_said_and_left_alone(parts_of, tmp_pat
 
 def test_the_same_seed_twice_is_the_same_episode(parts_of):
     parts = parts_of("memory=none")
-    first, second = (run_episode(parts, EpisodeRequest(seed=5), Listener()) for _ in range(2))
+    first, second = (run_episode(parts, EpisodeRequest(seed=5)) for _ in range(2))
     assert first.plan.trajectory.to_json() == second.plan.trajectory.to_json()
     np.testing.assert_array_equal(first.report.joint_path, second.report.joint_path)
     assert first.judgement == second.judgement

@@ -55,12 +55,6 @@ class Case:
         return f"{who} {self.pose} {self.seed} {self.perceiver}{how} {self.replan}"
 
 
-class _Silent:
-    def begin(self, stage): ...
-    def stage(self, record, stage): ...
-    def frame(self, image): ...
-
-
 def main() -> None:
     """Measure, and print."""
     parser = argparse.ArgumentParser()
@@ -141,7 +135,7 @@ def _episode(registry: Registry, case: Case, folder: str) -> dict:
     started = time.perf_counter()
     try:
         request = EpisodeRequest(case.seed, case.sentence or None, replan=case.replan)
-        record = run_episode(parts, request, _Silent())
+        record = run_episode(parts, request)
         seconds = time.perf_counter() - started
         return {**_row(record, case), "seconds": round(seconds, 1)}
     finally:

@@ -33,17 +33,6 @@ OPTIONS = ("tasks", "seeds", "scale", "processes", "out")
 STAGES = ("setup", "observe", "perceive", "plan", "check", "execute", "verify")
 
 
-class Silent:
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
-
-    def frame(self, image):
-        pass
-
-
 def seeds_of(text: str) -> list[int]:
     """600-604, or 3,5,8, or a count."""
     if "-" in text:
@@ -67,7 +56,7 @@ def run_task(job: tuple[str, list[int], list[str], str]) -> list[dict]:
             wall, used = time.perf_counter(), time.process_time()
             request = EpisodeRequest(seed, instruction=config.instruction, depth_noise=noise)
             try:
-                row = _row(run_episode(parts, request, Silent()))
+                row = _row(run_episode(parts, request))
             except Gvla2Error as error:
                 row = {"failure": ["setup", "error", str(error)], "eased": False, "strict": False}
             row |= {"task": task, "seed": seed, "overrides": overrides,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
 from gvla2.loop.advice import advice_for
 from gvla2.loop.attempts import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
@@ -19,19 +19,13 @@ from gvla2.planning.trajectory import Trajectory
 SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2")
 
 
-class Listener:
+class Listener(EpisodeListener):
     def __init__(self):
         self.stages, self.records = [], []
-
-    def begin(self, stage):
-        pass
 
     def stage(self, record, stage):
         self.stages.append(stage)
         self.records.append(record)
-
-    def frame(self, image):
-        pass
 
 
 @pytest.fixture
@@ -91,9 +85,7 @@ def test_a_failed_attempt_is_seen_and_another_one_succeeds(parts_of):
     # Both were learnt: the failure's lesson beside those of the success.
     types = {item.type for item in parts.memory.recall(_task_of(record)).items}
     assert "procedural_hint" in types
-    assert len(record.learned.added) > len(
-        run_episode(parts, EpisodeRequest(seed=4), Listener()).learned.added
-    )
+    assert len(record.learned.added) > len(run_episode(parts, EpisodeRequest(seed=4)).learned.added)
 
 
 def _task_of(record):
@@ -105,7 +97,7 @@ def _task_of(record):
 def test_without_the_option_nothing_is_tried_again(parts_of):
     parts = parts_of("memory=none")
     clumsy = Clumsy(parts.planner)
-    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1), Listener())
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1))
     assert record.failure.kind == "not_achieved"
     assert record.attempts == ()
     assert len(clumsy.requests) == 1
@@ -114,7 +106,7 @@ def test_without_the_option_nothing_is_tried_again(parts_of):
 def test_attempts_end_with_the_number_allowed(parts_of):
     parts = parts_of("memory=none")
     clumsy = Clumsy(parts.planner, times=5)
-    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=2), Listener())
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=2))
     assert record.failure.kind == "not_achieved"
     assert len(record.attempts) == 2
     assert [len(each.attempts) for each in record.attempts] == [0, 0]
@@ -125,7 +117,7 @@ def test_an_attempt_that_comes_to_nothing_leaves_the_one_before_standing(parts_o
     parts = parts_of("memory=none")
     gives_up = Plan(None, abstention=Abstention("other", "I had enough of this."))
     clumsy = Clumsy(parts.planner, then=gives_up)
-    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=3), Listener())
+    record = run_episode(replace(parts, planner=clumsy), EpisodeRequest(seed=1, replan=3))
     assert record.attempts == ()
     assert record.report is not None
     assert (record.failure.kind, record.verdict.outcome) == ("not_achieved", "verified_fail")
@@ -150,7 +142,7 @@ def test_what_was_diagnosed_binds_the_next_attempt(parts_of):
         def learn(self, episode, verdict):
             return parts.memory.learn(episode, verdict)
 
-    record = run_episode(replace(parts, memory=Misleading()), EpisodeRequest(seed=3, replan=1), Listener())
+    record = run_episode(replace(parts, memory=Misleading()), EpisodeRequest(seed=3, replan=1))
     (first,) = record.attempts
     assert first.plan.parameters["push_overshoot"] == pytest.approx(0.13, abs=0.001)
     (bound,) = [e for e in advice_for(record).effects if e.kind == "bound"]
@@ -171,7 +163,7 @@ def test_a_push_that_starts_from_where_a_thing_stood_is_not_repeated(parts_of):
     (name,) = colours_in(colour)
     clumsy = Clumsy(parts.planner, off=(0.0, 0.0, 0.08))  # passes over it
     request = EpisodeRequest(seed=1, instruction=sentence.format(name), replan=1)
-    record = run_episode(replace(parts, planner=clumsy), request, Listener())
+    record = run_episode(replace(parts, planner=clumsy), request)
     assert record.plan.skill == "push"
     assert "goal" not in record.plan.roles
     assert not worth_another(record)

@@ -16,17 +16,6 @@ SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=1", "me
 TALK = ({"role": "assistant", "content": "I cannot"},)
 
 
-class Listener:
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
-
-    def frame(self, image):
-        pass
-
-
 class Answering:
     """A planner of given answers, one after the other; an error is raised, a function asked."""
 
@@ -60,7 +49,7 @@ def sunk(planner, by=0.3):
 
 
 def run(parts, planner, **more):
-    return run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1, **more), Listener())
+    return run_episode(replace(parts, planner=planner), EpisodeRequest(seed=1, **more))
 
 
 def declined(kind):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
 from gvla2.errors import PerceptionError, PlanningError
 from gvla2.loop.continuing import Continuation, rest_of_program, with_whole_program, words_of_part
 from gvla2.memory.contracts import Verdict
@@ -24,20 +24,14 @@ PART = ["observe", "perceive", "reconstruct", "plan", "check", "execute", "verif
 LEFT = (0.0, 1.0)
 
 
-class Listener:
+class Listener(EpisodeListener):
     def __init__(self, recorder=None):
         self.stages, self.recorder = [], recorder
-
-    def begin(self, stage):
-        pass
 
     def stage(self, record, stage):
         self.stages.append(stage)
         if self.recorder:
             self.recorder.stage(record, stage)
-
-    def frame(self, image):
-        pass
 
 
 class Programmer:
@@ -147,7 +141,7 @@ def test_ids_are_those_of_the_scene_as_it_is_now(parts_of):
             )
             return replace(scene, objects=things)
 
-    record = run_episode(replace(parts, perceiver=Renumbering()), EpisodeRequest(seed=3), Listener())
+    record = run_episode(replace(parts, perceiver=Renumbering()), EpisodeRequest(seed=3))
     assert [p.verdict.outcome for p in record.whole] == ["verified_success"] * 2
     first, last = record.whole
     meant = first.scene[first.plan.remaining[0].theme]
@@ -159,7 +153,7 @@ def test_what_the_hand_still_holds_is_set_down_where_it_stood(parts_of):
     def pick_then_push(cubes):
         return SkillCall("pick", cubes[0]), SkillCall("push", cubes[1], direction=LEFT, amount=0.05)
 
-    record = run_episode(parts_of(pick_then_push, "memory=none"), EpisodeRequest(seed=3), Listener())
+    record = run_episode(parts_of(pick_then_push, "memory=none"), EpisodeRequest(seed=3))
     assert [p.verdict.outcome for p in record.whole] == ["verified_success"] * 2
     first, last = record.whole
     stood = first.scene[first.plan.roles["theme"]]
@@ -192,7 +186,7 @@ def test_a_program_may_not_take_more_parts_than_allowed(parts_of):
     def many(cubes):
         return [SkillCall("pick", cubes[k % 2]) for k in range(3)]
 
-    record = run_episode(parts_of(many, "memory=none"), EpisodeRequest(seed=3, max_parts=2), Listener())
+    record = run_episode(parts_of(many, "memory=none"), EpisodeRequest(seed=3, max_parts=2))
     assert (record.failure.stage, record.failure.kind) == ("plan", "too_many_parts")
     assert "more than 2 parts" in record.failure.message
     assert "max_parts=" in record.failure.message
@@ -205,7 +199,7 @@ def test_a_later_part_that_cannot_be_planned_ends_the_program_in_words(parts_of)
         return SkillCall("pick", cubes[0]), SkillCall("push", cubes[1])  # nobody says where to
 
     parts = parts_of(impossible)
-    record = run_episode(parts, EpisodeRequest(seed=3), Listener())
+    record = run_episode(parts, EpisodeRequest(seed=3))
     assert (record.failure.stage, record.failure.kind) == ("plan", "no_goal")
     first, last = record.whole
     assert first.verdict.outcome == "verified_success"
@@ -215,7 +209,7 @@ def test_a_later_part_that_cannot_be_planned_ends_the_program_in_words(parts_of)
 
 def test_a_lost_object_is_named(parts_of):
     parts = parts_of(push_then_pick, "memory=none")
-    record = run_episode(parts, EpisodeRequest(seed=3), Listener())
+    record = run_episode(parts, EpisodeRequest(seed=3))
     gone = record.parts[0].plan.remaining[0].theme
     left = tuple(o for o in record.scene.objects if o.colour != record.parts[0].scene[gone].colour)
     with pytest.raises(PerceptionError, match=f"{gone}.* was not seen again"):
@@ -240,7 +234,7 @@ def test_a_plan_that_carries_out_nothing_of_the_rest_is_refused(monkeypatch):
 
 
 def test_a_program_is_a_success_only_where_all_of_it_was(parts_of):
-    record = run_episode(parts_of(push_then_pick, "memory=none"), EpisodeRequest(seed=3), Listener())
+    record = run_episode(parts_of(push_then_pick, "memory=none"), EpisodeRequest(seed=3))
     whole = record.whole
     assert [p.plan.program is not None for p in whole] == [True, False]
     assert [p.plan.program is not None for p in with_whole_program(whole)] == [False, True]

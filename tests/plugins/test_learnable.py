@@ -170,17 +170,6 @@ def test_what_has_begun_to_move_is_free_for_ever():
     assert slide.limits == [0.0, 0.2]
 
 
-class Silent:
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
-
-    def frame(self, image):
-        pass
-
-
 @pytest.mark.parametrize(
     ("kind", "family", "learnt"), [("lamp_on", 1, "press_seconds"), ("open_box", 0, "open_angle")]
 )
@@ -194,7 +183,7 @@ def test_what_one_layout_taught_holds_in_another(registry, compose_run, kind, fa
         options = (f"task={kind}", "task.world=learnable", "task.world_seed=4", f"task.family={family}")
         parts = build_parts(compose_run(*options, *memory), registry)
         with closing(parts.robot), closing(parts.memory):
-            return run_episode(parts, EpisodeRequest(seed=seed, replan=replan), Silent())
+            return run_episode(parts, EpisodeRequest(seed=seed, replan=replan))
 
     plain = run(["memory=none"], 5, 0)
     assert plain.report.completed

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeRequest, run_episode
+from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
@@ -26,15 +26,9 @@ DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 SWIFT = {"speed": 0.2, "tool_speed": 0.25, "acceleration": 4.0}
 
 
-class Listener:
+class Listener(EpisodeListener):
     def __init__(self):
         self.frames = 0
-
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
 
     def frame(self, image):
         assert image.dtype == np.uint8
@@ -78,7 +72,7 @@ def test_a_dry_run_plans_checks_shows_and_sends_nothing(piper, parts, tmp_path):
 
 def test_planning_works_without_any_arm(piper, parts):
     robot = piper(bus="none")
-    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the blue cube"), Listener())
+    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the blue cube"))
     assert "Dry run: all" in record.failure.message
     assert np.allclose(record.observation.joints, HOME)
 
@@ -86,7 +80,7 @@ def test_planning_works_without_any_arm(piper, parts):
 def test_an_armed_episode_moves_the_arm(piper, parts):
     robot = piper(armed=True, **SWIFT)
     request = EpisodeRequest(0, "push the green cube to the red cube")
-    record = run_episode(replace(parts, robot=robot), request, Listener())
+    record = run_episode(replace(parts, robot=robot), request)
     assert record.report.completed
     assert max(w.error for w in record.report.waypoints) < 2e-3
     assert record.after is not None
@@ -144,7 +138,7 @@ class Unplugged:
 
 def test_a_camera_unplugged_in_mid_run_ends_the_episode_with_the_arm_held(piper, parts):
     robot = piper(camera=Unplugged(0), armed=True)
-    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the red cube"), Listener())
+    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the red cube"))
     assert (record.failure.stage, record.failure.kind) == ("observe", "error")
     assert "unplugged" in record.failure.message
     assert not robot.session.loop.moving
@@ -160,7 +154,7 @@ def test_without_a_camera_perception_says_that_it_sees_nothing(piper, parts):
             pass
 
     robot = piper(camera=Blind(), bus="none")
-    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the red cube"), Listener())
+    record = run_episode(replace(parts, robot=robot), EpisodeRequest(0, "lift the red cube"))
     assert (record.failure.stage, record.failure.kind) == ("perceive", "perception")
 
 

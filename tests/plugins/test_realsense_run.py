@@ -22,19 +22,6 @@ from gvla2_plugins.replay_camera import ReplayConfig
 from gvla2_plugins.replay_camera.camera import ReplayCamera
 
 
-class Silent:
-    """Listens to an episode and says nothing."""
-
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
-
-    def frame(self, image):
-        pass
-
-
 @pytest.fixture
 def hand_eye(tmp_path):
     """The hand-eye file of a camera that looks at a made-up table, and the view that it has."""
@@ -82,7 +69,7 @@ def episode(compose_run, registry, tmp_path, monkeypatch):
         robot = Piper(PiperConfig(bus="virtual", log=str(tmp_path / "log.jsonl"), **options), camera)
         made.append(robot)
         request = EpisodeRequest(0, "push the green cube to the red cube")
-        return run_episode(replace(parts, task=None, robot=robot), request, Silent()), robot
+        return run_episode(replace(parts, task=None, robot=robot), request), robot
 
     yield run
     for robot in made:

@@ -17,17 +17,6 @@ pytest.importorskip("sapien", reason="needs the simulator: pip install 'gvla2[si
 CLOSE, OPEN = "<action>Close Gripper</action>", "<action>Open Gripper</action>"
 
 
-class Silent:
-    def begin(self, stage):
-        pass
-
-    def stage(self, record, stage):
-        pass
-
-    def frame(self, image):
-        pass
-
-
 @pytest.fixture
 def drawing(eyes):
     def above(point, by):
@@ -71,7 +60,7 @@ def test_an_episode_by_eye(registry, compose_run, drawing, pointing, planner, ta
         )
         parts = build_parts(compose_run(*overrides), registry)
         with closing(parts.robot), closing(parts.memory):
-            record = run_episode(parts, EpisodeRequest(seed=seed), Silent())
+            record = run_episode(parts, EpisodeRequest(seed=seed))
     assert record.failure is None, record.failure
     assert record.checks.passed
     assert record.judgement.eased, record.verdict
