@@ -121,6 +121,15 @@ class EpisodeListener(Protocol):
 class SilentListener(EpisodeListener):
     """Hears and keeps nothing."""
 
+    def begin(self, stage: Stage) -> None:
+        """Nothing."""
+
+    def stage(self, record: EpisodeRecord, stage: Stage) -> None:
+        """Nothing."""
+
+    def frame(self, image: NDArray[np.uint8]) -> None:
+        """Nothing."""
+
 
 _SILENT = SilentListener()
 

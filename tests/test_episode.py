@@ -11,7 +11,7 @@ import pytest
 
 from gvla2.commands.config_errors import explain
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
+from gvla2.episode import EpisodeRequest, SilentListener, run_episode
 from gvla2.geometry.views import Views
 from gvla2.memory.contracts import MemoryContext, MemoryItem
 from gvla2.planning.contracts import Plan
@@ -23,7 +23,7 @@ ORDER = (
 )  # fmt: skip
 
 
-class Listener(EpisodeListener):
+class Listener(SilentListener):
     def __init__(self):
         self.records, self.frames = {}, 0
 

@@ -1,6 +1,6 @@
 """The results database: what was measured, with which configuration, seed, code and versions.
 
-Any SQL database that SQLAlchemy knows; SQLite by default. A run is one call of a benchmark; a row is one cell of its
+SQLite by default, or PostgreSQL. A run is one call of a benchmark; a row is one cell of its
 design. A row's key names everything that could change its numbers, so a cell that is there need not be measured again.
 """
 
@@ -17,11 +17,11 @@ from types import TracebackType
 from typing import Any, ClassVar
 
 from sqlalchemy import Engine, Text, create_engine
-from sqlalchemy.engine import make_url
-from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import registry
 from sqlmodel import Field, Session, SQLModel, col, select
 
+from gvla2.database_address import parsed, shown
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 DEFAULT_URL = "sqlite:///outputs/results.sqlite"
@@ -96,20 +96,15 @@ class Results:
     @classmethod
     def open(cls, url: str = DEFAULT_URL) -> Results:
         """Open, or create, a database; raises :class:`ConfigurationError` for an address that is none."""
+        where = parsed(url)
+        connect = {"timeout": BUSY_SECONDS} if where.drivername == "sqlite" else {}
         try:
-            parsed = make_url(url)
-            if (
-                parsed.drivername == "postgresql"
-            ):  # as memory's addresses are written; the extra brings psycopg 3
-                parsed = parsed.set(drivername="postgresql+psycopg")
-            connect = {"timeout": BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else {}
-            engine = create_engine(parsed, connect_args=connect)
-        except (ArgumentError, ImportError, SQLAlchemyError) as error:
+            engine = create_engine(where, connect_args=connect)
+        except ImportError as error:
             raise ConfigurationError(
-                f"results.url is '{url}', which cannot be opened ({error}). "
-                "Give an address such as sqlite:///folder/results.sqlite."
+                f"results.url is '{shown(url)}', whose driver is missing ({error}): pip install 'gvla2[postgres]'."
             ) from error
-        opened = cls(engine, url)
+        opened = cls(engine, shown(url))
         with opened._explained():
             path = file_of(url)
             if path is not None:
@@ -198,14 +193,9 @@ class Results:
 
 
 def file_of(url: str) -> Path | None:
-    """The file of a SQLite database; None for any other address."""
-    try:
-        parsed = make_url(url)
-    except ArgumentError:
-        return None
-    if parsed.get_backend_name() != "sqlite" or parsed.database in (None, "", ":memory:"):
-        return None
-    return Path(str(parsed.database))
+    """The file of a SQLite database; None for one of PostgreSQL."""
+    where = parsed(url)
+    return Path(str(where.database)) if where.drivername == "sqlite" else None
 
 
 def now() -> str:

@@ -55,9 +55,11 @@ def test_keys_name_all_their_parts():
 
 def test_addresses(tmp_path):
     assert file_of("sqlite:///a/b.sqlite").name == "b.sqlite"
-    assert file_of("sqlite://") is None
-    with pytest.raises(ConfigurationError, match=r"results\.url"):
-        Results.open("no address")
+    assert file_of("postgresql://robot@host/results") is None
+    for wrong in ("sqlite://", "mysql://robot:hush@host/x", ""):
+        with pytest.raises(ConfigurationError) as caught:
+            Results.open(wrong)
+        assert "hush" not in str(caught.value)
 
 
 def test_a_file_that_is_no_database(tmp_path):

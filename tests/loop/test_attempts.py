@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts, run_episodes
-from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
+from gvla2.episode import EpisodeRequest, SilentListener, run_episode
 from gvla2.loop.advice import advice_for
 from gvla2.loop.attempts import worth_another
 from gvla2.memory.contracts import MemoryContext, MemoryItem
@@ -19,7 +19,7 @@ from gvla2.planning.trajectory import Trajectory
 SMALL = ("robot.image_size=160", "robot.video_size=16", "robot.video_fps=2")
 
 
-class Listener(EpisodeListener):
+class Listener(SilentListener):
     def __init__(self):
         self.stages, self.records = [], []
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
+from gvla2.episode import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import PerceptionError, PlanningError
 from gvla2.loop.continuing import Continuation, rest_of_program, with_whole_program, words_of_part
 from gvla2.memory.contracts import Verdict
@@ -24,7 +24,7 @@ PART = ["observe", "perceive", "reconstruct", "plan", "check", "execute", "verif
 LEFT = (0.0, 1.0)
 
 
-class Listener(EpisodeListener):
+class Listener(SilentListener):
     def __init__(self, recorder=None):
         self.stages, self.recorder = [], recorder
 

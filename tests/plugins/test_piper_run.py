@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gvla2.commands.run import build_parts
-from gvla2.episode import EpisodeListener, EpisodeRequest, run_episode
+from gvla2.episode import EpisodeRequest, SilentListener, run_episode
 from gvla2.errors import ConfigurationError, RobotError
 from gvla2.geometry.transform import rigid
 from gvla2.planning.scene import Scene, SceneObject
@@ -26,7 +26,7 @@ DOWN = Orientation("grasp", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 SWIFT = {"speed": 0.2, "tool_speed": 0.25, "acceleration": 4.0}
 
 
-class Listener(EpisodeListener):
+class Listener(SilentListener):
     def __init__(self):
         self.frames = 0
 

@@ -9,8 +9,9 @@ from typing import Any
 
 from sqlalchemy import delete, select
 
+from gvla2.database_address import parsed
 from gvla2.errors import MemoryStoreError
-from gvla2.memory.storage.addresses import parsed, wrong_bank_name
+from gvla2.memory.storage.addresses import wrong_bank_name
 from gvla2.memory.storage.database import Closing, Database
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import BANK, META, PENDING
