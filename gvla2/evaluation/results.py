@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any, ClassVar
 
 from sqlalchemy import Engine, Text, create_engine
@@ -21,7 +20,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import registry
 from sqlmodel import Field, Session, SQLModel, col, select
 
-from gvla2.database_address import parsed, shown
+from gvla2.databases import Closing, parsed, shown
 from gvla2.errors import ConfigurationError, Gvla2Error
 
 DEFAULT_URL = "sqlite:///outputs/results.sqlite"
@@ -86,7 +85,7 @@ def cell_key(suite: str, *parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-class Results:
+class Results(Closing):
     """An open results database. Every method raises :class:`Gvla2Error` when the database cannot be used."""
 
     def __init__(self, engine: Engine, url: str) -> None:
@@ -167,14 +166,6 @@ class Results:
     def close(self) -> None:
         """Release the database; safe to call twice."""
         self._engine.dispose()
-
-    def __enter__(self) -> Results:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     @contextmanager
     def _session(self) -> Iterator[Session]:

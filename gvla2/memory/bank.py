@@ -20,6 +20,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.databases import Closing
 from gvla2.memory.bank_options import BankOptions
 from gvla2.memory.contracts import (
     Consolidator,
@@ -44,7 +45,6 @@ from gvla2.memory.retrieval.rendering import item_of, render
 from gvla2.memory.retrieval.semantic import SemanticRetriever
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.addresses import settled
-from gvla2.memory.storage.database import Closing
 from gvla2.memory.storage.store import Store
 
 if TYPE_CHECKING:  # whoever only recalls does not wait for what decides

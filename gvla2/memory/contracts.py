@@ -22,6 +22,7 @@ Outcome = Literal["verified_success", "verified_fail", "uncertain", "unavailable
 Trust = Literal["screened", "foreign", "confirmed", "own"]
 """How far a text is trusted, from least to most: foreign and reads like orders; foreign; foreign and borne out by
 episodes of two independent sources; written about a verified episode of ours."""
+EditAction = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
 
 TYPES: tuple[RecordType, ...] = get_args(RecordType)
 """The types in a fixed order: columns of numbers hold places in it."""
@@ -284,7 +285,7 @@ class ConsolidationEdit:
     lesson corrects; DISCARD archives the lesson, which says nothing new.
     """
 
-    action: Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
+    action: EditAction
     target: str = ""
     content: str = ""
     reason: str = ""

@@ -11,9 +11,10 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 from gvla2.memory.bank_options import BankOptions
+from gvla2.memory.contracts import EditAction
 from gvla2.memory.curation.evidence import standing
 from gvla2.memory.curation.summaries import alike_but_for_numbers
 from gvla2.memory.meaning.english import PREPOSITIONS, is_english, word_set
@@ -156,9 +157,6 @@ def _same_parameter(first: TypedEffect, second: TypedEffect) -> bool:
     return all(not mine or not theirs or mine == theirs for mine, theirs in given)
 
 
-Action = Literal["ADD", "MERGE", "REPLACE", "DISCARD"]
-
-
 @dataclass(frozen=True)
 class Edit:
     """What to do with a candidate, about which ``target``, and ``why``.
@@ -167,7 +165,7 @@ class Edit:
     and ``suspected`` are ids of records that contradict it, or may, each with the reason.
     """
 
-    action: Action
+    action: EditAction
     target: str = ""
     why: str = ""
     conflicts: tuple[tuple[str, str], ...] = ()

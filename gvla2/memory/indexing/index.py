@@ -17,7 +17,6 @@ from gvla2.memory.records import Record
 from gvla2.memory.storage.store import Store
 from gvla2.memory.storage.view import RecordChange
 
-__all__ = ["SERVED", "Index"]
 _MANY = 200
 """Texts that some models embed for more than a second."""
 

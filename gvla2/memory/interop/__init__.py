@@ -1,3 +1,1 @@
-"""A bank as the paper's released code keeps one: JSON lines in ``active.jsonl``, ``provisional.jsonl``,
-``summary.jsonl`` and ``archive.jsonl``.
-"""
+"""A bank as the paper's released code keeps one: JSON lines in active, provisional, summary and archive.jsonl."""

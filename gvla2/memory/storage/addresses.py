@@ -6,7 +6,7 @@ import unicodedata
 from collections.abc import Mapping
 from pathlib import Path
 
-from gvla2.database_address import parsed
+from gvla2.databases import parsed
 
 LONGEST_NAME = 200
 

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from typing import Any, Self
+from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, insert
 from sqlalchemy.exc import SQLAlchemyError
@@ -19,20 +19,6 @@ from sqlalchemy.pool import NullPool, QueuePool
 
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.storage.tables import META, METADATA, SCHEMA_VERSION
-
-
-class Closing(ABC):
-    """What is closed at the end of a ``with`` block."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Let go of everything; safe to call twice."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class Database(ABC):

@@ -9,10 +9,10 @@ from typing import Any
 
 from sqlalchemy import delete, select
 
-from gvla2.database_address import parsed
+from gvla2.databases import Closing, parsed
 from gvla2.errors import MemoryStoreError
 from gvla2.memory.storage.addresses import wrong_bank_name
-from gvla2.memory.storage.database import Closing, Database
+from gvla2.memory.storage.database import Database
 from gvla2.memory.storage.forgetting import Transaction
 from gvla2.memory.storage.tables import BANK, META, PENDING
 from gvla2.memory.storage.view import BankView

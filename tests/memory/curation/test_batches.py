@@ -10,7 +10,8 @@ from typing import Any
 
 from gvla2.memory.bank import BankOptions, KnowledgeBank
 from gvla2.memory.contracts import Lesson, MemoryTask, Verdict
-from gvla2.memory.indexing.index import STATES, Index
+from gvla2.memory.indexing.candidates import STATES
+from gvla2.memory.indexing.index import Index
 from gvla2.memory.retrieval.static_embedding import StaticEmbedder
 from gvla2.memory.storage.store import Store
 from tests.memory.looking import ids_of, look

@@ -1,10 +1,12 @@
-"""Addresses of databases, of memories and of results alike. Nothing said of an address shows a password."""
+"""What all databases here share, memories and results: addresses, of which no message shows a password, and an end."""
 
 from __future__ import annotations
 
 import os
 import re
+from abc import ABC, abstractmethod
 from pathlib import Path
+from typing import Self
 from urllib.parse import quote
 
 from sqlalchemy.engine import URL, make_url
@@ -15,6 +17,20 @@ from gvla2.errors import ConfigurationError
 _GIVE = "Give a path, sqlite:///path/to/file, or postgresql://user@host/database"
 _USER = re.compile(r"(?<=//).*@", re.DOTALL)
 _PASSWORD = re.compile(r"(?<=password=)[^&]*", re.IGNORECASE)
+
+
+class Closing(ABC):
+    """What is closed at the end of a ``with`` block."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of everything; safe to call twice."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def parsed(address: str | Path) -> URL:
