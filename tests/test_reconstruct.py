@@ -1,7 +1,6 @@
 """`gvla2 reconstruct`: the real command from folders of views to geometry, numbers and a page."""
 
 import json
-import os
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -35,7 +34,7 @@ from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
 from gvla2.testing.inputs import RED
 from gvla2.testing.inputs import views as table_views
 
-DATA = Path(os.environ.get("GVLA2_DATA", Path(__file__).parents[2] / "shared" / "data"))
+ELEPHANT = Path(__file__).parent / "data" / "gso30_elephant"
 FAST = ("quiet=true", "frames=3", "reconstructor.resolution=32", "reconstructor.gaussians=3000")
 
 
@@ -214,10 +213,9 @@ def test_a_gso_tree_brings_its_held_out_views(tmp_path: Path, registry: Registry
     assert reconstruct(without, registry, tmp_path / "bare").measures.held_out == ()
 
 
-@pytest.mark.skipif(not (DATA / "gso30_elephant").is_dir(), reason="needs gso30_elephant in GVLA2_DATA")
 def test_a_real_scan(tmp_path: Path):
     words = [
-        f"views={DATA / 'gso30_elephant'}",
+        f"views={ELEPHANT}",
         "quiet=true",
         "frames=2",
         "measure=true",

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +17,7 @@ from gvla2.testing import inputs
 from gvla2.testing.reconstruction import check_reconstructor
 from gvla2_plugins.splat import SplatConfig, gvla2_reconstructors
 
-DATA = Path(os.environ.get("GVLA2_DATA", Path(__file__).parents[3] / "shared" / "data")) / "ycb30"
+SCANS = Path(__file__).parents[1] / "data" / "ycb30"
 QUICK = {"resolution": 48, "gaussians": 2500, "shape_iterations": 40, "iterations": 20}
 
 
@@ -57,10 +56,9 @@ def test_the_same_seed_gives_the_same_bits() -> None:
     assert not np.array_equal(one.gaussians.centres, other.gaussians.centres)
 
 
-@pytest.mark.skipif(not (DATA / "banana").is_dir(), reason="needs ycb30 in GVLA2_DATA")
 @pytest.mark.parametrize("name", ["banana", "rubiks_cube"])
 def test_views_it_never_saw_look_better_than_the_hull_s(name: str, tmp_path: Path) -> None:
-    scan = object_views(DATA / name / "textured.obj", size=96, samples=2, cache=tmp_path)
+    scan = object_views(SCANS / name / "textured.obj", size=96, samples=2, cache=tmp_path)
     hull = carve(scan.inputs, 64).to_reconstruction(4000)
     made = build(resolution=64, gaussians=4000, shape_iterations=60, iterations=40).reconstruct(scan.inputs)
     assert psnr(made.gaussians, scan.targets) > psnr(hull.gaussians, scan.targets) + 1.0

@@ -1,5 +1,4 @@
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,20 +17,12 @@ from gvla2.reconstruction.carving import carve
 from gvla2.reconstruction.mask_distance import mask_iou, silhouettes
 from gvla2.reconstruction.zbuffer import depth_map
 
-
-@pytest.fixture(scope="module")
-def elephant() -> Path:
-    own = os.environ.get("GVLA2_DATA")
-    root = Path(own) if own else Path(__file__).resolve().parents[2].parent / "shared" / "data"
-    folder = root / "gso30_elephant"
-    if not folder.is_dir():
-        pytest.skip("no real GSO-30 object: set GVLA2_DATA to a folder that holds gso30_elephant")
-    return folder
+ELEPHANT = Path(__file__).parents[1] / "data" / "gso30_elephant"
 
 
 @pytest.fixture(scope="module")
-def carved_elephant(elephant):
-    views = read_views(elephant, "0-24")
+def carved_elephant():
+    views = read_views(ELEPHANT, "0-24")
     return views, carve(views)
 
 
@@ -78,12 +69,12 @@ def test_the_mirrored_camera_of_the_released_evaluator_does_not_fit(carved_eleph
     assert np.mean(ious) < 0.6
 
 
-def test_the_default_is_the_protocol(elephant):
-    views = read_views(elephant)
+def test_the_default_is_the_protocol():
+    views = read_views(ELEPHANT)
     assert [v.name for v in views] == ["000", "001", "002", "003", "004"]
     assert views[0].image[0, 0].tolist() == [255, 255, 255]  # transparent pixels are laid on white
     assert views[0].mask[0, 0] == 0
-    assert read_views(elephant / "render_mvs_25" / "model", "3", 512)[0].camera.K[0, 0] == 560.0
+    assert read_views(ELEPHANT / "render_mvs_25" / "model", "3", 512)[0].camera.K[0, 0] == 560.0
 
 
 # Round trips.
