@@ -7,8 +7,18 @@ Gymnasium finds the environments of other packages by importing them, so that im
 is the only package of gvla2 that does anything when it is imported, and no other imports it.
 """
 
+from typing import Any
+
 from gvla2.gym.registration import env_id, register_envs
 
-__all__ = ["env_id", "register_envs"]
+__all__ = ["RecordRollouts", "env_id", "register_envs"]
 
 register_envs()
+
+
+def __getattr__(name: str) -> Any:
+    if name != "RecordRollouts":  # imported when it is asked for: it brings numpy
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from gvla2.gym.recording import RecordRollouts
+
+    return RecordRollouts

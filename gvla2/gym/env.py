@@ -136,6 +136,16 @@ class TaskEnv(gymnasium.Env[dict[str, Any], NDArray[np.float32]]):
         return arm
 
     @property
+    def robot_name(self) -> str:
+        """The robot's name, as in ``robot=``."""
+        return self._names[0]
+
+    @property
+    def shows_pictures(self) -> bool:
+        """Whether observations hold what the cameras see."""
+        return self._pictures
+
+    @property
     def observation(self) -> Observation:
         """What the robot saw last, as perceivers and planners of gvla2 take it."""
         return self._running().seen

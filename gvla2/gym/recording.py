@@ -1,0 +1,91 @@
+"""Rollouts of a policy, kept as runs are, so that `gvla2 export lerobot` makes a data set of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from gvla2.errors import ConfigurationError, OutputError
+from gvla2.gym.actions import JointDeltas
+from gvla2.gym.env import TaskEnv
+from gvla2.gym.joint_stepping import RATE
+from gvla2.record.files import make_folder, write_json
+from gvla2.record.motion import Motion
+from gvla2.robot.backend import Moment
+
+Step = dict[str, Any]
+
+
+class RecordRollouts(gymnasium.Wrapper[Step, NDArray[np.float32], Step, NDArray[np.float32]]):
+    """Keeps every episode in a folder of its own below ``folder``, which must be empty or missing.
+
+    A frame a step, and one of the beginning: the first camera's picture, the measured joints and opening. With
+    ``control="joint_delta"`` there are 20 a second; a waypoint counts as one second. An episode is there once it ended,
+    was left by :meth:`reset`, or by :meth:`close`; ``gvla2 export lerobot FOLDER to=DATASET`` takes those that
+    succeeded. The film needs the extra ``[export]``. Raises :class:`ConfigurationError` for an environment that is none
+    of gvla2's, or shows no pictures, and :class:`OutputError` for a folder that holds something.
+    """
+
+    def __init__(self, env: gymnasium.Env[Step, NDArray[np.float32]], folder: str | Path) -> None:
+        super().__init__(env)
+        if not isinstance(env.unwrapped, TaskEnv) or not env.unwrapped.shows_pictures:
+            raise ConfigurationError("Rollouts are kept of gvla2's own environments, with obs_mode='rgbd'.")
+        self._task = env.unwrapped
+        self._folder = make_folder(Path(folder))
+        if any(self._folder.iterdir()):
+            raise OutputError(f"The folder '{folder}' is not empty: name a new one for these rollouts.")
+        self._period = 1.0 / RATE if isinstance(self._task.actions, JointDeltas) else 1.0
+        self._episodes = 0
+        self._steps = 0
+        self._motion: Motion | None = None
+        self._told: dict[str, Any] = {}
+
+    def reset(self, **given: Any) -> tuple[Step, dict[str, Any]]:
+        """Begin the next episode; one that did not end is kept as it is."""
+        self._keep()
+        seen, info = self.env.reset(**given)
+        place = make_folder(self._folder / f"{self._episodes:06d}")
+        self._motion, self._steps = Motion(place), 0
+        self._told = {
+            "episode": f"rollout-{self._episodes:06d}",
+            "instruction": info["instruction"],
+            "robot": self._task.robot_name,
+            "success": False,
+        }
+        self._episodes += 1
+        self._note(seen)
+        return seen, info
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Step, float, bool, bool, dict[str, Any]]:
+        """A step of the environment, and its frame."""
+        seen, reward, terminated, truncated, info = self.env.step(action)
+        self._note(seen)
+        self._told["success"] = bool(info["is_success"])
+        if terminated or truncated:
+            self._keep()
+        return seen, float(reward), terminated, truncated, info
+
+    def close(self) -> None:
+        """Keep what is under way, and let go of the simulator."""
+        self._keep()
+        super().close()
+
+    def _note(self, seen: Step) -> None:
+        if self._motion is not None:
+            opening = float(seen["gripper"][0])
+            self._motion.moment(
+                Moment(self._steps * self._period, seen["joints"].astype(np.float64), opening)
+            )
+            self._motion.frame(seen["rgb"][0])
+            self._steps += 1
+
+    def _keep(self) -> None:
+        """Close the film; last of all the result, which makes the folder an episode's."""
+        if self._motion is not None:
+            self._motion.finish()
+            write_json(self._folder / f"{self._episodes - 1:06d}" / "result.json", self._told)
+            self._motion = None
