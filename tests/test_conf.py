@@ -171,6 +171,7 @@ def test_a_job_does_not_chatter(folder: Path, capsys: pytest.CaptureFixture[str]
         (["planner=0.5"], "No planner named '0.5'. Available: "),
         (["seed=1", "planner=7"], "No planner named '7'. Available: "),
         (["sed=3"], "No option 'sed'. Did you mean 'seed'?"),
+        (["image_size=64"], "No option 'image_size'. Did you mean 'robot.image_size'?"),
         (
             ["planner.lift_height=high"],
             "The option 'planner.lift_height' is wrong: Value 'high' of type 'str'",

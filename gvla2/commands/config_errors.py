@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from hydra.errors import (
     ConfigCompositionException,
@@ -93,6 +94,18 @@ def _wrong_option(headline: str, cause: OmegaConfBaseException) -> str:
         )
         of += f" ({chosen})" if chosen else ""
         listing = ", ".join(k for k in known if k not in ("name", "hydra")) or "none"
-        return f"No option '{option}'{of}.{closest(option, known)} Options: {listing}."
+        advice = _of_a_part(option, parent) or closest(option, known)
+        return f"No option '{option}'{of}.{advice} Options: {listing}."
     reason = str(cause).partition("\n")[0]
     return f"The option '{key}' is wrong: {reason}" if key else f"{headline} {reason}".strip()
+
+
+def _of_a_part(option: str, parent: Any) -> str:
+    """Advice where a chosen component has the option: ``objects.root=`` was meant as ``task.objects.root=``."""
+    if not isinstance(parent, DictConfig):
+        return ""
+    parts = {str(part): OmegaConf.select(parent, str(part)) for part in parent}
+    owners = [
+        f"{name}.{option}" for name, part in parts.items() if isinstance(part, DictConfig) and option in part
+    ]
+    return f" Did you mean '{"' or '".join(owners)}'?" if owners else ""
