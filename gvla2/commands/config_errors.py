@@ -106,6 +106,8 @@ def _of_a_part(option: str, parent: Any) -> str:
         return ""
     parts = {str(part): OmegaConf.select(parent, str(part)) for part in parent}
     owners = [
-        f"{name}.{option}" for name, part in parts.items() if isinstance(part, DictConfig) and option in part
+        f"'{name}.{option}'"
+        for name, part in parts.items()
+        if isinstance(part, DictConfig) and option in part
     ]
-    return f" Did you mean '{"' or '".join(owners)}'?" if owners else ""
+    return f" Did you mean {' or '.join(owners)}?" if owners else ""
