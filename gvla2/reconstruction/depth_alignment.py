@@ -124,9 +124,8 @@ def _corrected(
         known = np.isfinite(depth[s])
         log = np.log(depth[s][known])
         design = look.basis.at(look.camera.pixel_centres()[known], log)
-        own = covariance[design.columns[:, :, None], design.columns[:, None, :]]
         corrected[s][known] = np.exp(log + design @ theta)
-        std[s][known] = np.sqrt(np.einsum("np,npq,nq->n", design.values, own, design.values) + sigma**2)
+        std[s][known] = np.sqrt(_variances(design.columns, design.values, covariance) + sigma**2)
     return Aligned(corrected, std)
 
 
@@ -216,6 +215,17 @@ def _gather(
             slope[i] += value * pull[n]
             for b in range(columns.shape[1]):
                 curvature[i, columns[n, b]] += value * weight[n] * values[n, b]
+
+
+@compiled
+def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(N,) of what rows (N, K) tell of unknowns with a covariance (P, P)."""
+    found = np.zeros(len(columns))
+    for n in range(len(columns)):
+        for a in range(columns.shape[1]):
+            for b in range(columns.shape[1]):
+                found[n] += values[n, a] * covariance[columns[n, a], columns[n, b]] * values[n, b]
+    return found
 
 
 @compiled

@@ -36,8 +36,8 @@ def released_centre(points: ArrayLike) -> FloatArray:
 
 def _finite(points: ArrayLike) -> FloatArray:
     array = as_points(points)
-    lost = int((~np.isfinite(array)).any(axis=1).sum())
-    if lost:
+    if not np.isfinite(array).all():
+        lost = int((~np.isfinite(array)).any(axis=1).sum())
         raise GeometryError(f"{lost} of {len(array)} points are not finite: drop them first.")
     return array
 

@@ -45,8 +45,7 @@ def seen(views):
 
 def fused(seen, evidence, g0=None):
     post = fuse_volume(seen, evidence, g0)
-    vertices, faces, _ = surface_of(post.field)
-    return post, TriangleMesh(vertices, faces)
+    return post, surface_of(post.field)
 
 
 def distance(mesh, truth):
@@ -109,9 +108,8 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
     plain, plain_mesh = fused(seen, gather(estimate, seen))
     _, heeding = agreed(estimate, seen, None)
-    vertices, faces, _ = surface_of(heeding.field)
     assert len(heeding.needed) < 0.5 * len(plain.needed)
-    assert distance(TriangleMesh(vertices, faces), bar) < 0.9 * distance(plain_mesh, bar)
+    assert distance(surface_of(heeding.field), bar) < 0.9 * distance(plain_mesh, bar)
 
 
 def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
