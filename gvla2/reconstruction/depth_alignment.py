@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.depth_looks import (
     KNOTS,
@@ -35,6 +34,7 @@ from gvla2.reconstruction.depth_looks import (
     look_at,
     turned,
 )
+from gvla2.reconstruction.view_set import ViewSet
 
 ROUNDS, STIFF = 8, 4
 """Rounds of matching and solving, and how many of them keep the field still."""
@@ -71,20 +71,17 @@ class Aligned:
 def align(
     depth: FloatArray,
     solid: NDArray[np.bool_],
-    views: Views,
-    front: FloatArray,
-    back: FloatArray,
+    seen: ViewSet,
     caps: FloatArray,
 ) -> Aligned:
     """Correct depth maps (S, H, W), metres, NaN where unknown.
 
-    ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``front`` and ``back`` (S, H, W) are the depths
-    between which the visual hull lies, NaN outside it; ``caps`` (S, H, W) depths behind which no surface can begin,
-    NaN where nobody knows.
+    ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``caps`` (S, H, W) are depths behind which no
+    surface can begin, NaN where nobody knows.
     """
-    looks = [
-        look_at(s, *each) for s, each in enumerate(zip(views, depth, solid, front, back, caps, strict=True))
-    ]
+    views, ends = seen.views, seen.hull_interval
+    each = zip(views, seen.rays, depth, solid, *ends, caps, strict=True)
+    looks = [look_at(s, *of_view) for s, of_view in enumerate(each)]
     theta = np.zeros((len(looks), UNKNOWNS))
     for s, look in enumerate(looks):
         if look is not None:

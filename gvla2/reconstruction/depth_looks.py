@@ -129,6 +129,7 @@ class Look:
 def look_at(
     number: int,
     view: View,
+    rays: FloatArray,
     depth: FloatArray,
     solid: NDArray[np.bool_],
     front: FloatArray,
@@ -143,7 +144,6 @@ def look_at(
     rows, columns = rows[chosen], columns[chosen]
     pixels, basis = np.stack([columns, rows], axis=1), Basis(depth, number)
     at = np.log(depth[rows, columns])
-    _, rays = view.camera.rays()
     under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
     nearby = np.where(solid, depth, minimum_filter(np.where(np.isfinite(depth), depth, np.inf), 3))
     below: FloatArray = np.log(nearby[under[:, 0], under[:, 1]].astype(np.float64))

@@ -55,6 +55,11 @@ class ViewSet:
         return silhouettes(self.views)[0]
 
     @cached_property
+    def rays(self) -> tuple[FloatArray, ...]:
+        """Each view's world directions (H, W, 3) of its pixels, of depth 1."""
+        return tuple(view.camera.rays()[1] for view in self.views)
+
+    @cached_property
     def hull(self) -> Field:
         """The masks' visual hull."""
         return hull_field(self.views)

@@ -73,9 +73,8 @@ def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: TriangleMesh | None)
     front, back = (np.nan_to_num(ends) for ends in seen.hull_interval)
     cut = values <= 0
     for s, view in enumerate(views):
-        centre, rays = view.camera.rays()
-        within = hull.values, hull.origin, hull.step
-        _cover(values, *within, centre, rays, front[s], back[s], mask_of(view))
+        ends = view.camera.position, seen.rays[s], front[s], back[s]
+        _cover(values, hull.values, hull.origin, hull.step, *ends, mask_of(view))
     needed = hull.points(np.argwhere(cut & (values > 0)))
     # The field is closed at the grid's end, so that the corner lies outside.
     empty, _ = label(values <= 0)
