@@ -84,8 +84,8 @@ def _painted(
         there = old.centres.astype(np.float64)
         for s in shown:
             uv, seen = _visible(there, s, depth_map(worn, s.camera), tolerance)
-            # An even tree takes thrice as long to build, and answers little sooner.
-            found.append((cKDTree(uv[seen], balanced_tree=False), np.flatnonzero(seen)))
+            # An even tree takes longer to build, and answers no sooner.
+            found.append((cKDTree(uv[seen], leafsize=32, balanced_tree=False), np.flatnonzero(seen)))
     return found
 
 
