@@ -7,7 +7,7 @@ from dataclasses import replace
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.carving import normals_of, surface_of
+from gvla2.reconstruction.carving import normals_of, surface_of, without_crumbs
 from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import GeometryEstimate, GeometryPrior, Reconstruction, StageReport
 from gvla2.reconstruction.evidence import DepthEvidence, gather
@@ -63,8 +63,10 @@ def fuse_prior(
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:
         return thing, StageReport("prior", "rejected", f"{error} G0 stays.")
-    mesh, step = surface_of(posterior.field), 2 * posterior.field.step
-    normals = normals_of(posterior.field, mesh.vertices)
+    # Depth maps that err leave specks between them.
+    field = without_crumbs(posterior.field, seen.silhouettes)
+    mesh, step = surface_of(field), 2 * field.step
+    normals = normals_of(field, mesh.vertices)
     depths = depth_maps(mesh, [s.camera for s in seen.silhouettes])
     colours, _ = vertex_colours(mesh, normals, seen.silhouettes, depths, step)
     mesh = replace(mesh, colours=colours)
