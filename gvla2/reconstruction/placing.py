@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,9 +40,12 @@ def place(
     ``tolerance`` metres decides what is hidden. Scales grow or shrink with the spacing, rotations turn with the surface
     by the shortest way, colours seen from everywhere are the mesh's where it has any.
     """
-    spread, painted = run_together(
-        [partial(surfels, mesh, normals, len(old)), partial(_painted, old, worn, shown, 2 * tolerance)]
-    )
+    jobs: list[Callable[[], Any]] = [
+        partial(surfels, mesh, normals, len(old)),
+        partial(_painted, old, worn, shown, 2 * tolerance),
+    ]
+    spread: Gaussians
+    spread, painted = run_together(jobs)
     points = spread.centres.astype(np.float64)
     across = _rotation(spread.rotations).apply([0.0, 0.0, 1.0])
     source = _sources(points, across, old, painted, shown, depths, tolerance)
@@ -79,7 +83,7 @@ def _painted(
     old: Gaussians, worn: TriangleMesh | None, shown: Sequence[Silhouette], tolerance: float
 ) -> list[tuple[cKDTree, NDArray[np.intp]]]:
     """For each view the pixels of the Gaussians that it shows on their mesh, and which these are."""
-    found = []
+    found: list[tuple[cKDTree, NDArray[np.intp]]] = []
     if worn is not None and len(worn.faces):
         there = old.centres.astype(np.float64)
         for s in shown:
