@@ -247,47 +247,26 @@ def _link(
 
     Of the samples ``points``, ``normals`` and ``rays`` (N, 3), world.
     """
-    which, pixels, along = (
-        np.empty(len(points), np.intp),
-        np.empty((len(points), 2)),
-        np.empty((len(points), 2)),
-    )
-    at, between = np.empty((len(points), 2)), np.empty(len(points))
-    apart = a.camera.position - b.camera.position
-    met = _meet(
-        points, normals, rays, a.at, projection(b.camera), b.log_depth, b.normals, b.rays, apart,
-        which, pixels, at, along, between,
-    )  # fmt: skip
-    which = which[:met]
-    theirs = b.basis.at(pixels[:met], at[:met, 1])
+    which, row, column = _meet(points, normals, projection(b.camera), b.log_depth, b.normals)
+    at, normal = b.log_depth[row, column], b.normals[row, column]
+    theirs = b.basis.at(np.stack([column, row], axis=1) + 0.5, at)
+    along = [np.einsum("nk,nk->n", normal, r) for r in (rays[which], b.rays[row, column])]
     return (
-        at[:met],
+        np.stack([a.at[which], at], axis=1),
         np.concatenate([a.design.columns[which], theirs.columns], axis=1),
         np.concatenate([a.design.values[which], theirs.values], axis=1),
-        along[:met],
-        between[:met],
+        np.stack(along, axis=1),
+        normal @ (a.camera.position - b.camera.position),
     )
 
 
 @compiled
 def _meet(
-    points: FloatArray,
-    normals: FloatArray,
-    rays: FloatArray,
-    own: FloatArray,
-    P: FloatArray,
-    log_depth: FloatArray,
-    their_normals: FloatArray,
-    their_rays: FloatArray,
-    apart: FloatArray,
-    which: NDArray[np.intp],
-    pixels: FloatArray,
-    at: FloatArray,
-    along: FloatArray,
-    between: FloatArray,
-) -> int:
+    points: FloatArray, normals: FloatArray, P: FloatArray, log_depth: FloatArray, their_normals: FloatArray
+) -> NDArray[np.intp]:
+    """(3, N) of the points that fall on a pixel with depth and a normal like theirs: which, its row, its column."""
     height, width = log_depth.shape
-    met = 0
+    found, count = np.empty((3, len(points)), np.intp), 0
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         far = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
@@ -296,15 +275,10 @@ def _meet(
         if not (far > 0 and u >= 0 and v >= 0 and u < width and v < height):
             continue
         row, column = int(v), int(u)
-        normal, ray = their_normals[row, column], their_rays[row, column]
-        alike = normals[n, 0] * normal[0] + normals[n, 1] * normal[1] + normals[n, 2] * normal[2]
+        there = their_normals[row, column]
+        alike = normals[n, 0] * there[0] + normals[n, 1] * there[1] + normals[n, 2] * there[2]
         # A comparison with NaN, where one has no normal, is false.
-        if not (alike > ALIKE and np.isfinite(log_depth[row, column])):
-            continue
-        which[met], pixels[met, 0], pixels[met, 1] = n, column + 0.5, row + 0.5
-        at[met, 0], at[met, 1] = own[n], log_depth[row, column]
-        along[met, 0] = normal[0] * rays[n, 0] + normal[1] * rays[n, 1] + normal[2] * rays[n, 2]
-        along[met, 1] = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]
-        between[met] = normal[0] * apart[0] + normal[1] * apart[1] + normal[2] * apart[2]
-        met += 1
-    return met
+        if alike > ALIKE and np.isfinite(log_depth[row, column]):
+            found[0, count], found[1, count], found[2, count] = n, row, column
+            count += 1
+    return found[:, :count]
