@@ -106,10 +106,9 @@ def _distances(field: Field, camera: Camera, depth: FloatArray) -> FloatArray:
 def mesh_of(field: Field) -> TriangleMesh | None:
     """The zero of a field as a mesh without colours; None when it has none."""
     try:
-        vertices, faces, _ = surface_of(field)
+        return surface_of(field)
     except (ValueError, GeometryError):
         return None
-    return TriangleMesh(vertices, faces)
 
 
 def dressed(mesh: TriangleMesh, views: Views, count: int, renderer: Renderer) -> Reconstruction:

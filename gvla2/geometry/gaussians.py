@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,10 +39,7 @@ class Gaussians:
         centres = np.asarray(self.centres, dtype=np.float32)
         if centres.ndim != 2 or centres.shape[1] != 3:
             raise GeometryError(f"Gaussians: centres must be (N, 3), got shape {centres.shape}.")
-        if not np.isfinite(centres).all():
-            count = int((~np.isfinite(centres).all(axis=1)).sum())
-            raise GeometryError(f"Gaussians: {count} of {len(centres)} centres are not finite.")
-        object.__setattr__(self, "centres", centres)
+        self._stand_at(centres)
         n = len(centres)
         shapes = {"log_scales": (n, 3), "rotations": (n, 4), "opacity_logits": (n,), "sh_dc": (n, 3)}
         for name, shape in shapes.items():
@@ -51,10 +49,16 @@ class Gaussians:
             if columns not in (9, 24, 45):
                 raise GeometryError(f"Gaussians: sh_rest must have 9, 24 or 45 columns, got {columns}.")
             self._check("sh_rest", (n, columns))
-        if (np.abs(self.rotations).max(axis=1, initial=0.0) == 0).any():
+        if not self.rotations.any(axis=1).all():
             raise GeometryError("Gaussians: a rotation quaternion has length zero.")
         if np.isinf(self.rotations).any() or (self.log_scales == np.inf).any():
             raise GeometryError("Gaussians: a rotation or a scale is infinite.")
+
+    def _stand_at(self, centres: NDArray[np.float32]) -> None:
+        if not np.isfinite(centres).all():
+            count = int((~np.isfinite(centres).all(axis=1)).sum())
+            raise GeometryError(f"Gaussians: {count} of {len(centres)} centres are not finite.")
+        object.__setattr__(self, "centres", centres)
 
     def _check(self, name: str, shape: tuple[int, ...]) -> None:
         array = np.asarray(getattr(self, name), dtype=np.float32)
@@ -102,4 +106,6 @@ class Gaussians:
         moved = np.asarray(centres, dtype=np.float32)
         if moved.shape != self.centres.shape:
             raise GeometryError(f"{len(self)} Gaussians cannot take centres of shape {moved.shape}.")
-        return replace(self, centres=moved)
+        made = copy(self)  # what was checked is not checked again
+        made._stand_at(moved)
+        return made

@@ -7,7 +7,7 @@ cubes finds the surface far more finely than the grid is spaced.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from gvla2.reconstruction.frusta import Region, frusta_region
 from gvla2.reconstruction.mask_distance import Silhouette, mask_iou, silhouettes
 from gvla2.reconstruction.occupancy import Field, PackedSilhouettes, fill, pack
 from gvla2.reconstruction.surfels import surfels
-from gvla2.reconstruction.zbuffer import depth_map, mask_agreement
+from gvla2.reconstruction.zbuffer import depth_maps, mask_agreement
 
 _COARSE = 40  # voxels along a side of the search for the object
 _LONGEST = 4.0  # a grid is at most this many resolutions long, however thin the object
@@ -65,14 +65,14 @@ def carve(views: Views, resolution: int = 96) -> Carving:
     if resolution < 8:
         raise GeometryError(f"Carving needs a resolution of at least 8 voxels a side, got {resolution}.")
     used, dropped, notes, region = _evidence(views)
-    field = _without_crumbs(_field(used, region, resolution), used)
-    vertices, faces, normals = surface_of(field)
-    mesh = TriangleMesh(vertices, faces)
-    depths = [depth_map(mesh, s.camera) for s in used]
+    field = without_crumbs(_field(used, region, resolution), used)
+    mesh = surface_of(field)
+    normals = normals_of(field, mesh.vertices)
+    depths = depth_maps(mesh, [s.camera for s in used])
     colours, seen = vertex_colours(mesh, normals, used, depths, 2.0 * field.step)
     status = _status(notes, used, dropped, region)
     iou = tuple(mask_iou(np.isfinite(d), s) for d, s in zip(depths, used, strict=True))
-    return Carving(TriangleMesh(vertices, faces, colours), normals, seen, iou, status)
+    return Carving(replace(mesh, colours=colours), normals, seen, iou, status)
 
 
 def hull_field(views: Views, resolution: int = 96) -> Field:
@@ -146,9 +146,7 @@ def _coarse_agreement(used: Sequence[Silhouette], depth: float | None) -> float:
     if not (field.values > 0).any():
         # Thinner than a coarse voxel everywhere, but there.
         return _AGREEMENT
-    vertices, faces, _ = surface_of(field)
-    mesh = TriangleMesh(vertices, faces)
-    return mask_agreement(mesh, used)
+    return mask_agreement(surface_of(field), used)
 
 
 def _tighten(packed: PackedSilhouettes, bounds: FloatArray) -> FloatArray | None:
@@ -189,7 +187,7 @@ def _field(used: Sequence[Silhouette], region: Region, resolution: int) -> Field
     )
 
 
-def _without_crumbs(field: Field, used: Sequence[Silhouette]) -> Field:
+def without_crumbs(field: Field, used: Sequence[Silhouette]) -> Field:
     """The field without small parts that no mask needs: where cones cross by chance, phantoms appear."""
     parts, count = label(field.values > 0, structure=np.ones((3, 3, 3)))
     if count <= 1:
@@ -225,16 +223,21 @@ def _footprint(points: FloatArray, s: Silhouette, step: float) -> NDArray[np.boo
     return np.asarray(gaussian_filter(covered.astype(np.float32), 0.5 * reach) > 1e-3) if reach else covered
 
 
-def surface_of(field: Field) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
-    """Vertices (V, 3), faces (F, 3) and smooth outward normals (V, 3) of the field's zero."""
+def surface_of(field: Field) -> TriangleMesh:
+    """The field's zero as a mesh without colours."""
     from skimage.measure import marching_cubes
 
     index, faces, _, _ = marching_cubes(  # type: ignore[no-untyped-call]
         field.values, 0.0, gradient_direction="ascent"
     )
+    return TriangleMesh(field.points(index), faces.astype(np.int64))
+
+
+def normals_of(field: Field, points: FloatArray) -> FloatArray:
+    """(N, 3) smooth outward unit normals at points (N, 3) of the field's zero."""
+    index = (points - field.origin) / field.step
     smooth = gaussian_filter(np.asarray(field.values, dtype=np.float32), 1.5)
     slopes = [map_coordinates(np.gradient(smooth, axis=axis), index.T, order=1) for axis in range(3)]
     normals = -np.stack(slopes, axis=1).astype(np.float64)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.where(length > 1e-12, normals / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
-    return field.points(index), faces.astype(np.int64), normals
+    return np.where(length > 1e-12, normals / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])

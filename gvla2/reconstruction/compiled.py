@@ -22,6 +22,7 @@ Floats = NDArray[np.float32]
 Real = Any  # float32 in the compiled code, for which Python has no type of its own
 Ints = NDArray[np.int32] | NDArray[np.int64]
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
 
 def compiled(function: F) -> F:
@@ -41,19 +42,16 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def run_together(jobs: Sequence[Callable[[], None]]) -> None:
-    """Run jobs that release the interpreter's lock, on as many threads as there are cores.
+def run_together(jobs: Sequence[Callable[[], T]]) -> list[T]:
+    """What jobs return that release the interpreter's lock, run on as many threads as there are cores.
 
     The first exception of a job is raised here after all have ended.
     """
     if min(cores(), len(jobs)) < 2:
-        for job in jobs:
-            job()
-        return
+        return [job() for job in jobs]
     with ThreadPoolExecutor(cores()) as pool:
         running = [pool.submit(job) for job in jobs]
-    for done in running:
-        done.result()
+    return [done.result() for done in running]
 
 
 def run_chunks(body: Callable[[int, int], None], count: int, least: int = 20_000) -> None:

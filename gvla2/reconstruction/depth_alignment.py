@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.geometry.views import Views
 from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.depth_looks import (
     KNOTS,
@@ -35,6 +34,7 @@ from gvla2.reconstruction.depth_looks import (
     look_at,
     turned,
 )
+from gvla2.reconstruction.view_set import ViewSet
 
 ROUNDS, STIFF = 8, 4
 """Rounds of matching and solving, and how many of them keep the field still."""
@@ -71,20 +71,17 @@ class Aligned:
 def align(
     depth: FloatArray,
     solid: NDArray[np.bool_],
-    views: Views,
-    front: FloatArray,
-    back: FloatArray,
+    seen: ViewSet,
     caps: FloatArray,
 ) -> Aligned:
     """Correct depth maps (S, H, W), metres, NaN where unknown.
 
-    ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``front`` and ``back`` (S, H, W) are the depths
-    between which the visual hull lies, NaN outside it; ``caps`` (S, H, W) depths behind which no surface can begin,
-    NaN where nobody knows.
+    ``solid`` (S, H, W) marks pixels that do not fly between surfaces; ``caps`` (S, H, W) are depths behind which no
+    surface can begin, NaN where nobody knows.
     """
-    looks = [
-        look_at(s, *each) for s, each in enumerate(zip(views, depth, solid, front, back, caps, strict=True))
-    ]
+    views, ends = seen.views, seen.hull_interval
+    each = zip(views, seen.rays, depth, solid, *ends, caps, strict=True)
+    looks = [look_at(s, *of_view) for s, of_view in enumerate(each)]
     theta = np.zeros((len(looks), UNKNOWNS))
     for s, look in enumerate(looks):
         if look is not None:
@@ -124,9 +121,8 @@ def _corrected(
         known = np.isfinite(depth[s])
         log = np.log(depth[s][known])
         design = look.basis.at(look.camera.pixel_centres()[known], log)
-        own = covariance[design.columns[:, :, None], design.columns[:, None, :]]
         corrected[s][known] = np.exp(log + design @ theta)
-        std[s][known] = np.sqrt(np.einsum("np,npq,nq->n", design.values, own, design.values) + sigma**2)
+        std[s][known] = np.sqrt(_variances(design.columns, design.values, covariance) + sigma**2)
     return Aligned(corrected, std)
 
 
@@ -216,6 +212,17 @@ def _gather(
             slope[i] += value * pull[n]
             for b in range(columns.shape[1]):
                 curvature[i, columns[n, b]] += value * weight[n] * values[n, b]
+
+
+@compiled
+def _variances(columns: NDArray[np.intp], values: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(N,) of what rows (N, K) tell of unknowns with a covariance (P, P)."""
+    found = np.zeros(len(columns))
+    for n in range(len(columns)):
+        for a in range(columns.shape[1]):
+            for b in range(columns.shape[1]):
+                found[n] += values[n, a] * covariance[columns[n, a], columns[n, b]] * values[n, b]
+    return found
 
 
 @compiled

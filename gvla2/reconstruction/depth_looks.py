@@ -14,6 +14,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import View
 from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.support import projection
 
 SAMPLES = 300
 """Pixels of each view that are compared with every other view."""
@@ -55,18 +56,39 @@ class Basis:
 
     def at(self, uv: FloatArray, log_depth: FloatArray) -> Design:
         """N rows at pixels (N, 2) of log depth (N,): the stiff terms, and the four knots around each pixel."""
-        t = np.clip((uv - self._low) / self._size, 0, 1)
-        knot = np.minimum((t * (KNOTS - 1)).astype(np.intp), KNOTS - 2)
-        past = t * (KNOTS - 1) - knot
-        past = past * past * (3 - 2 * past)
         columns, values = np.empty((len(uv), LOW + 4), np.intp), np.empty((len(uv), LOW + 4))
-        columns[:, :LOW] = self._first + np.arange(LOW)
-        values[:, 0], values[:, 1:3], values[:, 3] = 1, 2 * t - 1, log_depth - self._middle
-        for n, (right, down) in enumerate(((0, 0), (0, 1), (1, 0), (1, 1))):
-            columns[:, LOW + n] = self._first + LOW + (knot[:, 0] + right) * KNOTS + knot[:, 1] + down
-            across, along = np.abs(1 - right - past[:, 0]), np.abs(1 - down - past[:, 1])
-            values[:, LOW + n] = across * along
+        low, size = self._low, self._size.astype(np.float64)
+        _rows(np.ascontiguousarray(uv), log_depth, low, size, self._middle, self._first, columns, values)
         return Design(columns, values)
+
+
+@compiled
+def _rows(
+    uv: FloatArray,
+    log_depth: FloatArray,
+    low: FloatArray,
+    size: FloatArray,
+    middle: float,
+    first: int,
+    columns: NDArray[np.intp],
+    values: FloatArray,
+) -> None:
+    knot, past = np.empty(2, np.intp), np.empty(2)
+    for n in range(len(uv)):
+        values[n, 0], values[n, 3] = 1.0, log_depth[n] - middle
+        for k in range(LOW):
+            columns[n, k] = first + k
+        for k in range(2):
+            t = min(max((uv[n, k] - low[k]) / size[k], 0.0), 1.0)
+            values[n, 1 + k] = 2 * t - 1
+            knot[k] = min(int(t * (KNOTS - 1)), KNOTS - 2)
+            p = t * (KNOTS - 1) - knot[k]
+            past[k] = p * p * (3 - 2 * p)
+        for right in range(2):
+            for down in range(2):
+                at = LOW + 2 * right + down
+                columns[n, at] = first + LOW + (knot[0] + right) * KNOTS + knot[1] + down
+                values[n, at] = abs(1 - right - past[0]) * abs(1 - down - past[1])
 
 
 @dataclass(frozen=True)
@@ -107,6 +129,7 @@ class Look:
 def look_at(
     number: int,
     view: View,
+    rays: FloatArray,
     depth: FloatArray,
     solid: NDArray[np.bool_],
     front: FloatArray,
@@ -121,7 +144,6 @@ def look_at(
     rows, columns = rows[chosen], columns[chosen]
     pixels, basis = np.stack([columns, rows], axis=1), Basis(depth, number)
     at = np.log(depth[rows, columns])
-    _, rays = view.camera.rays()
     under = np.argwhere(np.isfinite(depth) & np.isfinite(caps))
     nearby = np.where(solid, depth, minimum_filter(np.where(np.isfinite(depth), depth, np.inf), 3))
     below: FloatArray = np.log(nearby[under[:, 0], under[:, 1]].astype(np.float64))
@@ -205,7 +227,11 @@ class Pairs:
 def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pairs | None:
     """All samples that see a surface of another view, normals alike and no more than ``gate`` apart; None: none."""
     shown = [look for look in looks if look is not None]
-    found = [_link(a, b, theta) for a in shown for b in shown if a is not b]
+    found = []
+    for a in shown:
+        normals, rays = a.picked(a.normals), a.picked(a.rays)
+        points = a.camera.position + rays * np.exp(a.at + a.design @ theta)[:, None]
+        found += [_link(a, points, normals, rays, b) for b in shown if a is not b]
     if not found:
         return None
     at, columns, values, along, between = (np.concatenate(each) for each in zip(*found, strict=True))
@@ -214,24 +240,45 @@ def linked(looks: Sequence[Look | None], theta: FloatArray, gate: float) -> Pair
     return pairs if near.any() else None
 
 
-def _link(a: Look, b: Look, theta: FloatArray) -> tuple[NDArray[Any], ...]:
-    """The pixels of b on which the samples of a fall, where both have the same normal: the arrays of :class:`Pairs`."""
-    rays, normals = a.picked(a.rays), a.picked(a.normals)
-    points = a.camera.position + rays * np.exp(a.at + a.design @ theta)[:, None]
-    uv, z = b.camera.project(points)
-    inside = b.camera.inside(uv) & (z > 0)
-    column, row = np.where(inside[:, None], np.nan_to_num(uv), 0).astype(np.intp).T
-    # A comparison with NaN, where one has no normal, is false.
-    alike = np.einsum("nk,nk->n", normals, b.normals[row, column]) > ALIKE
-    known = inside & np.isfinite(b.log_depth[row, column]) & alike
-    row, column = row[known], column[known]
-    normal, at = b.normals[row, column], b.log_depth[row, column]
+def _link(
+    a: Look, points: FloatArray, normals: FloatArray, rays: FloatArray, b: Look
+) -> tuple[NDArray[Any], ...]:
+    """The pixels of b on which the samples of a fall, where both have the same normal: the arrays of :class:`Pairs`.
+
+    Of the samples ``points``, ``normals`` and ``rays`` (N, 3), world.
+    """
+    which, row, column = _meet(points, normals, projection(b.camera), b.log_depth, b.normals)
+    at, normal = b.log_depth[row, column], b.normals[row, column]
     theirs = b.basis.at(np.stack([column, row], axis=1) + 0.5, at)
-    along = [np.einsum("nk,nk->n", normal, r) for r in (rays[known], b.rays[row, column])]
+    along = [np.einsum("nk,nk->n", normal, r) for r in (rays[which], b.rays[row, column])]
     return (
-        np.stack([a.at[known], at], axis=1),
-        np.concatenate([a.design.columns[known], theirs.columns], axis=1),
-        np.concatenate([a.design.values[known], theirs.values], axis=1),
+        np.stack([a.at[which], at], axis=1),
+        np.concatenate([a.design.columns[which], theirs.columns], axis=1),
+        np.concatenate([a.design.values[which], theirs.values], axis=1),
         np.stack(along, axis=1),
         normal @ (a.camera.position - b.camera.position),
     )
+
+
+@compiled
+def _meet(
+    points: FloatArray, normals: FloatArray, P: FloatArray, log_depth: FloatArray, their_normals: FloatArray
+) -> NDArray[np.intp]:
+    """(3, N) of the points that fall on a pixel with depth and a normal like theirs: which, its row, its column."""
+    height, width = log_depth.shape
+    found, count = np.empty((3, len(points)), np.intp), 0
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        far = P[2, 0] * x + P[2, 1] * y + P[2, 2] * z + P[2, 3]
+        u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / far
+        v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / far
+        if not (far > 0 and u >= 0 and v >= 0 and u < width and v < height):
+            continue
+        row, column = int(v), int(u)
+        there = their_normals[row, column]
+        alike = normals[n, 0] * there[0] + normals[n, 1] * there[1] + normals[n, 2] * there[2]
+        # A comparison with NaN, where one has no normal, is false.
+        if alike > ALIKE and np.isfinite(log_depth[row, column]):
+            found[0, count], found[1, count], found[2, count] = n, row, column
+            count += 1
+    return found[:, :count]

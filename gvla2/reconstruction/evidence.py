@@ -11,6 +11,7 @@ from scipy.ndimage import maximum_filter, minimum_filter, uniform_filter
 from gvla2.errors import GeometryError
 from gvla2.geometry.transform import FloatArray
 from gvla2.geometry.views import Views
+from gvla2.reconstruction.compiled import compiled
 from gvla2.reconstruction.contracts import GeometryEstimate
 from gvla2.reconstruction.depth_alignment import Aligned, align
 from gvla2.reconstruction.depth_looks import surface_normals
@@ -78,11 +79,10 @@ def gather(estimate: GeometryEstimate, seen: ViewSet, needed: FloatArray | None 
         refuted = np.zeros(depth.shape, dtype=np.bool_)
     else:
         solid = solid_pixels(depth, jump)
-        aligned, refuted = doubted(align(depth, solid, views, front, back, caps), solid, caps)
+        aligned, refuted = doubted(align(depth, solid, seen, caps), solid, caps)
     believed = _within_hull(aligned, front, back)
-    rays = [view.camera.rays()[1] for view in views]
-    normals = np.stack([surface_normals(d, r) for d, r in zip(believed, rays, strict=True)])
-    refuted |= looked_through(believed, aligned.std, views)
+    normals = np.stack([surface_normals(d, r) for d, r in zip(believed, seen.rays, strict=True)])
+    refuted |= looked_through(believed, aligned.std, seen)
     with np.errstate(divide="ignore", invalid="ignore"):
         weight = np.where(refuted, 0.0, np.nan_to_num(confidence / aligned.std**2))
     if not (weight > 0).any():
@@ -139,24 +139,28 @@ def solid_pixels(depth: FloatArray, jump: float) -> NDArray[np.bool_]:
     return np.asarray(inner & ~(bend >= jump))
 
 
-def looked_through(depth: FloatArray, std: FloatArray, views: Views) -> NDArray[np.bool_]:
+def looked_through(depth: FloatArray, std: FloatArray, seen: ViewSet) -> NDArray[np.bool_]:
     """(S, H, W) pixels that look through more points of other views' surfaces than they agree with.
 
     They would carve away what the others see: outliers that lie too deep. Beyond an edge nothing is seen through.
     """
     found = np.zeros(depth.shape, dtype=np.bool_)
     usual = float(np.nanmedian(std))
-    points = [view.camera.backproject(d) for view, d in zip(views, depth, strict=True)]
+    known = np.isfinite(depth)
+    points = [
+        view.camera.position + rays[k] * d[k][:, None]
+        for view, rays, d, k in zip(seen.views, seen.rays, depth, known, strict=True)
+    ]
     height, width = depth.shape[1:]
-    for s, view in enumerate(views):
-        least = minimum_filter(np.where(np.isfinite(depth[s]), depth[s], np.inf), 3)
+    for s, view in enumerate(seen.views):
+        least = minimum_filter(np.where(known[s], depth[s], np.inf), 3)
         balance = np.zeros(height * width)
         for t in range(len(depth)):
             if t == s:
                 continue
-            uv, z = view.camera.project(points[t][np.isfinite(depth[t])])
-            column, row = uv[view.camera.inside(uv)].astype(np.intp).T
-            z = z[view.camera.inside(uv)]
+            uv, z = view.camera.project(points[t])
+            inside = view.camera.inside(uv)
+            (column, row), z = uv[inside].astype(np.intp).T, z[inside]
             apart = z / least[row, column] - 1
             vote = np.where(
                 apart < -_THROUGH * usual - 0.02, 1.0, np.where(apart < _THROUGH * usual + 0.02, -1.0, 0.0)
@@ -207,14 +211,23 @@ def _within_hull(aligned: Aligned, front: FloatArray, back: FloatArray) -> Float
     known = np.isfinite(believed) & np.isfinite(front)
     nearest, depth = front[known], believed[known]
     far = np.maximum(back[known] - nearest, 1e-9)
-    told, sigma = depth - nearest, np.maximum(aligned.std[known] * depth, 1e-9)
-    top, bottom = np.zeros_like(told), np.zeros_like(told)
-    for node in _NODES:
-        gap = told + sigma * node
-        share = np.exp(-0.5 * node * node) / (1 + (gap / (GAP * far)) ** 2)
-        share = np.where((gap >= 0) & (gap <= far), share, 0.0)
-        top += share * gap
-        bottom += share
-    mean = np.where(bottom > 1e-9, top / np.maximum(bottom, 1e-12), np.clip(told, 0, far))
-    believed[known] = nearest + mean
+    sigma = np.maximum(aligned.std[known] * depth, 1e-9)
+    believed[known] = nearest + _mean_gap(depth - nearest, sigma, far, _NODES, np.exp(-0.5 * _NODES**2))
     return believed
+
+
+@compiled
+def _mean_gap(
+    told: FloatArray, sigma: FloatArray, far: FloatArray, nodes: FloatArray, likely: FloatArray
+) -> FloatArray:
+    mean = np.empty(len(told))
+    for n in range(len(told)):
+        top = bottom = 0.0
+        for k in range(len(nodes)):
+            gap = told[n] + sigma[n] * nodes[k]
+            if 0 <= gap <= far[n]:
+                share = likely[k] / (1 + (gap / (GAP * far[n])) ** 2)
+                top += share * gap
+                bottom += share
+        mean[n] = top / bottom if bottom > 1e-9 else min(max(told[n], 0.0), far[n])
+    return mean

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.compiled import compiled, run_chunks
 from gvla2.reconstruction.mask_distance import Silhouette
 from gvla2.reconstruction.support import projection
 
@@ -65,7 +66,7 @@ def fill(packed: PackedSilhouettes, bounds: FloatArray, step: float) -> Field:
     shape = np.ceil((bounds[1] - bounds[0]) / step).astype(np.int64) + 5
     origin = 0.5 * (bounds[0] + bounds[1]) - 0.5 * step * (shape - 1)
     values = np.empty(tuple(shape), dtype=np.float32)
-    _fill(values, origin, step, packed, _DEEP * step)
+    run_chunks(partial(_fill, values, origin, step, packed, _DEEP * step), len(values), least=16)
     # Whatever reaches the grid's end is closed there: a surface has no rim.
     for axis in range(3):
         for end in (0, -1):
@@ -81,10 +82,12 @@ def _fill(
     step: float,
     packed: PackedSilhouettes,
     deep: float,
+    start: int,
+    stop: int,
 ) -> None:
     projections, sizes, metres, cut, depths, distances = packed
-    nx, ny, nz = values.shape
-    for i in range(nx):
+    _, ny, nz = values.shape
+    for i in range(start, stop):
         x = origin[0] + step * i
         for j in range(ny):
             y = origin[1] + step * j
@@ -102,7 +105,7 @@ def _fill(
                     least = min(least, depth - near, far - depth)
                     u = (P[0, 0] * x + P[0, 1] * y + P[0, 2] * z + P[0, 3]) / depth - 0.5
                     v = (P[1, 0] * x + P[1, 1] * y + P[1, 2] * z + P[1, 3]) / depth - 0.5
-                    width, height, start = sizes[s, 0], sizes[s, 1], sizes[s, 2]
+                    width, height, first = sizes[s, 0], sizes[s, 1], sizes[s, 2]
                     unknown = (
                         (u < -0.5 and cut[s, 0])
                         or (v < -0.5 and cut[s, 1])
@@ -117,7 +120,7 @@ def _fill(
                     column, row = max(column, 0), max(row, 0)
                     right, below = min(column + 1, width - 1), min(row + 1, height - 1)
                     a, b = inside_u - column, inside_v - row
-                    top, bottom = start + row * width, start + below * width
+                    top, bottom = first + row * width, first + below * width
                     d00, d01 = distances[top + column], distances[top + right]
                     d10, d11 = distances[bottom + column], distances[bottom + right]
                     if d00 == np.inf or d01 == np.inf or d10 == np.inf or d11 == np.inf:

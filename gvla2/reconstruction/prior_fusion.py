@@ -7,14 +7,14 @@ from dataclasses import replace
 from gvla2.errors import GeometryError
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
-from gvla2.reconstruction.carving import surface_of
+from gvla2.reconstruction.carving import normals_of, surface_of, without_crumbs
 from gvla2.reconstruction.colouring import vertex_colours
 from gvla2.reconstruction.contracts import GeometryEstimate, GeometryPrior, Reconstruction, StageReport
 from gvla2.reconstruction.evidence import DepthEvidence, gather
 from gvla2.reconstruction.placing import place
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import Posterior, fuse_volume
-from gvla2.reconstruction.zbuffer import depth_map
+from gvla2.reconstruction.zbuffer import depth_maps
 
 THIN = 0.75
 """Points that masks need, a pixel of their outlines, from which on the object has walls thinner than a voxel."""
@@ -63,11 +63,13 @@ def fuse_prior(
             raise GeometryError("The prior leaves nothing of the object.")
     except GeometryError as error:
         return thing, StageReport("prior", "rejected", f"{error} G0 stays.")
-    vertices, faces, normals = surface_of(posterior.field)
-    mesh, step = TriangleMesh(vertices, faces), 2 * posterior.field.step
-    depths = [depth_map(mesh, s.camera) for s in seen.silhouettes]
+    # Depth maps that err leave specks between them.
+    field = without_crumbs(posterior.field, seen.silhouettes)
+    mesh, step = surface_of(field), 2 * field.step
+    normals = normals_of(field, mesh.vertices)
+    depths = depth_maps(mesh, [s.camera for s in seen.silhouettes])
     colours, _ = vertex_colours(mesh, normals, seen.silhouettes, depths, step)
-    mesh = TriangleMesh(vertices, faces, colours)
+    mesh = replace(mesh, colours=colours)
     gaussians = thing.gaussians
     if gaussians is not None and len(gaussians):
         gaussians = place(gaussians, thing.mesh, mesh, normals, seen.silhouettes, depths, step)

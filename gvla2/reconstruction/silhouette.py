@@ -50,13 +50,10 @@ def silhouettes(
         raise GeometryError(f"faces must be (F, 3), got shape {triangles.shape}.")
     if triangles is not None and triangles.size and not 0 <= triangles.min() <= triangles.max() < len(array):
         raise GeometryError(f"A face names a vertex outside 0..{len(array) - 1}.")
-    masks: list[NDArray[np.bool_]] = [np.zeros((0, 0), dtype=np.bool_)] * len(views)
 
-    def draw(number: int, camera: Camera) -> None:
+    def drawn(camera: Camera) -> NDArray[np.bool_]:
         if triangles is None:
-            masks[number] = outline(array, camera).mask
-        else:
-            masks[number] = np.isfinite(depth_of(array, triangles, camera))
+            return outline(array, camera).mask
+        return np.isfinite(depth_of(array, triangles, camera))
 
-    run_together([partial(draw, number, view.camera) for number, view in enumerate(views)])
-    return masks
+    return run_together([partial(drawn, view.camera) for view in views])

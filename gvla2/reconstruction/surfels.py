@@ -37,7 +37,7 @@ def surfels(mesh: TriangleMesh, normals: FloatArray | None = None, count: int = 
     n = len(points)
     return Gaussians(
         centres=points.astype(np.float32),
-        log_scales=np.log(np.tile([width, width, _FLATNESS * width], (n, 1))).astype(np.float32),
+        log_scales=np.tile(np.log([width, width, _FLATNESS * width]).astype(np.float32), (n, 1)),
         rotations=turned_to(across),
         opacity_logits=np.full(n, _OPACITY_LOGIT, dtype=np.float32),
         sh_dc=np.broadcast_to((colours - 0.5) / SH_C0, (n, 3)).astype(np.float32),

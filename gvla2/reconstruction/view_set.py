@@ -15,7 +15,7 @@ from gvla2.reconstruction.carving import hull_field, surface_of
 from gvla2.reconstruction.mask_distance import Silhouette, silhouettes
 from gvla2.reconstruction.occupancy import Field
 from gvla2.reconstruction.support import Compat, MaskStack, as_points, mask_of
-from gvla2.reconstruction.zbuffer import depth_map
+from gvla2.reconstruction.zbuffer import depth_maps
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +55,11 @@ class ViewSet:
         return silhouettes(self.views)[0]
 
     @cached_property
+    def rays(self) -> tuple[FloatArray, ...]:
+        """Each view's world directions (H, W, 3) of its pixels, of depth 1."""
+        return tuple(view.camera.rays()[1] for view in self.views)
+
+    @cached_property
     def hull(self) -> Field:
         """The masks' visual hull."""
         return hull_field(self.views)
@@ -62,14 +67,13 @@ class ViewSet:
     @cached_property
     def hull_surface(self) -> TriangleMesh:
         """The zero of :attr:`hull`."""
-        vertices, faces, _ = surface_of(self.hull)
-        return TriangleMesh(vertices, faces)
+        return surface_of(self.hull)
 
     @cached_property
     def hull_interval(self) -> tuple[FloatArray, FloatArray]:
         """Depths (S, H, W), metres, between which the hull lies on each pixel's ray, NaN where it is missed."""
         cameras = [view.camera for view in self.views]
-        front = np.stack([depth_map(self.hull_surface, camera) for camera in cameras]).astype(np.float64)
-        back = np.stack([depth_map(self.hull_surface, camera, farthest=True) for camera in cameras])
+        front = np.stack(depth_maps(self.hull_surface, cameras)).astype(np.float64)
+        back = np.stack(depth_maps(self.hull_surface, cameras, farthest=True)).astype(np.float64)
         missed = ~np.isfinite(front)
-        return np.where(missed, np.nan, front), np.where(missed, np.nan, back.astype(np.float64))
+        return np.where(missed, np.nan, front), np.where(missed, np.nan, back)

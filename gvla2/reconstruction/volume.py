@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_fill_holes
+from scipy.ndimage import label
 
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray
@@ -73,12 +73,12 @@ def fuse_volume(seen: ViewSet, evidence: DepthEvidence, g0: TriangleMesh | None)
     front, back = (np.nan_to_num(ends) for ends in seen.hull_interval)
     cut = values <= 0
     for s, view in enumerate(views):
-        centre, rays = view.camera.rays()
-        within = hull.values, hull.origin, hull.step
-        _cover(values, *within, centre, rays, front[s], back[s], mask_of(view))
+        ends = view.camera.position, seen.rays[s], front[s], back[s]
+        _cover(values, hull.values, hull.origin, hull.step, *ends, mask_of(view))
     needed = hull.points(np.argwhere(cut & (values > 0)))
-    cavities = binary_fill_holes(values > 0) & (values <= 0)
-    values[cavities] = hull.step
+    # The field is closed at the grid's end, so that the corner lies outside.
+    empty, _ = label(values <= 0)
+    values[(empty > 0) & (empty != empty[0, 0, 0])] = hull.step
     return Posterior(Field(values, hull.origin, hull.step), confidence, needed)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from gvla2.geometry.camera import Camera
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.geometry.transform import FloatArray, transform_points
-from gvla2.reconstruction.compiled import compiled
+from gvla2.reconstruction.compiled import compiled, run_together
 from gvla2.reconstruction.mask_distance import Silhouette, mask_iou
 
 NEAREST = 1e-3
@@ -24,6 +25,13 @@ def depth_map(mesh: TriangleMesh, camera: Camera, farthest: bool = False) -> NDA
     :data:`NEAREST` to the camera's plane are left out.
     """
     return depth_of(mesh.vertices, mesh.faces, camera, farthest)
+
+
+def depth_maps(
+    mesh: TriangleMesh, cameras: Sequence[Camera], farthest: bool = False
+) -> list[NDArray[np.float32]]:
+    """The same of several cameras."""
+    return run_together([partial(depth_map, mesh, camera, farthest) for camera in cameras])
 
 
 def depth_of(
@@ -41,7 +49,8 @@ def depth_of(
 
 def mask_agreement(mesh: TriangleMesh, silhouettes: Sequence[Silhouette]) -> float:
     """Mean IoU of the mesh's silhouettes with the views' masks."""
-    return float(np.mean([mask_iou(np.isfinite(depth_map(mesh, s.camera)), s) for s in silhouettes]))
+    depths = depth_maps(mesh, [s.camera for s in silhouettes])
+    return float(np.mean([mask_iou(np.isfinite(d), s) for d, s in zip(depths, silhouettes, strict=True)]))
 
 
 @compiled

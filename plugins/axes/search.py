@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -118,19 +118,14 @@ class AxisSearch:
 
     def _residuals(self, x: FloatArray, contours: list[Contour]) -> Residuals:
         points = self.moved(x)
-        parts: list[Residuals | None] = [None] * len(self.views)
 
-        def job(number: int, view: View) -> Callable[[], None]:
-            def run() -> None:
-                drawn = outline(points, view.camera, self.radii[number])
-                self.radii[number] = drawn.radius
-                reach = self._reach(view)
-                parts[number] = outline_residuals(drawn, contours[number], points, view.camera, reach)
+        def of(number: int, view: View) -> Residuals:
+            drawn = outline(points, view.camera, self.radii[number])
+            self.radii[number] = drawn.radius
+            return outline_residuals(drawn, contours[number], points, view.camera, self._reach(view))
 
-            return run
-
-        run_together([job(number, view) for number, view in enumerate(self.views)])
-        return Residuals.joined([part for part in parts if part is not None])
+        jobs = [partial(of, number, view) for number, view in enumerate(self.views)]
+        return Residuals.joined(run_together(jobs))
 
     def _pixels_a_side(self, view: View) -> float:
         depth = (self.centre - view.camera.position) @ view.camera.world_from_camera[:3, 2]

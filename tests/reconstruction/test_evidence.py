@@ -96,10 +96,10 @@ def test_a_patch_that_looks_through_what_others_see_is_left_out(views):
     patch = np.zeros(depth[0].shape, dtype=bool)
     patch[middle[0] - 4 : middle[0] + 5, middle[1] - 4 : middle[1] + 5] = True
     depth[0][patch] *= 1.15
-    found = looked_through(depth, np.full(depth.shape, 1e-3), views)
+    found = looked_through(depth, np.full(depth.shape, 1e-3), ViewSet(views))
     assert found[0][patch].mean() > 0.3
     assert found[0][~patch & np.isfinite(depth[0])].mean() < 0.03
-    assert looked_through(exact(views), np.full(depth.shape, 1e-3), views).mean() < 0.01
+    assert looked_through(exact(views), np.full(depth.shape, 1e-3), ViewSet(views)).mean() < 0.01
 
 
 def test_edges_and_flying_pixels_are_not_solid():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import trimesh
@@ -10,11 +12,11 @@ from scipy.spatial import cKDTree
 
 from gvla2.geometry.mesh import TriangleMesh
 from gvla2.reconstruction.carving import surface_of
-from gvla2.reconstruction.contracts import GeometryEstimate
+from gvla2.reconstruction.contracts import GeometryEstimate, Reconstruction
 from gvla2.reconstruction.evidence import gather
 from gvla2.reconstruction.mesh_field import mesh_field
 from gvla2.reconstruction.occupancy import Field
-from gvla2.reconstruction.prior_fusion import agreed
+from gvla2.reconstruction.prior_fusion import agreed, fuse_prior
 from gvla2.reconstruction.view_set import ViewSet
 from gvla2.reconstruction.volume import fuse_volume
 from gvla2_plugins.depth_prior.noise import LearnedNoise, learned
@@ -45,8 +47,7 @@ def seen(views):
 
 def fused(seen, evidence, g0=None):
     post = fuse_volume(seen, evidence, g0)
-    vertices, faces, _ = surface_of(post.field)
-    return post, TriangleMesh(vertices, faces)
+    return post, surface_of(post.field)
 
 
 def distance(mesh, truth):
@@ -109,9 +110,8 @@ def test_masks_give_back_what_wrong_depth_cuts_off_a_thin_bar(masked_views):
     estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
     plain, plain_mesh = fused(seen, gather(estimate, seen))
     _, heeding = agreed(estimate, seen, None)
-    vertices, faces, _ = surface_of(heeding.field)
     assert len(heeding.needed) < 0.5 * len(plain.needed)
-    assert distance(TriangleMesh(vertices, faces), bar) < 0.9 * distance(plain_mesh, bar)
+    assert distance(surface_of(heeding.field), bar) < 0.9 * distance(plain_mesh, bar)
 
 
 def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
@@ -119,3 +119,18 @@ def test_right_depth_of_thin_walls_is_taken_as_it_is(seen, views):
     plain, _ = fused(seen, gather(from_depth(views), seen))
     assert (posterior.field.values > 0).sum() == pytest.approx((plain.field.values > 0).sum(), rel=0.01)
     assert (evidence.weight > 0).any()
+
+
+def test_specks_that_no_mask_needs_are_left_out(seen, views):
+    poses = np.stack([view.camera.world_from_camera for view in views])
+    right = from_depth(views).depth.astype(np.float64)
+    wrong, sure, moved = learned(right, poses, LearnedNoise(), np.random.default_rng(3))
+    estimate = GeometryEstimate(wrong.astype(np.float32), sure.astype(np.float32), moved)
+    with_specks = surface_of(agreed(estimate, seen, None)[1].field)
+    prior = SimpleNamespace(predict=lambda _: estimate)
+    thing, _ = fuse_prior(Reconstruction(None, None, "ok"), seen, prior)
+    made, before = (
+        trimesh.Trimesh(m.vertices, m.faces).split(only_watertight=False) for m in (thing.mesh, with_specks)
+    )
+    assert len(made) < 0.8 * len(before)
+    assert max(p.area for p in made) == pytest.approx(max(p.area for p in before), rel=0.01)
