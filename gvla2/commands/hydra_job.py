@@ -109,7 +109,9 @@ def launch(
     registry = load_plugins(own)
     register(registry, {config_name: schema}, own)
     task = HydraTask(function, registry)
-    whole = hydra.main(config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE)
+    whole = hydra.main(
+        config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
+    )
     # Hydra itself composes twice, first to learn whether this is a sweep: without flags it is none.
     if any(word.lstrip("+~").startswith(("-", "hydra.mode")) for word in argv):
         main = whole(task)
@@ -161,7 +163,9 @@ def _once(job: HydraTask, config_name: str, argv: Sequence[str], whole: Callable
         try:
             GlobalHydra.instance().hydra.run(config_name, job, list(argv))  # type: ignore[union-attr]
             return
-        except AssertionError:  # what Hydra says of another mode than that for one job; jobs raise JobFailedError
+        except (
+            AssertionError
+        ):  # what Hydra says of another mode than that for one job; jobs raise JobFailedError
             pass
     whole()
 

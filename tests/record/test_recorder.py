@@ -43,6 +43,7 @@ def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "judge") -> Epi
         recorder.stage(record, stage)
         if stage == until:
             break
+    recorder.settle()
     return record
 
 
