@@ -1,7 +1,7 @@
 """Colour, depth and identity images of rigid triangle surfaces, on the CPU.
 
-Each pixel's ray through its centre is asked for the nearest triangle. Triangles are drawn one by one over the pixels
-they may cover, and a depth buffer keeps the nearest: an image takes milliseconds, and posing a surface rebuilds nothing.
+A pixel shows the nearest triangle on the ray through its centre. Triangles are drawn one by one over the pixels they
+may cover, and a depth buffer keeps the nearest: an image takes milliseconds, and posing a surface rebuilds nothing.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ HEADLIGHT, SKY = 0.6, 0.4
 BACKGROUND = (0.80, 0.84, 0.88)
 
 _NEAR = 1e-3  # metres before a camera, up to which a triangle's corners are projected
+_CENTRE, _PAST = 0.5 + 1e-9, 0.5 - 1e-9  # of a pixel, no centre on a triangle's edge lost to rounding
 
 
 @dataclass(frozen=True)
@@ -122,12 +123,9 @@ class RayCaster:
             else np.eye(4)
             for i in range(len(self._surfaces))
         ]
-        normals, offsets = self._pose_planes(poses)
-        return [self._cast_one(camera, poses, normals, offsets) for camera in cameras]
+        return [self._cast_one(camera, poses) for camera in cameras]
 
-    def _cast_one(
-        self, camera: Camera, poses: Sequence[FloatArray], normals: FloatArray, offsets: FloatArray
-    ) -> RayImage:
+    def _cast_one(self, camera: Camera, poses: Sequence[FloatArray]) -> RayImage:
         size = (camera.height, camera.width)
         depth = np.full(size, np.inf, dtype=np.float32)
         hits = np.full(size, len(self._ids), dtype=np.int64)  # one past the last face: background
@@ -137,8 +135,13 @@ class RayCaster:
             camera_from_surface = invert_rigid(camera.world_from_camera) @ poses[index]
             seen = transform_points(camera_from_surface, surface.vertices) @ camera.K.T
             _draw(np.ascontiguousarray(seen), surface.faces, int(self._first_faces[index]), depth, hits)
-        shades = self._shades(camera, normals, offsets)
-        colours = np.vstack([_as_bytes(self._rgb * shades[:, None]), self._background])
+        shown = np.zeros(len(self._ids) + 1, dtype=bool)
+        shown[hits] = True
+        faces = np.flatnonzero(shown[:-1])
+        shades = self._shades(camera, poses, faces)
+        colours = np.empty((len(shown), 3), dtype=np.uint8)
+        colours[faces] = _as_bytes(self._rgb[faces] * shades[faces, None])
+        colours[-1] = self._background
         ids = np.append(self._ids, np.int32(-1))
         depth[np.isinf(depth)] = np.nan
         image = np.take(colours, hits, axis=0)
@@ -173,21 +176,20 @@ class RayCaster:
         seen = surface.texture.at(faces, weights, distance / camera.K[0, 0])
         image[rows, columns] = _as_bytes(self._rgb[first + faces] * seen * shades[first + faces][:, None])
 
-    def _pose_planes(self, poses: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """The faces' planes in the world: unit normals n (F, 3) and offsets n . x (F,)."""
-        normals, offsets = np.empty_like(self._normals), np.empty_like(self._plane_offsets)
-        for pose, start, stop in zip(poses, self._first_faces[:-1], self._first_faces[1:], strict=True):
-            normals[start:stop] = self._normals[start:stop] @ pose[:3, :3].T
-            offsets[start:stop] = self._plane_offsets[start:stop] + normals[start:stop] @ pose[:3, 3]
-        return normals, offsets
-
-    def _shades(self, camera: Camera, normals: FloatArray, offsets: FloatArray) -> NDArray[np.float32]:
-        """(F,) brightness of faces; the side that faces the camera counts, however a face is wound."""
-        seen_from_front = normals @ camera.position >= offsets
-        sky = 0.5 + 0.5 * np.where(seen_from_front, normals[:, 2], -normals[:, 2])
-        headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
-        light = HEADLIGHT * headlight + SKY * sky
-        return np.asarray(AMBIENT + (1 - AMBIENT) * light, dtype=np.float32)
+    def _shades(
+        self, camera: Camera, poses: Sequence[FloatArray], faces: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        """(F,) brightness of ``faces`` (n,), in order, 0 of others; the side that faces the camera counts."""
+        shades = np.zeros(len(self._ids), dtype=np.float32)
+        ends = np.searchsorted(faces, self._first_faces)
+        for pose, start, stop in zip(poses, ends[:-1], ends[1:], strict=True):
+            some = faces[start:stop]
+            normals = self._normals[some] @ pose[:3, :3].T
+            seen_from_front = normals @ (camera.position - pose[:3, 3]) >= self._plane_offsets[some]
+            sky = 0.5 + 0.5 * np.where(seen_from_front, normals[:, 2], -normals[:, 2])
+            headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
+            shades[some] = AMBIENT + (1 - AMBIENT) * (HEADLIGHT * headlight + SKY * sky)
+        return shades
 
 
 def _barycentric(surface: Surface, faces: NDArray[np.int64], points: FloatArray) -> FloatArray:
@@ -252,8 +254,10 @@ def _draw(
             if z > _NEAR:
                 u, v = x / z, y / z
                 left, right, top, bottom = min(left, u), max(right, u), min(top, v), max(bottom, v)
-        first, last = int(max(0.0, np.floor(left - 0.5))), int(min(width, np.ceil(right + 0.5)))
-        upper, lower = int(max(0.0, np.floor(top - 0.5))), int(min(height, np.ceil(bottom + 0.5)))
+        first, last = int(np.ceil(max(0.0, left - _CENTRE))), int(np.floor(min(width, right + _PAST)))
+        upper, lower = int(np.ceil(max(0.0, top - _CENTRE))), int(np.floor(min(height, bottom + _PAST)))
+        if first >= last or upper >= lower:  # it lies between the centres of pixels: most small ones do
+            continue
         ox, oy, oz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
         px, py, pz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         qx, qy, qz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx

@@ -64,7 +64,8 @@ class RunRecorder(FolderRecorder):
 
     ``config_yaml`` is the composed configuration as text. Numbers come first: ``result.json`` and the stages' JSON
     files are written before any picture, and a picture that cannot be made becomes a note and a warning, never an
-    error. Pictures are made beside the run, on another core; :meth:`finish` waits for them. Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
+    error. Pictures are made beside the run, on another core; :meth:`finish` waits for them.
+    Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
     """
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
@@ -211,7 +212,7 @@ class RunRecorder(FolderRecorder):
             write_bytes(self.folder / name, data)
 
     def _once(self, key: str, source: Any, what: str, make: Callable[[], object]) -> None:
-        """Run ``make`` beside the run unless it ran for these very inputs before; records are frozen, so identity tells."""
+        """Have ``make`` run once for these very inputs, beside the run; records are frozen, so identity tells."""
         parts = source if isinstance(source, tuple) else (source,)
         if list(map(id, self._written.get(key, ()))) == list(map(id, parts)):
             return
