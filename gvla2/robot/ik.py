@@ -69,7 +69,8 @@ class InverseKinematics:
 
     def track(self, joints: FloatArray, target: FloatArray, iterations: int = 12) -> FloatArray | None:
         """Joints (dof,) for a near-by pose (4, 4) on the same branch as ``joints``; None when lost."""
-        reached, found = descend(self._kinematics.chain, joints, target, iterations, _AWAY)
+        start, goal = np.ascontiguousarray(joints), np.ascontiguousarray(target)  # other layouts compile anew
+        reached, found = descend(self._kinematics.chain, start, goal, iterations, _AWAY)
         return found if reached else None
 
     def _starts(self, target: FloatArray, near: FloatArray) -> Iterator[FloatArray]:
