@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +15,9 @@ from gvla2.commands import COMMANDS
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a sub-command; returns the exit status (0 well, 1 an error, 2 wrong usage, 130 interrupted)."""
+    gc.set_threshold(
+        100_000, 50, 50
+    )  # imports and configurations make many objects that stay: looking costs 5 %
     try:
         status = _dispatch(argv)
         sys.stdout.flush()

@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ from gvla2.errors import (
     PlanningError,
     SimulationError,
 )
-from gvla2.language.endpoint import LanguageModel
 from gvla2.language.failures import ModelUnavailableError
 from gvla2.loop.advice import with_sound_effects
 from gvla2.loop.attempts import back_off, came_to_nothing, next_attempt, pooled, worth_another
@@ -53,6 +52,9 @@ from gvla2.robot.report import ExecutionReport, WaypointReport
 from gvla2.robot.task import Task
 from gvla2.skills.skill import Skill
 from gvla2.skills.table import STANDARD
+
+if TYPE_CHECKING:
+    from gvla2.language.endpoint import LanguageModel
 
 ABANDONED: tuple[str, ...] = ("error", "unavailable", "crashed", "interrupted")
 """Kinds of failure that mean the episode was not carried out; every other kind is an outcome."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -19,8 +20,9 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS_OF_HYDRA = frozenset({"null", "true", "false", "nan", "inf"})
 
 
+@lru_cache(maxsize=1024)
 def structured(component: Component[Any]) -> DictConfig:
-    """The component's options as a typed OmegaConf node, with ``name`` filled in."""
+    """The component's options as a typed OmegaConf node, with ``name`` filled in; not to be changed."""
     node = OmegaConf.structured(component.config)
     node.name = component.name
     assert isinstance(node, DictConfig)

@@ -18,6 +18,7 @@ from typing import Any
 
 import hydra
 from hydra._internal.utils import get_args_parser
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from hydra.types import RunMode
@@ -107,14 +108,17 @@ def launch(
     own = {f.name for f in fields(schema)} & {*KINDS, *SLOTS} if config_name == "memory" else None
     registry = load_plugins(own)
     register(registry, {config_name: schema}, own)
-    # Hydra composes twice, and brings logging and folders, which a command that only looks has no use for.
-    plain = config_name == "memory" and not any(word.lstrip("+~").startswith(("-", "hydra")) for word in argv)
     task = HydraTask(function, registry)
-    if plain:
-        main = partial(_once, task, config_name, argv)
+    whole = hydra.main(
+        config_path=f"pkg://{CONFIG_MODULE}", config_name=config_name, version_base=VERSION_BASE
+    )
+    # Hydra itself composes twice, first to learn whether this is a sweep: without flags it is none.
+    if any(word.lstrip("+~").startswith(("-", "hydra.mode")) for word in argv):
+        main = whole(task)
+    elif config_name == "memory" and not any(word.lstrip("+~").startswith("hydra") for word in argv):
+        main = partial(_look, task, config_name, argv)
     else:
-        where = f"pkg://{CONFIG_MODULE}"
-        main = hydra.main(config_path=where, config_name=config_name, version_base=VERSION_BASE)(task)
+        main = partial(_once, task, config_name, argv, whole(task))
 
     def tell(error: Exception, known: Registry | None = None) -> int:
         if errors is not None:
@@ -146,11 +150,24 @@ def launch(
     return 0
 
 
-def _once(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
-    """Compose one configuration and run the job with it; a command that only looks needs no folder of Hydra's."""
+def _look(job: HydraTask, config_name: str, argv: Sequence[str]) -> None:
+    """Compose one configuration and run the job with it: a command that only looks needs no folder of Hydra's."""
     with hydra.initialize_config_module(CONFIG_MODULE, version_base=VERSION_BASE):
         config = hydra.compose(config_name, list(argv))
     job(config, Path())
+
+
+def _once(job: HydraTask, config_name: str, argv: Sequence[str], whole: Callable[[], object]) -> None:
+    """Run one job in Hydra's folder; ``whole`` is called where a preset turns out to ask for a sweep."""
+    with hydra.initialize_config_module(CONFIG_MODULE, config_name, version_base=VERSION_BASE):
+        try:
+            GlobalHydra.instance().hydra.run(config_name, job, list(argv))  # type: ignore[union-attr]
+            return
+        except (
+            AssertionError
+        ):  # what Hydra says of another mode than that for one job; jobs raise JobFailedError
+            pass
+    whole()
 
 
 def _sweep_shown(argv: Sequence[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,8 @@ class RunRecorder(FolderRecorder):
 
     ``config_yaml`` is the composed configuration as text. Numbers come first: ``result.json`` and the stages' JSON
     files are written before any picture, and a picture that cannot be made becomes a note and a warning, never an
-    error. Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
+    error. Pictures are made beside the run, on another core; :meth:`finish` waits for them.
+    Raises :class:`~gvla2.errors.OutputError` when the folder cannot be written to.
     """
 
     def __init__(self, folder: Path, config_yaml: str, command: str = "run") -> None:
@@ -73,6 +75,8 @@ class RunRecorder(FolderRecorder):
         self._motion = Motion(folder)
         self._pictures = Pictures()
         self._written: dict[str, Any] = {}
+        self._studio = ThreadPoolExecutor(1, "pictures")  # one: some pictures are drawn upon others
+        self._awaited: list[Future[None]] = []
 
     def frame(self, image: NDArray[np.uint8]) -> None:
         """Keep a frame (H, W, 3) uint8 of the moving robot. Never raises: that would stop the robot."""
@@ -87,7 +91,10 @@ class RunRecorder(FolderRecorder):
         self._motion.moment(moment)
 
     def stage(self, record: EpisodeRecord, stage: str) -> None:
-        """Write what ``record`` holds since the last call; to be called after each finished (or failed) stage."""
+        """Write what ``record`` holds since the last call; to be called after each finished (or failed) stage.
+
+        Its pictures follow within a moment, see :meth:`settle`.
+        """
         self._write_numbers(record)
         if stage in ("observe", "perceive", "reconstruct", "plan", "verify", "execute"):
             self._write_pictures(record)
@@ -97,14 +104,24 @@ class RunRecorder(FolderRecorder):
         self._write_numbers(record)
         self._write_pictures(record)
         if len(self._reel):
-            self.attempt("The animation", self._animate)
+            self._later("The animation", self._animate)
         self.attempt("The film", self._finish_film)
         self.attempt("The 3D scene", lambda: self._model(record))
+        self.settle()
         told = replace(record, notes=(*record.notes, *self.notes))
         page = self.folder / "index.html"
         self.attempt("The page", lambda: write_text(page, self._page(told)))
         self._write_numbers(record)  # once more: notes about pictures belong to the result
         return page
+
+    def settle(self) -> None:
+        """Wait until all pictures asked for are made."""
+        while self._awaited:
+            self._awaited[0].result()
+            del self._awaited[0]
+
+    def _later(self, what: str, make: Callable[[], object]) -> None:
+        self._awaited.append(self._studio.submit(self.attempt, what, make))
 
     def _write_numbers(self, record: EpisodeRecord) -> None:
         told = replace(record, notes=(*record.notes, *self.notes))
@@ -195,9 +212,9 @@ class RunRecorder(FolderRecorder):
             write_bytes(self.folder / name, data)
 
     def _once(self, key: str, source: Any, what: str, make: Callable[[], object]) -> None:
-        """Run ``make`` unless it ran for these very inputs before; records are frozen, so identity tells."""
+        """Have ``make`` run once for these very inputs, beside the run; records are frozen, so identity tells."""
         parts = source if isinstance(source, tuple) else (source,)
         if list(map(id, self._written.get(key, ()))) == list(map(id, parts)):
             return
         self._written[key] = parts
-        self.attempt(what, make)
+        self._later(what, make)

@@ -1,32 +1,25 @@
 """Inverse kinematics' inner loop, compiled: the chain of joints that carries the tool, and descents along it.
 
 A plan asks for hundreds of tool poses, each of which takes dozens of steps of a few small matrices: in Python the
-calls cost thirty times what the arithmetic does.
+calls cost thirty times what the arithmetic does. The loops are written out, for what numpy says in one sign (slices,
+sums of arrays, products of matrices) takes numba most of its time to compile.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from gvla2.geometry.compiled import compiled
 from gvla2.geometry.transform import FloatArray
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 POSITION_TOLERANCE, ROTATION_TOLERANCE = 5e-4, 5e-3
 """A pose counts as reached within this many metres and radians; steps go on well below."""
 
 COMFORT = 0.15
 """Distance to a joint limit, radians, under which a solution is pushed away from it where the arm has spare joints."""
-
-
-def _compiled(function: F) -> F:
-    """Compiled on the first call, kept on disk. Sums keep their order: the same question gets the same answer."""
-    return cast(F, numba.njit(cache=True, nogil=True)(function))
 
 
 class Chain(NamedTuple):
@@ -76,58 +69,43 @@ def chain_of(model: Any, tool: int, low: FloatArray, high: FloatArray) -> Chain:
     )
 
 
-@_compiled
-def _times(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Product of two (3, 3): a call of BLAS costs more than this."""
-    product = np.empty((3, 3))
+@compiled
+def _times(one: FloatArray, other: FloatArray, product: FloatArray) -> None:
+    """Writes the product of two (3, 3)."""
     for i in range(3):
         for j in range(3):
             product[i, j] = one[i, 0] * other[0, j] + one[i, 1] * other[1, j] + one[i, 2] * other[2, j]
-    return product
 
 
-@_compiled
-def _apply(turn: FloatArray, vector: FloatArray) -> FloatArray:
-    """(3, 3) times (3,)."""
-    product = np.empty(3)
+@compiled
+def _apply(turn: FloatArray, vector: FloatArray, product: FloatArray) -> None:
+    """Writes (3, 3) times (3,)."""
     for i in range(3):
         product[i] = turn[i, 0] * vector[0] + turn[i, 1] * vector[1] + turn[i, 2] * vector[2]
-    return product
 
 
-@_compiled
-def _dot(one: FloatArray, other: FloatArray) -> float:
-    """Sum of the products of two (n,)."""
+@compiled
+def _add(vector: FloatArray, other: FloatArray, share: float) -> None:
+    """Adds ``share`` of ``other`` (n,) to a vector (n,)."""
+    for i in range(len(vector)):
+        vector[i] += share * other[i]
+
+
+@compiled
+def _length(vector: FloatArray, first: int, last: int) -> float:
+    """Of a vector (n,), its entries from ``first`` to before ``last`` alone."""
     total = 0.0
-    for k in range(len(one)):
-        total += one[k] * other[k]
-    return total
+    for i in range(first, last):
+        total += vector[i] * vector[i]
+    return float(np.sqrt(total))
 
 
-@_compiled
-def _put(values: FloatArray, into: FloatArray) -> None:
-    """Copies (n,) into (n,): the assignment of a slice brings texts of errors, which take seconds to compile."""
-    for k in range(len(values)):
-        into[k] = values[k]
-
-
-@_compiled
-def _across(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Cross product of two (3,)."""
-    product = np.empty(3)
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        product[i] = a[j] * b[k] - a[k] * b[j]
-    return product
-
-
-@_compiled
-def _about(spin: FloatArray, value: float) -> FloatArray:
-    """(3, 3) the turn by ``value`` radians about a unit axis (3,); an axis of length 0 turns nothing."""
+@compiled
+def _about(spin: FloatArray, value: float, turn: FloatArray) -> None:
+    """Writes (3, 3), the turn by ``value`` radians about a unit axis (3,); an axis of length 0 turns nothing."""
     c, s = np.cos(value), np.sin(value)
-    if _dot(spin, spin) < 0.5:
+    if _length(spin, 0, 3) < 0.5:
         c, s = 1.0, 0.0
-    turn = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
             turn[i, j] = (1.0 - c) * spin[i] * spin[j]
@@ -136,58 +114,68 @@ def _about(spin: FloatArray, value: float) -> FloatArray:
         turn[i, i] += c
         turn[k, j] += s * spin[i]
         turn[j, k] -= s * spin[i]
-    return turn
 
 
-@_compiled
+@compiled
 def _tool(chain: Chain, joints: FloatArray, pose: FloatArray, jacobian: FloatArray) -> None:
     """Writes world_from_tool (4, 4) and its Jacobian (6, dof) in the tool frame, metres before radians."""
     count = len(chain.column)
-    turn, place = np.zeros((3, 3)), np.zeros(3)
-    for i in range(3):
-        turn[i, i] = 1.0
+    turn, other, about = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     spins, slides, hinges = np.empty((count, 3)), np.empty((count, 3)), np.empty((count, 3))
+    place, shift = np.zeros(3), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            turn[i, j] = 1.0 if i == j else 0.0
     for k in range(count):
         value = joints[chain.column[k]]
-        place = place + _apply(turn, chain.places[k])
-        turn = _times(turn, chain.turns[k])
-        _put(_apply(turn, chain.spin[k]), spins[k])
-        _put(_apply(turn, chain.slide[k]), slides[k])
-        place = place + value * slides[k]
-        _put(place, hinges[k])
-        turn = _times(turn, _about(chain.spin[k], value))
-    place = place + _apply(turn, chain.tool_place)
-    turn = _times(turn, chain.tool_turn)
+        _apply(turn, chain.places[k], shift)
+        _add(place, shift, 1.0)
+        _times(turn, chain.turns[k], other)
+        _apply(other, chain.spin[k], spins[k])
+        _apply(other, chain.slide[k], slides[k])
+        _add(place, slides[k], value)
+        for i in range(3):
+            hinges[k, i] = place[i]
+        _about(chain.spin[k], value, about)
+        _times(other, about, turn)
+    _apply(turn, chain.tool_place, shift)
+    _add(place, shift, 1.0)
+    _times(turn, chain.tool_turn, other)
     for i in range(3):
-        _put(turn[i], pose[i, :3])
+        for j in range(3):
+            pose[i, j] = other[i, j]
         pose[i, 3], pose[3, i] = place[i], 0.0
     pose[3, 3] = 1.0
-    jacobian.fill(0.0)
+    for i in range(6):
+        for k in range(len(joints)):
+            jacobian[i, k] = 0.0
     for k in range(count):
-        moves = slides[k] + _across(spins[k], place - hinges[k])
         column = chain.column[k]
-        for i in range(3):
-            for j in range(3):
-                jacobian[i, column] += turn[j, i] * moves[j]
-                jacobian[3 + i, column] += turn[j, i] * spins[k, j]
+        for j in range(3):
+            m, n = (j + 1) % 3, (j + 2) % 3
+            lever_m, lever_n = place[m] - hinges[k, m], place[n] - hinges[k, n]
+            moves = slides[k, j] + (spins[k, m] * lever_n - spins[k, n] * lever_m)
+            for i in range(3):
+                jacobian[i, column] += other[j, i] * moves
+                jacobian[3 + i, column] += other[j, i] * spins[k, j]
 
 
-@_compiled
-def _solved(matrix: FloatArray, vector: FloatArray) -> tuple[FloatArray, float]:
-    """X (n,) of A x = b for a symmetric positive (n, n), which is overwritten, and the least pivot over the largest
-    diagonal entry: 0 where there is no such x.
+@compiled
+def _solve(matrix: FloatArray, vector: FloatArray) -> float:
+    """Puts x (n,) of A x = b for a symmetric positive (n, n) in place of b, and its Cholesky factor in place of A.
+
+    The least pivot over the largest diagonal entry; 0 where there is no such x.
     """
     size, largest, least = len(vector), 0.0, np.inf
     for k in range(size):
         largest = max(largest, matrix[k, k])
-    found = vector.copy()
     for j in range(size):
         pivot = matrix[j, j]
         for k in range(j):
             pivot -= matrix[j, k] * matrix[j, k]
         least = min(least, pivot)
         if not pivot > 0.0:
-            return found, 0.0
+            return 0.0
         root = np.sqrt(pivot)
         matrix[j, j] = root
         for i in range(j + 1, size):
@@ -196,56 +184,62 @@ def _solved(matrix: FloatArray, vector: FloatArray) -> tuple[FloatArray, float]:
                 value -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = value / root
         for k in range(j):
-            found[j] -= matrix[j, k] * found[k]
-        found[j] /= root
+            vector[j] -= matrix[j, k] * vector[k]
+        vector[j] /= root
     for j in range(size - 1, -1, -1):
         for k in range(j + 1, size):
-            found[j] -= matrix[k, j] * found[k]
-        found[j] /= matrix[j, j]
-    return found, least / largest
+            vector[j] -= matrix[k, j] * vector[k]
+        vector[j] /= matrix[j, j]
+    return float(least / largest)
 
 
-@_compiled
-def _error(pose: FloatArray, target: FloatArray) -> FloatArray:
-    """(6,) the motion from a pose (4, 4) to the target (4, 4) as a twist in the pose's frame: log of their quotient."""
-    back = pose[:3, :3].T
-    turn = _times(back, target[:3, :3])
-    shift = _apply(back, target[:3, 3] - pose[:3, 3])
+@compiled
+def _error(pose: FloatArray, target: FloatArray, twist: FloatArray) -> None:
+    """Writes the motion (6,) from a pose (4, 4) to the target (4, 4) in the pose's frame: log of their quotient."""
+    turn, shift, vector = np.zeros((3, 3)), np.zeros(3), np.empty(3)
+    for i in range(3):
+        for k in range(3):
+            for j in range(3):
+                turn[i, j] += pose[k, i] * target[k, j]
+            shift[i] += pose[k, i] * (target[k, 3] - pose[k, 3])
     # By the quaternion, which tells small turns and half turns alike; its largest part comes first.
-    diagonal = np.empty(3)
-    for n in range(3):
-        diagonal[n] = turn[n, n]
-    trace = diagonal[0] + diagonal[1] + diagonal[2]
-    vector, real = np.empty(3), 0.0
-    if trace > max(diagonal[0], diagonal[1], diagonal[2]):
+    trace, i = turn[0, 0] + turn[1, 1] + turn[2, 2], 0
+    for n in range(1, 3):
+        if turn[n, n] > turn[i, i]:
+            i = n
+    j, k = (i + 1) % 3, (i + 2) % 3
+    if trace > turn[i, i]:
         real = 0.5 * np.sqrt(1.0 + trace)
-        vector[0] = (turn[2, 1] - turn[1, 2]) / (4.0 * real)
-        vector[1] = (turn[0, 2] - turn[2, 0]) / (4.0 * real)
-        vector[2] = (turn[1, 0] - turn[0, 1]) / (4.0 * real)
+        vector[i] = (turn[k, j] - turn[j, k]) / (4.0 * real)
+        vector[j] = (turn[i, k] - turn[k, i]) / (4.0 * real)
+        vector[k] = (turn[j, i] - turn[i, j]) / (4.0 * real)
     else:
-        i = int(np.argmax(diagonal))
-        j, k = (i + 1) % 3, (i + 2) % 3
-        vector[i] = 0.5 * np.sqrt(max(0.0, 1.0 + diagonal[i] - diagonal[j] - diagonal[k]))
+        vector[i] = 0.5 * np.sqrt(max(0.0, 1.0 + turn[i, i] - turn[j, j] - turn[k, k]))
         vector[j] = (turn[j, i] + turn[i, j]) / (4.0 * vector[i])
         vector[k] = (turn[k, i] + turn[i, k]) / (4.0 * vector[i])
         real = (turn[k, j] - turn[j, k]) / (4.0 * vector[i])
-    if real < 0.0:
-        vector, real = -vector, -real
-    sine = np.sqrt(_dot(vector, vector))
+    sign = -1.0 if real < 0.0 else 1.0
+    real *= sign
+    sine = _length(vector, 0, 3)
     angle = 2.0 * np.arctan2(sine, real)
-    rotation = vector * (2.0 if sine < 1e-12 else angle / sine)
+    gain = sign * (2.0 if sine < 1e-12 else angle / sine)
     if angle < 1e-4:
         share = 1.0 / 12.0 + angle * angle / 720.0
     else:
         share = (1.0 - 0.5 * angle * real / sine) / (angle * angle)
-    across = _across(rotation, shift)
-    twist = np.empty(6)
-    _put(shift - 0.5 * across + share * _across(rotation, across), twist[:3])
-    _put(rotation, twist[3:])
-    return twist
+    across = np.empty(3)
+    for n in range(3):
+        twist[3 + n] = gain * vector[n]
+    for n in range(3):
+        m, o = (n + 1) % 3, (n + 2) % 3
+        across[n] = twist[3 + m] * shift[o] - twist[3 + o] * shift[m]
+    for n in range(3):
+        m, o = (n + 1) % 3, (n + 2) % 3
+        twice = twist[3 + m] * across[o] - twist[3 + o] * across[m]
+        twist[n] = shift[n] - 0.5 * across[n] + share * twice
 
 
-@_compiled
+@compiled
 def _margin(chain: Chain, joints: FloatArray) -> float:
     """Smallest distance to a joint limit; negative outside."""
     least = np.inf
@@ -254,59 +248,87 @@ def _margin(chain: Chain, joints: FloatArray) -> float:
     return least
 
 
-@_compiled
-def _away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float) -> FloatArray:
-    """A small motion (dof,) away from near limits that leaves the tool where it is: spare joints only."""
-    if len(joints) <= 6 or _margin(chain, joints) > 2 * COMFORT:
-        return np.zeros(len(joints))
-    push = np.maximum(0.0, 2 * COMFORT - (joints - chain.low))
-    push -= np.maximum(0.0, 2 * COMFORT - (chain.high - joints))
+@compiled
+def _gram(jacobian: FloatArray) -> FloatArray:
+    """(6, 6) the products of the Jacobian's rows."""
+    gram = np.zeros((6, 6))
+    for i in range(6):
+        for j in range(6):
+            for k in range(jacobian.shape[1]):
+                gram[i, j] += jacobian[i, k] * jacobian[j, k]
+    return gram
+
+
+@compiled
+def _go_away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float, step: FloatArray) -> None:
+    """Adds a small motion to ``step`` (dof,): away from near limits, the tool left where it is by spare joints."""
+    dof = len(joints)
+    if dof <= 6 or _margin(chain, joints) > 2 * COMFORT:
+        return
+    push, rates = np.empty(dof), np.zeros(6)
+    for k in range(dof):
+        push[k] = max(0.0, 2 * COMFORT - (joints[k] - chain.low[k]))
+        push[k] -= max(0.0, 2 * COMFORT - (chain.high[k] - joints[k]))
     # What of the push moves the tool: its share in the Jacobian's rows. Where those nearly depend it isn't known well.
-    across = np.ascontiguousarray(jacobian.T)
-    rates, sound = _solved(jacobian @ across, jacobian @ push)
-    return gain * (push - across @ rates) if sound > 1e-6 else np.zeros(len(joints))
+    for i in range(6):
+        for k in range(dof):
+            rates[i] += jacobian[i, k] * push[k]
+    if _solve(_gram(jacobian), rates) <= 1e-6:
+        return
+    for k in range(dof):
+        for i in range(6):
+            push[k] -= jacobian[i, k] * rates[i]
+        step[k] += gain * push[k]
 
 
-@_compiled
+@compiled
 def descend(
-    chain: Chain, start: FloatArray, target: FloatArray, iterations: int, spare: bool
+    chain: Chain, start: FloatArray, target: FloatArray, iterations: int, away: float
 ) -> tuple[bool, FloatArray]:
     """Whether the tool gets from joints ``start`` (dof,) to the pose ``target`` (4, 4), and the joints (dof,) where.
 
-    Damped least squares, damping falling with the squared error (Sugihara 2011), clipped to the limits. With ``spare``
-    each step also goes away from near limits.
+    Damped least squares, damping falling with the squared error (Sugihara 2011), clipped to the limits. Each
+    step also goes ``away`` from near limits, by that share of what it would take, where joints are to spare.
     """
     dof = len(start)
-    joints = np.minimum(np.maximum(start, chain.low), chain.high)
-    pose, jacobian = np.empty((4, 4)), np.empty((6, dof))
+    joints, step, normal = np.empty(dof), np.empty(dof), np.empty((dof, dof))
+    for k in range(dof):
+        joints[k] = min(max(start[k], chain.low[k]), chain.high[k])
+    pose, jacobian, error = np.empty((4, 4)), np.empty((6, dof)), np.empty(6)
     best, stalled = np.inf, 0
-    for _ in range(iterations):
+    for left in range(iterations, -1, -1):
         _tool(chain, joints, pose, jacobian)
-        error = _error(pose, target)
-        squared = _dot(error, error)
+        _error(pose, target, error)
+        squared = _length(error, 0, 6) ** 2
         if squared < 1e-11:
             return True, joints
         stalled = 0 if squared < 0.9 * best else stalled + 1
         best = min(best, squared)
-        if stalled > 6:
+        if stalled > 6 or left == 0:
             break
-        across = np.ascontiguousarray(jacobian.T)
-        normal = across @ jacobian
         for k in range(dof):
+            step[k] = 0.0
+            for i in range(6):
+                step[k] += jacobian[i, k] * error[i]
+            for j in range(dof):
+                normal[k, j] = 0.0
+                for i in range(6):
+                    normal[k, j] += jacobian[i, k] * jacobian[i, j]
             normal[k, k] += 1e-2 * squared + 1e-9
-        step, _ = _solved(normal, across @ error)
-        if spare:
-            step += _away(chain, joints, jacobian, 0.2)
-        largest = np.abs(step).max()
-        joints = joints + step * min(1.0, 0.6 / max(largest, 1e-12))
-        joints = np.minimum(np.maximum(joints, chain.low), chain.high)
-    _tool(chain, joints, pose, jacobian)
-    error = _error(pose, target)
-    shift, turn = np.sqrt(_dot(error[:3], error[:3])), np.sqrt(_dot(error[3:], error[3:]))
+        _solve(normal, step)
+        if away > 0.0:
+            _go_away(chain, joints, jacobian, away, step)
+        largest = 1e-12
+        for k in range(dof):
+            largest = max(largest, abs(step[k]))
+        _add(joints, step, min(1.0, 0.6 / largest))
+        for k in range(dof):
+            joints[k] = min(max(joints[k], chain.low[k]), chain.high[k])
+    shift, turn = _length(error, 0, 3), _length(error, 3, 6)
     return shift < 0.2 * POSITION_TOLERANCE and turn < 0.2 * ROTATION_TOLERANCE, joints
 
 
-@_compiled
+@compiled
 def settle(
     chain: Chain, start: FloatArray, target: FloatArray
 ) -> tuple[bool, FloatArray, float, float, float, float]:
@@ -315,19 +337,26 @@ def settle(
     Whether it was reached, and joints (dof,); of those the distance to the nearest limit, Yoshikawa's manipulability
     sqrt(det(J J^T)), and what they miss the pose by, metres and radians.
     """
-    reached, joints = descend(chain, start, target, 40, False)
-    margin = _margin(chain, joints)
-    best = joints
-    pose, jacobian = np.empty((4, 4)), np.empty((6, len(joints)))
-    if reached and margin < COMFORT and len(joints) > 6:
-        for _ in range(10):
-            _tool(chain, best, pose, jacobian)
-            settled, joints = descend(chain, best + _away(chain, best, jacobian, 0.5), target, 6, False)
-            if not settled or _margin(chain, joints) < margin + 1e-3:
-                break
+    pose, jacobian, error = np.empty((4, 4)), np.empty((6, len(start))), np.empty(6)
+    reached, best, margin = False, start, -np.inf
+    for k in range(11):
+        settled, joints = descend(chain, start, target, 6 if k else 40, 0.0)
+        if k == 0:
+            reached, best, margin = settled, joints, _margin(chain, joints)
+        elif settled and _margin(chain, joints) >= margin + 1e-3:
             best, margin = joints, _margin(chain, joints)
+        else:
+            break
+        if not reached or len(best) <= 6 or (k == 0 and margin >= COMFORT):
+            break
+        _tool(chain, best, pose, jacobian)
+        start = best.copy()
+        _go_away(chain, best, jacobian, 0.5, start)
     _tool(chain, best, pose, jacobian)
-    error = _error(pose, target)
-    volume = float(np.linalg.det(jacobian @ np.ascontiguousarray(jacobian.T)))
-    shift, turn = np.sqrt(_dot(error[:3], error[:3])), np.sqrt(_dot(error[3:], error[3:]))
-    return reached, best, margin, float(np.sqrt(max(0.0, volume))), shift, turn
+    _error(pose, target, error)
+    gram, volume = _gram(jacobian), 1.0
+    if _solve(gram, np.zeros(6)) == 0.0:
+        volume = 0.0
+    for i in range(6):
+        volume *= gram[i, i]  # the factor's diagonal
+    return reached, best, margin, volume, _length(error, 0, 3), _length(error, 3, 6)

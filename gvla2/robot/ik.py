@@ -13,6 +13,8 @@ from gvla2.robot.kinematics import Kinematics
 
 _SAMPLED = 400
 """Members of the library among which the arm's best manipulability is looked for."""
+_AWAY = 0.2
+"""How far each step along a line also goes away from near joint limits; see :func:`gvla2.robot.descent.descend`."""
 
 
 class InverseKinematics:
@@ -67,7 +69,8 @@ class InverseKinematics:
 
     def track(self, joints: FloatArray, target: FloatArray, iterations: int = 12) -> FloatArray | None:
         """Joints (dof,) for a near-by pose (4, 4) on the same branch as ``joints``; None when lost."""
-        reached, found = descend(self._kinematics.chain, joints, target, iterations, True)
+        start, goal = np.ascontiguousarray(joints), np.ascontiguousarray(target)  # other layouts compile anew
+        reached, found = descend(self._kinematics.chain, start, goal, iterations, _AWAY)
         return found if reached else None
 
     def _starts(self, target: FloatArray, near: FloatArray) -> Iterator[FloatArray]:

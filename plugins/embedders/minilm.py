@@ -6,6 +6,7 @@ import hashlib
 import importlib.util
 import json
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -37,22 +38,24 @@ class MiniLMEmbedder:
         if batch < 1:
             raise ConfigurationError(f"The minilm embedder needs batch >= 1, got {batch}.")
         folder = model_folder() if folder is None else folder
-        check(folder)
         try:
             from safetensors.numpy import load_file
             from tokenizers import Tokenizer
         except ImportError as error:
+            check(folder)
             raise _missing("tokenizers") from error
-        self._batch = batch
-        self._tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+        with ThreadPoolExecutor(1) as pool:
+            checked = pool.submit(check, folder)  # as long as reading them: on another core
+            try:
+                tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+                weights = load_file(folder / "model.safetensors")
+                config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+            finally:
+                checked.result()
+        self._batch, self._tokenizer = batch, tokenizer
         self._tokenizer.enable_truncation(MAX_TOKENS)
         self._tokenizer.no_padding()
-        config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
-        self._encoder = Encoder(
-            load_file(folder / "model.safetensors"),
-            config["num_attention_heads"],
-            config["layer_norm_eps"],
-        )
+        self._encoder = Encoder(weights, config["num_attention_heads"], config["layer_norm_eps"])
         self._dimension = int(config["hidden_size"])
 
     @property

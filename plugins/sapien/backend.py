@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from gvla2.robot.task import Layout, Task, TaskInstance, TaskSite
 from gvla2_plugins.sapien import SapienArmConfig
 from gvla2_plugins.sapien.arm import make_cell
 from gvla2_plugins.sapien.bodies import PREFIX
-from gvla2_plugins.sapien.cameras import CameraRig
+from gvla2_plugins.sapien.cameras import CameraRig, Filming
 from gvla2_plugins.sapien.cell import TABLE_RGB
 from gvla2_plugins.sapien.driver import SapienDriver
 from gvla2_plugins.sapien.engine import import_sapien
@@ -113,19 +113,11 @@ class SapienArm:
 
     def _finer(self, world_from_tcp: FloatArray, size: int) -> Callable[[], Views] | None:
         """Takes this moment's pictures again with more pixels, when they are asked for; None where there are enough."""
-        if size >= SHOWN_SIZE or self._eyes is None:
+        if size >= SHOWN_SIZE:
             return None
-        world, eyes = self._sane_world("seen"), self._eyes
-        links = world.link_poses(self._links)
-        poses = self._thing_poses(world)
-        mounts, names = self._cell.mounts, tuple(self._config.cameras)
-
-        @cache
-        def finer() -> Views:
-            cameras = [mounts.camera(name, SHOWN_SIZE, world_from_tcp) for name in names]
-            return Views(tuple(eyes.look(cameras, links, poses)))
-
-        return finer
+        mounts, names = self._cell.mounts, self._config.cameras
+        sight = self._sight([mounts.camera(name, SHOWN_SIZE, world_from_tcp) for name in names])
+        return cache(lambda: Views(tuple(sight())))
 
     def execute(
         self, trajectory: Trajectory, scene: Scene, listener: ExecutionListener = _SILENT
@@ -136,11 +128,13 @@ class SapienArm:
         def film() -> None:
             name, size = self._config.cameras[0], self._config.video_size
             view = self._cell.mounts.camera(name, size, self._arm.forward(world.joints))
-            listener.moment(Moment(world.time, world.joints.copy(), world.gripper_width))
-            listener.frame(self._look([view])[0].image)
+            reel.shoot(Moment(world.time, world.joints.copy(), world.gripper_width), self._sight([view]))
 
-        driver = SapienDriver(world, self._config, self._arm.hand.max_width, film)
-        return execute(trajectory, scene, self._arm, self._planner, driver, listener)
+        driver = SapienDriver(
+            world, self._config, self._arm.hand.max_width, None if listener is _SILENT else film
+        )
+        with Filming(listener) as reel:
+            return execute(trajectory, scene, self._arm, self._planner, driver, listener)
 
     def judge(self) -> SuccessCheck | None:
         """Whether the episode's goal is reached once the arm has held still for a moment; None without a task."""
@@ -228,10 +222,14 @@ class SapienArm:
         return self._eyes
 
     def _look(self, cameras: Sequence[Camera]) -> list[View]:
+        return self._sight(cameras)()
+
+    def _sight(self, cameras: Sequence[Camera]) -> Callable[[], list[View]]:
+        """Draws what the cameras see at this moment, when it is called, from any thread."""
         world, eyes = self._sane_world("seen"), self._eyes
         if eyes is None or self._lights != self._layout.lights(world.peaks):
             eyes = self._open_eyes()
-        return eyes.look(cameras, world.link_poses(self._links), self._thing_poses(world))
+        return partial(eyes.look, cameras, world.link_poses(self._links), self._thing_poses(world))
 
     def _thing_poses(self, world: World) -> dict[str, FloatArray]:
         """world_from_thing (4, 4) of all that the eyes see beside the robot, now."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +14,7 @@ from gvla2.geometry.camera import Camera
 from gvla2.geometry.raycast import RayCaster, RayImage, Surface
 from gvla2.geometry.transform import FloatArray, look_along
 from gvla2.geometry.views import View
+from gvla2.robot.backend import ExecutionListener, Moment
 
 EXPLAINED = 0.010
 """Depth counts as the robot's own within this distance of its model, metres."""
@@ -82,3 +85,31 @@ def _merge(camera: Camera, robot: RayImage, things: RayImage) -> View:
     with np.errstate(invalid="ignore"):
         mask = np.abs(depth - robot.depth) <= EXPLAINED
     return View(camera, np.where(nearer[..., None], robot.image, things.image), depth, robot_mask=mask)
+
+
+class Filming:
+    """Draws frames beside the moving robot, on another core, and tells the listener of them in order, in our thread."""
+
+    def __init__(self, listener: ExecutionListener) -> None:
+        self._listener = listener
+        self._studio = ThreadPoolExecutor(1, "film")
+        self._awaited: deque[tuple[Moment, Future[list[View]]]] = deque()
+
+    def shoot(self, moment: Moment, sight: Callable[[], list[View]]) -> None:
+        """Have one more frame drawn; those that are ready go to the listener."""
+        self._awaited.append((moment, self._studio.submit(sight)))
+        while self._awaited and self._awaited[0][1].done():
+            self._deliver()
+
+    def __enter__(self) -> Filming:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._studio:
+            while self._awaited:
+                self._deliver()
+
+    def _deliver(self) -> None:
+        moment, drawn = self._awaited.popleft()
+        self._listener.moment(moment)
+        self._listener.frame(drawn.result()[0].image)

@@ -139,7 +139,9 @@ def test_a_run_keeps_the_views_of_the_named_object(observation, tmp_path):
     record = EpisodeRecord(
         "one", "lift the red box", "", 0, choices={}, observation=observation, scene=scene_of(SIZE)
     )
-    RunRecorder(tmp_path, "seed: 0\n").stage(record, "perceive")
+    recorder = RunRecorder(tmp_path, "seed: 0\n")
+    recorder.stage(record, "perceive")
+    recorder.settle()
     kept, expected = read_views(tmp_path), masked_views(observation, scene_of(SIZE).objects[0])
     assert [view.name for view in kept] == [view.name for view in expected]
     for ours, theirs in zip(kept, expected, strict=True):

@@ -43,6 +43,7 @@ def run(recorder: RunRecorder, full: EpisodeRecord, until: str = "judge") -> Epi
         recorder.stage(record, stage)
         if stage == until:
             break
+    recorder.settle()
     return record
 
 
@@ -101,6 +102,7 @@ def test_a_refined_scene_and_a_repaired_plan_replace_the_first(
     assert record.plan is not None
     assert record.plan.trajectory is not None
     recorder.stage(record, "plan")
+    recorder.settle()
     before = (tmp_path / "perception.png").read_bytes(), (tmp_path / "plan.png").read_bytes()
     shorter = replace(record.plan.trajectory, waypoints=record.plan.trajectory.waypoints[:3])
     grown = replace(record.scene.objects[0], extents=record.scene.objects[0].extents * 1.5)
