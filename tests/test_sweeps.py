@@ -150,7 +150,7 @@ def test_only_a_job_of_the_same_configuration_is_done(compose_run: Any, tmp_path
 def test_flags_of_one_job_in_a_sweep_end_in_a_sentence(flag: list[str], capsys: pytest.CaptureFixture[str]):
     assert cli.main(["run", "-m", "seed=0,1", *flag]) == 2
     told = capsys.readouterr().err
-    assert "show one job: leave -m away" in told
+    assert "show one job: omit -m" in told
     assert "Traceback" not in told
 
 

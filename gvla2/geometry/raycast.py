@@ -1,8 +1,8 @@
 """Colour, depth and identity images of rigid triangle surfaces, by ray casting on the CPU.
 
-Each surface is put into an Embree tree of its own, in its own frame, once. Posing a surface then moves the rays,
-never the triangles, so that nothing is rebuilt while a robot moves; a surface is only asked about the pixels
-that its bounding box covers, and a shared depth buffer both ends rays early and merges the answers.
+Each surface is put into an Embree tree of its own, in its own frame, once. Posing a surface then moves the rays, never
+the triangles, so nothing is rebuilt while a robot moves; a surface is only tested for the pixels that its bounding box
+covers, and a shared depth buffer both ends rays early and merges the answers.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from gvla2.geometry.texture import Texture
 from gvla2.geometry.transform import FloatArray, check_rigid, invert_rigid, transform_points
 
 AMBIENT = 0.55
-"""Share of a colour that is there without light; the rest grows with the light, so hue never changes."""
+"""Ambient share of a colour; the rest grows with the light, so hue never changes."""
 HEADLIGHT, SKY = 0.6, 0.4
-"""How the light is shared between the camera's lamp (along its axis) and the sky (world +z)."""
+"""Shares of light from the camera's lamp (along its axis) and the sky (world +z)."""
 BACKGROUND = (0.80, 0.84, 0.88)
 
 _CHUNK = 8192  # rays a call: the answer's arrays then stay in the cache
@@ -140,7 +140,7 @@ class RayCaster:
         depth = np.full(size, np.inf, dtype=np.float32)
         hits = np.full(size, len(self._ids), dtype=np.int64)  # one past the last face: background
         pixel_steps = np.linalg.inv(camera.K)
-        # Near surfaces first, so that what they hide is dropped early.
+        # Near surfaces first, so that hidden ones are dropped early.
         for index in np.argsort([np.linalg.norm(pose[:3, 3] - camera.position) for pose in poses]):
             if len(self._surfaces[index].faces) == 0:
                 continue
@@ -206,7 +206,7 @@ class RayCaster:
         return normals, offsets
 
     def _shades(self, camera: Camera, normals: FloatArray, offsets: FloatArray) -> NDArray[np.float32]:
-        """(F,) brightness of faces; the side that faces the camera counts, however a face is wound."""
+        """(F,) brightness of faces; the side that faces the camera counts, whatever the winding."""
         seen_from_front = normals @ camera.position >= offsets
         sky = 0.5 + 0.5 * np.where(seen_from_front, normals[:, 2], -normals[:, 2])
         headlight = np.abs(normals @ camera.world_from_camera[:3, 2])
@@ -260,7 +260,7 @@ def _face_planes(surfaces: Sequence[Surface]) -> tuple[FloatArray, FloatArray]:
 
 
 def _window(camera: Camera, corners: FloatArray) -> tuple[slice, slice] | None:
-    """Rows and columns that may see a box of corners (8, 3) in the camera's frame; None when no pixel does."""
+    """Rows and columns that may show a box of corners (8, 3) in the camera's frame; None when no pixel does."""
     ends = corners[_EDGES]  # (12, 2, 3)
     depth = ends[..., 2] - _NEAR
     if (depth <= 0).all():
