@@ -65,7 +65,7 @@ def test_members_forgotten_together_leave_nothing(store: Store, summed_up: list[
 def test_who_forgets_a_summary_is_told_who_else_says_it(store: Store, summed_up: list[Record]) -> None:
     with store.writing("b", actor="owner", now=NOW + 1) as t:
         assert t.forget("summary-1")
-    assert t.also == ["What it had taken in is kept with words of its own: m-A, m-B, m-C, m-D."]
+    assert t.also == ["Records merged into it are kept with their own words: m-A, m-B, m-C, m-D."]
     check_sound(store)
 
 
