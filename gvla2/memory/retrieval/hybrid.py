@@ -74,7 +74,7 @@ class HybridRetriever:
         )
         scores = np.sum(list(terms.values()), axis=0)
         if (best := scores.max()) < options.min_score:
-            best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is asked"
+            best_is = f"the best score is {best:.2f}, at least {options.min_score:.2f} is required"
             return (), f"{len(rows)} records are about this, none reliable enough: {best_is}."
         return [
             Ranked(int(rows[i]), float(scores[i]), {name: float(term[i]) for name, term in terms.items()})
@@ -141,7 +141,8 @@ class HybridRetriever:
         return (
             f"None of {np.count_nonzero(allowed)} records is about this: the nearest, {id}, has cosine "
             f"{cosine[nearest]:.2f} and {lexical[nearest]:.0%} of the query's words, which counts "
-            f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is asked, or {options.min_words:.0%} of the "
+            f"{evidence[nearest]:.2f} (at least {options.min_evidence:.2f} is required, or {options.min_words:.0%} of "
+            f"the "
             "words)."
         )
 

@@ -40,7 +40,7 @@ class Transaction(Writing):
         self.to_scrub = False
 
     def forget(self, *ids: str, why: str = "") -> list[str]:
-        """Forget records for good: row, vector, links, their episodes' text, and what events say of them.
+        """Forget records permanently: row, vector, links, their episodes' text, and events' payloads about them.
 
         Their ids, and the fact that they were forgotten, stay. Returns the ids of those that existed.
         """
