@@ -95,7 +95,7 @@ def test_a_sweep_ends_in_a_table_and_goes_on_where_it_stopped(
     told = capsys.readouterr()
     (folder,) = here.glob("outputs/run/*/*-sweep")
     assert [job["overrides"]["seed"] for job in jobs_of(folder)] == ["0"]
-    again = re.search(r"To go on: gvla2 (.*)", told.err)
+    again = re.search(r"To resume: gvla2 (.*)", told.err)
     assert again is not None
     assert re.search(r"\[0: .*\] -> .*index.html", told.err), "quiet=true still says how a job ended"
 

@@ -1,7 +1,7 @@
-"""Inverse kinematics' inner loop, compiled: the chain of joints that carries the tool, and descents along it.
+"""Inverse kinematics' compiled inner loop: the chain of joints that carries the tool, and descents along it.
 
-A plan asks for hundreds of tool poses, each of which takes dozens of steps of a few small matrices: in Python the
-calls cost thirty times what the arithmetic does.
+A plan needs hundreds of tool poses, each with dozens of steps of a few small matrices: in Python the calls cost thirty
+times the arithmetic.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from gvla2.geometry.transform import FloatArray
 F = TypeVar("F", bound=Callable[..., Any])
 
 POSITION_TOLERANCE, ROTATION_TOLERANCE = 5e-4, 5e-3
-"""A pose counts as reached within this many metres and radians; steps go on well below."""
+"""A pose counts as reached within this many metres and radians; steps continue well below."""
 
 COMFORT = 0.15
-"""Distance to a joint limit, radians, under which a solution is pushed away from it where the arm has spare joints."""
+"""Distance to a joint limit, radians, under which a solution is pushed away from it if the arm has spare joints."""
 
 
 def _compiled(function: F) -> F:
-    """Compiled on the first call, kept on disk. Sums keep their order: the same question gets the same answer."""
+    """Compiled on the first call, kept on disk. Sums keep their order, so results are reproducible."""
     return cast(F, numba.njit(cache=True, nogil=True)(function))
 
 
@@ -106,7 +106,7 @@ def _dot(one: FloatArray, other: FloatArray) -> float:
 
 @_compiled
 def _put(values: FloatArray, into: FloatArray) -> None:
-    """Copies (n,) into (n,): the assignment of a slice brings texts of errors, which take seconds to compile."""
+    """Copies (n,) into (n,): assigning a slice brings in error texts, which take seconds to compile."""
     for k in range(len(values)):
         into[k] = values[k]
 
@@ -175,7 +175,7 @@ def _tool(chain: Chain, joints: FloatArray, pose: FloatArray, jacobian: FloatArr
 @_compiled
 def _solved(matrix: FloatArray, vector: FloatArray) -> tuple[FloatArray, float]:
     """X (n,) of A x = b for a symmetric positive (n, n), which is overwritten, and the least pivot over the largest
-    diagonal entry: 0 where there is no such x.
+    diagonal entry: 0 if there is no such x.
     """
     size, largest, least = len(vector), 0.0, np.inf
     for k in range(size):
@@ -261,7 +261,8 @@ def _away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float) -
         return np.zeros(len(joints))
     push = np.maximum(0.0, 2 * COMFORT - (joints - chain.low))
     push -= np.maximum(0.0, 2 * COMFORT - (chain.high - joints))
-    # What of the push moves the tool: its share in the Jacobian's rows. Where those nearly depend it isn't known well.
+    # The part of the push that moves the tool: its share in the Jacobian's rows. If those are nearly dependent it is
+    # inexact.
     across = np.ascontiguousarray(jacobian.T)
     rates, sound = _solved(jacobian @ across, jacobian @ push)
     return gain * (push - across @ rates) if sound > 1e-6 else np.zeros(len(joints))
@@ -271,7 +272,7 @@ def _away(chain: Chain, joints: FloatArray, jacobian: FloatArray, gain: float) -
 def descend(
     chain: Chain, start: FloatArray, target: FloatArray, iterations: int, spare: bool
 ) -> tuple[bool, FloatArray]:
-    """Whether the tool gets from joints ``start`` (dof,) to the pose ``target`` (4, 4), and the joints (dof,) where.
+    """Whether the tool gets from joints ``start`` (dof,) to the pose ``target`` (4, 4), and the final joints (dof,).
 
     Damped least squares, damping falling with the squared error (Sugihara 2011), clipped to the limits. With ``spare``
     each step also goes away from near limits.
@@ -310,10 +311,10 @@ def descend(
 def settle(
     chain: Chain, start: FloatArray, target: FloatArray
 ) -> tuple[bool, FloatArray, float, float, float, float]:
-    """:func:`descend` with patience; then, where joints are to spare, the same tool pose farther from the limits.
+    """:func:`descend` with more steps; then, with spare joints, the same tool pose farther from the limits.
 
-    Whether it was reached, and joints (dof,); of those the distance to the nearest limit, Yoshikawa's manipulability
-    sqrt(det(J J^T)), and what they miss the pose by, metres and radians.
+    Returns whether it was reached, and joints (dof,) with their distance to the nearest limit, Yoshikawa's
+    manipulability sqrt(det(J J^T)), and their pose error, metres and radians.
     """
     reached, joints = descend(chain, start, target, 40, False)
     margin = _margin(chain, joints)

@@ -89,8 +89,8 @@ def test_a_recipe_from_a_failure_becomes_something_to_avoid():
     [
         ({"content": "x"}, "'memory_id' is missing"),
         ({"memory_id": "a", "content": "  "}, "'content' is missing or empty"),
-        ({"memory_id": "a", "content": ["x"]}, "'content' is no text"),
-        ({"memory_id": "a", "content": "x", "query": {}}, "'query' is no text"),
+        ({"memory_id": "a", "content": ["x"]}, "'content' is not text"),
+        ({"memory_id": "a", "content": "x", "query": {}}, "'query' is not text"),
     ],
 )
 def test_what_is_no_record_says_why(fields: dict[str, object], why: str):

@@ -332,7 +332,7 @@ def test_reading_is_one_instant(store: Store, url: str, record: Make, put: Make)
 def test_a_closed_store_says_so(store: Store) -> None:
     store.close()
     store.close()
-    with pytest.raises(MemoryStoreError, match="was closed"):
+    with pytest.raises(MemoryStoreError, match="is closed"):
         store.rev("b")
 
 
